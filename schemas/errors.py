@@ -1,0 +1,63 @@
+"""The exceptions that a user of the toolchain sees, each one clear line.
+
+Every package raises these (or a subclass): what went wrong, where (file and line), and what
+would be right. The command lines print `str(error)` and turn the class into an exit code.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+
+
+class ToolchainError(Exception):
+    """Base of every error that is the user's to mend.
+
+    Args:
+        message: one sentence, what is wrong and what would be right.
+        path: the file concerned, where there is one.
+        line: 1-based line in that file.
+        element: name or path of the XML element concerned, as in the file.
+    """
+
+    exit_code = 5
+
+    def __init__(
+        self, message: str, *, path: str | PathLike[str] | None = None, line: int | None = None, element: str | None = None
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.path = str(path) if path is not None else None
+        self.line = line
+        self.element = element
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (_rebuild, (type(self), self.message, self.path, self.line, self.element))
+
+    def __str__(self) -> str:
+        place = f"{self.path or ''}{f':{self.line}' if self.line else ''}"
+        return ": ".join(part for part in (place, self.element, " ".join(self.message.split())) if part)
+
+
+def _rebuild(
+    kind: type[ToolchainError], message: str, path: str | None, line: int | None, element: str | None
+) -> ToolchainError:
+    """Errors cross process borders in batches; keyword arguments need this to be restored."""
+    return kind(message, path=path, line=line, element=element)
+
+
+class UsageError(ToolchainError):
+    """The call itself is wrong: an unknown option value, entity or parameter name."""
+
+    exit_code = 2
+
+
+class InvalidFile(ToolchainError):
+    """A file that is missing, malformed, or breaks its standard."""
+
+    exit_code = 3
+
+
+class Unsupported(ToolchainError):
+    """A valid file that asks for something this toolchain does not do, named exactly."""
+
+    exit_code = 4

@@ -1,0 +1,180 @@
+"""Typed, located access to the elements of a resolved OpenSCENARIO document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from schemas.errors import InvalidFile, Unsupported
+
+SOURCE = "{urn:xosc-toolchain}source"
+"""Attribute naming the file that an element came from, where that is not the document's own (catalogue entries)."""
+LINE = "{urn:xosc-toolchain}line"
+"""Attribute keeping the source line of such an element's root."""
+
+_REQUIRED: Any = object()
+_TRUE, _FALSE = {"true", "1"}, {"false", "0"}
+
+
+class Node:
+    """One element: attributes as Python values, children by name, and complaints with file and line.
+
+    Args:
+        element: the lxml element.
+        path: file that the document was read from.
+    """
+
+    __slots__ = ("element", "path")
+
+    def __init__(self, element: etree._Element, path: Path) -> None:
+        self.element = element
+        source = element.get(SOURCE)
+        self.path = Path(source) if source else path
+
+    def __repr__(self) -> str:
+        return f"<{self.tag} {self.where}>"
+
+    @property
+    def tag(self) -> str:
+        """Element name."""
+        return str(self.element.tag)
+
+    @property
+    def line(self) -> int | None:
+        """Line in the file named by `path`."""
+        return int(self.element.get(LINE) or self.element.sourceline or 0) or None
+
+    @property
+    def where(self) -> str:
+        """`file:line`."""
+        return f"{self.path}:{self.line}"
+
+    # attributes -----------------------------------------------------------------------------
+
+    def has(self, name: str) -> bool:
+        """Whether the attribute is present."""
+        return name in self.element.attrib
+
+    def get(self, name: str, default: Any = _REQUIRED) -> Any:
+        """Attribute as written; InvalidFile where it is absent and no default is given."""
+        value = self.element.get(name)
+        if value is not None:
+            return value
+        if default is _REQUIRED:
+            raise self.invalid(f"the attribute {name!r} is missing")
+        return default
+
+    def float(self, name: str, default: Any = _REQUIRED) -> Any:
+        """Attribute as float. `INF` is a value of the standard's type, NaN is refused."""
+        text = self.get(name, default)
+        if text is default:
+            return default
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if math.isnan(value):
+            raise self.invalid(f"{name}={text!r} is not a number")
+        return value
+
+    def finite(self, name: str, default: Any = _REQUIRED) -> Any:
+        """Attribute as a finite float."""
+        value = self.float(name, default)
+        if value is not default and math.isinf(value):
+            raise self.invalid(f"{name}={value!r} must be a finite number")
+        return value
+
+    def int(self, name: str, default: Any = _REQUIRED) -> Any:
+        """Attribute as int; `2.0`, which expressions produce, is accepted."""
+        value = self.finite(name, default)
+        if value is default:
+            return default
+        if value != int(value):
+            raise self.invalid(f"{name}={self.get(name)!r} is not an integer")
+        return int(value)
+
+    def bool(self, name: str, default: Any = _REQUIRED) -> Any:
+        """Attribute as bool: true, false, 1 or 0."""
+        text = self.get(name, default)
+        if text is default:
+            return default
+        if text in _TRUE:
+            return True
+        if text in _FALSE:
+            return False
+        raise self.invalid(f"{name}={text!r} is neither true nor false")
+
+    def choice(self, name: str, values: Iterable[str], default: Any = _REQUIRED) -> Any:
+        """Attribute as one of `values`."""
+        text = self.get(name, default)
+        if text is not default and text not in values:
+            raise self.invalid(f"{name}={text!r} is not one of {', '.join(sorted(values))}")
+        return text
+
+    # children -------------------------------------------------------------------------------
+
+    def children(self, *tags: str) -> list[Node]:
+        """Child elements in document order, those with one of `tags` where any are given."""
+        return [
+            Node(child, self.path)
+            for child in self.element
+            if isinstance(child.tag, str) and (not tags or child.tag in tags)
+        ]
+
+    def find(self, *steps: str) -> Node | None:
+        """First descendant along a path of child names, or None."""
+        element: etree._Element | None = self.element
+        path = self.path
+        for step in steps:
+            element = element.find(step) if element is not None else None
+            if element is not None and element.get(SOURCE):
+                path = Path(str(element.get(SOURCE)))
+        return Node(element, path) if element is not None else None
+
+    def need(self, *steps: str) -> Node:
+        """Like `find`, but a missing element is an InvalidFile."""
+        found = self.find(*steps)
+        if found is None:
+            raise self.invalid(f"the element {'/'.join(steps)} is missing")
+        return found
+
+    def only(self) -> Node:
+        """The single child of an element that holds a choice."""
+        children = self.children()
+        if len(children) != 1:
+            raise self.invalid(f"exactly one child element is expected, {len(children)} found")
+        return children[0]
+
+    def iter(self, *tags: str) -> Iterator[Node]:
+        """This element and its descendants with one of `tags`, in document order."""
+        for element in self.element.iter(*tags):
+            if isinstance(element.tag, str):
+                yield Node(element, _source_of(element, self.path))
+
+    def text(self) -> str:
+        """Text content, stripped."""
+        return (self.element.text or "").strip()
+
+    # complaints -----------------------------------------------------------------------------
+
+    def invalid(self, message: str) -> InvalidFile:
+        """An InvalidFile at this element, to be raised by the caller."""
+        return InvalidFile(message, path=self.path, line=self.line, element=self.tag)
+
+    def unsupported(self, message: str) -> Unsupported:
+        """An Unsupported at this element, to be raised by the caller."""
+        return Unsupported(message, path=self.path, line=self.line, element=self.tag)
+
+
+def _source_of(element: etree._Element, default: Path) -> Path:
+    current: etree._Element | None = element
+    while current is not None:
+        source = current.get(SOURCE)
+        if source:
+            return Path(source)
+        current = current.getparent()
+    return default
