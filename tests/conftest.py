@@ -1,0 +1,28 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def _shared(name: str) -> Path:
+    folder = SHARED / name
+    if not folder.is_dir():
+        pytest.skip(f"the development folder shared/{name} is not beside this checkout")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def corpora() -> Path:
+    """Public scenario libraries (ALKS, Euro NCAP 2023, esmini), present in development and CI only."""
+    return _shared("corpora")
+
+
+@pytest.fixture(scope="session")
+def reference() -> Path:
+    """Reference trajectories of those libraries, present in development and CI only."""
+    return _shared("reference")
