@@ -46,7 +46,7 @@ class Node:
     @property
     def line(self) -> int | None:
         """Line in the file named by `path`."""
-        return int(self.element.get(LINE) or self.element.sourceline or 0) or None
+        return int(str(self.element.get(LINE) or self.element.sourceline or 0)) or None
 
     @property
     def where(self) -> str:
