@@ -1,0 +1,161 @@
+"""Which standard, version and kind a file has, and the official XSD for it.
+
+XSDs are not part of this package. They are found in installed packages (scenariogeneration, which is a
+dependency, and ASAM's checker bundles where they are installed) and in the folder that the environment
+variable `XOSC_SCHEMA_DIR` names, searched with its subfolders. An XSD is recognised by what it says itself:
+it declares the standard's root element, and its heading names the standard and version. Of several for the same
+version a file of XOSC_SCHEMA_DIR wins, then the higher patch level: 1.3 files are validated with 1.3.1.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from lxml import etree
+
+from schemas.errors import InvalidFile, UsageError
+from schemas.xml import line_of, local_name
+
+OPENSCENARIO, OPENDRIVE = "OpenSCENARIO", "OpenDRIVE"
+SCHEMA_DIR = "XOSC_SCHEMA_DIR"
+
+_HEADERS = {OPENSCENARIO: "FileHeader", OPENDRIVE: "header"}
+_PACKAGES = ("scenariogeneration", "asam-qc-openscenarioxml", "asam-qc-opendrive")
+_HEADING_BYTES = 4096
+_HEADING = re.compile(rb"(OpenSCENARIO|OpenDRIVE)\b[^<>]{0,60}?(?:V|Rev\. ?)(\d+)\.(\d+)(?:\.(\d+))?")
+_ROOT_ELEMENT = re.compile(rb"<\w+:element name=\"(?:OpenSCENARIO|OpenDRIVE)\"")
+_XSD_1_1 = re.compile(rb"<\w+:(?:assert|alternative|openContent|override)\b|minVersion=\"1\.1\"")
+
+
+@dataclass(frozen=True)
+class FileType:
+    """What a document says it is.
+
+    Attributes:
+        standard: "OpenSCENARIO" or "OpenDRIVE".
+        version: major and minor revision.
+        kind: "scenario", "catalog", "distribution" (of parameter values) or "road".
+    """
+
+    standard: str
+    version: tuple[int, int]
+    kind: str
+
+    def __str__(self) -> str:
+        return f"{self.standard} {self.version[0]}.{self.version[1]}"
+
+
+@dataclass(frozen=True)
+class Schema:
+    """An official XSD.
+
+    Attributes:
+        standard: "OpenSCENARIO" or "OpenDRIVE".
+        version: major, minor and patch level of the standard.
+        path: the XSD that declares the root element; it includes its neighbours by relative names.
+        xsd_1_1: whether it, or a file beside it that it includes, needs an XSD 1.1 processor.
+    """
+
+    standard: str
+    version: tuple[int, int, int]
+    path: Path
+    xsd_1_1: bool
+
+    def __str__(self) -> str:
+        return f"{self.standard} {'.'.join(map(str, self.version))}"
+
+
+def detect(tree: etree._ElementTree) -> FileType:
+    """Standard, version and kind of a parsed document.
+
+    Raises:
+        InvalidFile: the root element is of neither standard, or the header with the revision is missing or malformed.
+    """
+    root = tree.getroot()
+    path = tree.docinfo.URL
+    standard = local_name(root)
+    if standard not in _HEADERS:
+        message = f"the root element is <{standard}>, OpenSCENARIO or OpenDRIVE is expected"
+        raise InvalidFile(message, path=path, line=line_of(root))
+    header = next((child for child in root if local_name(child) == _HEADERS[standard]), None)
+    if header is None:
+        message = f"the element {_HEADERS[standard]}, which holds the version, is missing"
+        raise InvalidFile(message, path=path, line=line_of(root), element=standard)
+    major, minor = (_revision(header, name, path) for name in ("revMajor", "revMinor"))
+    return FileType(standard, (major, minor), _kind(root))
+
+
+def schema_for(standard: str, version: tuple[int, int]) -> Schema | None:
+    """The XSD to validate that version with, or None where none is at hand.
+
+    Raises:
+        UsageError: XOSC_SCHEMA_DIR does not name a folder.
+    """
+    return _schemas(os.environ.get(SCHEMA_DIR, "")).get((standard, *version))
+
+
+def available_schemas() -> list[Schema]:
+    """Every XSD at hand, one a version, sorted."""
+    return [schema for _, schema in sorted(_schemas(os.environ.get(SCHEMA_DIR, "")).items())]
+
+
+def _revision(header: etree._Element, name: str, path: str | None) -> int:
+    text = header.get(name)
+    if text is None or not re.fullmatch(r"\s*\+?\d{1,5}\s*", text, re.ASCII):
+        reason = "is missing" if text is None else f"is {text!r}, a non-negative integer is expected"
+        raise InvalidFile(f"the attribute {name} {reason}", path=path, line=line_of(header), element=local_name(header))
+    return int(text)
+
+
+def _kind(root: etree._Element) -> str:
+    if local_name(root) == OPENDRIVE:
+        return "road"
+    children = {local_name(child) for child in root}
+    if "Catalog" in children:
+        return "catalog"
+    return "distribution" if "ParameterValueDistribution" in children else "scenario"
+
+
+@cache
+def _schemas(folder: str) -> dict[tuple[str, int, int], Schema]:
+    if folder and not Path(folder).expanduser().is_dir():
+        raise UsageError(f"{SCHEMA_DIR} names {folder!r}, which is not a folder")
+    found: dict[tuple[str, int, int], Schema] = {}
+    for files in (_installed(), Path(folder).expanduser().rglob("*.xsd") if folder else ()):
+        group = sorted((schema for path in files if (schema := _read(path))), key=lambda schema: (schema.version, schema.path))
+        found |= {(schema.standard, *schema.version[:2]): schema for schema in group}
+    return found
+
+
+def _installed() -> Iterator[Path]:
+    for package in _PACKAGES:
+        try:
+            files = metadata.files(package) or []
+        except metadata.PackageNotFoundError:
+            continue
+        yield from (Path(str(file.locate())) for file in files if file.suffix == ".xsd")
+
+
+def _read(path: Path) -> Schema | None:
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    heading = _HEADING.search(content[:_HEADING_BYTES])
+    if heading is None or not _ROOT_ELEMENT.search(content):
+        return None
+    standard, major, minor, patch = (group.decode() if group else "0" for group in heading.groups())
+    return Schema(standard, (int(major), int(minor), int(patch)), path, _needs_xsd_1_1(path, content))
+
+
+def _needs_xsd_1_1(path: Path, content: bytes) -> bool:
+    """The official schemas keep their parts in one folder, so the neighbours it includes are looked at as well."""
+    names = re.findall(rb"schemaLocation=\"([^\"/\\]+)\"", content)
+    parts = [path.parent / name.decode(errors="replace") for name in names]
+    return any(_XSD_1_1.search(text) for text in [content, *(part.read_bytes() for part in parts if part.is_file())])
