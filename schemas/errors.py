@@ -38,9 +38,7 @@ class ToolchainError(Exception):
         return ": ".join(part for part in (place, self.element, " ".join(self.message.split())) if part)
 
 
-def _rebuild(
-    kind: type[ToolchainError], message: str, path: str | None, line: int | None, element: str | None
-) -> ToolchainError:
+def _rebuild(kind: type[ToolchainError], message: str, path: str | None, line: int | None, element: str | None) -> ToolchainError:
     """Errors cross process borders in batches; keyword arguments need this to be restored."""
     return kind(message, path=path, line=line, element=element)
 

@@ -25,7 +25,7 @@ from schemas.xml import line_of, local_name
 OPENSCENARIO, OPENDRIVE = "OpenSCENARIO", "OpenDRIVE"
 SCHEMA_DIR = "XOSC_SCHEMA_DIR"
 
-_HEADERS = {OPENSCENARIO: "FileHeader", OPENDRIVE: "header"}
+HEADERS = {OPENSCENARIO: "FileHeader", OPENDRIVE: "header"}
 _PACKAGES = ("scenariogeneration", "asam-qc-openscenarioxml", "asam-qc-opendrive")
 _HEADING_BYTES = 4096
 _HEADING = re.compile(rb"(OpenSCENARIO|OpenDRIVE)\b[^<>]{0,60}?(?:V|Rev\. ?)(\d+)\.(\d+)(?:\.(\d+))?")
@@ -80,15 +80,31 @@ def detect(tree: etree._ElementTree) -> FileType:
     root = tree.getroot()
     path = tree.docinfo.URL
     standard = local_name(root)
-    if standard not in _HEADERS:
+    if standard not in HEADERS:
         message = f"the root element is <{standard}>, OpenSCENARIO or OpenDRIVE is expected"
         raise InvalidFile(message, path=path, line=line_of(root))
-    header = next((child for child in root if local_name(child) == _HEADERS[standard]), None)
+    header = header_of(root)
     if header is None:
-        message = f"the element {_HEADERS[standard]}, which holds the version, is missing"
+        message = f"the element {HEADERS[standard]}, which holds the version, is missing"
         raise InvalidFile(message, path=path, line=line_of(root), element=standard)
-    major, minor = (_revision(header, name, path) for name in ("revMajor", "revMinor"))
-    return FileType(standard, (major, minor), _kind(root))
+    version = revision(header.get("revMajor")), revision(header.get("revMinor"))
+    if version[0] is None or version[1] is None:
+        message = "the attributes revMajor and revMinor must hold the version, two non-negative integers"
+        raise InvalidFile(message, path=path, line=line_of(header), element=local_name(header))
+    return FileType(standard, (version[0], version[1]), _kind(root))
+
+
+def header_of(root: etree._Element) -> etree._Element | None:
+    """The element that holds the version."""
+    name = HEADERS.get(local_name(root))
+    return next((child for child in root if name and local_name(child) == name), None)
+
+
+def revision(text: str | None) -> int | None:
+    """A part of the version, an unsignedShort; None for anything else."""
+    if text is None or not re.fullmatch(r"\s*\+?\d{1,5}\s*", text, re.ASCII) or int(text) > 65535:
+        return None
+    return int(text)
 
 
 def schema_for(standard: str, version: tuple[int, int]) -> Schema | None:
@@ -103,14 +119,6 @@ def schema_for(standard: str, version: tuple[int, int]) -> Schema | None:
 def available_schemas() -> list[Schema]:
     """Every XSD at hand, one a version, sorted."""
     return [schema for _, schema in sorted(_schemas(os.environ.get(SCHEMA_DIR, "")).items())]
-
-
-def _revision(header: etree._Element, name: str, path: str | None) -> int:
-    text = header.get(name)
-    if text is None or not re.fullmatch(r"\s*\+?\d{1,5}\s*", text, re.ASCII):
-        reason = "is missing" if text is None else f"is {text!r}, a non-negative integer is expected"
-        raise InvalidFile(f"the attribute {name} {reason}", path=path, line=line_of(header), element=local_name(header))
-    return int(text)
 
 
 def _kind(root: etree._Element) -> str:

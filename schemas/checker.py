@@ -1,0 +1,44 @@
+"""Checking files: well-formed, valid against the official XSD, and sound by every rule that concerns them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from os import PathLike
+from pathlib import Path
+
+from schemas.errors import InvalidFile
+from schemas.problems import Problem
+from schemas.rules.document import Document
+from schemas.rules.registry import all_rules
+from schemas.xml import parse
+
+WELL_FORMED = {".xodr": "asam.net:xodr:1.0.0:xml.valid_xml_document", ".xosc": "asam.net:xosc:1.0.0:xml.valid_xml_document"}
+
+
+def check(path: str | PathLike[str]) -> list[Problem]:
+    """Every problem of a file, ordered by line; empty for a sound one.
+
+    Nothing that can be in a file raises: a file that is missing or no XML is a problem, too.
+    """
+    path = Path(path)
+    try:
+        document = Document(parse(path), path)
+    except InvalidFile as error:
+        rule = WELL_FORMED.get(path.suffix.lower(), WELL_FORMED[".xosc"])
+        return [Problem(rule, "error", error.message, str(path), error.line)]
+    return sorted(_problems(document), key=lambda problem: (problem.line or 0, problem.rule, problem.message))
+
+
+def check_many(paths: Iterable[str | PathLike[str]]) -> Iterator[tuple[Path, list[Problem]]]:
+    """Each file with its problems, as they are checked."""
+    for path in paths:
+        yield Path(path), check(path)
+
+
+def _problems(document: Document) -> list[Problem]:
+    rules = [rule for rule in all_rules() if rule.standard == document.standard]
+    broken = [problem for rule in rules if rule.precondition for problem in rule.problems(document)]
+    if broken:
+        return broken
+    concerned = (rule for rule in rules if not rule.precondition and rule.concerns(document.type))
+    return [problem for rule in concerned for problem in rule.problems(document)]

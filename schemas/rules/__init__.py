@@ -1,0 +1,1 @@
+"""Semantic rules, one module each."""

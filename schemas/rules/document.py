@@ -1,0 +1,175 @@
+"""The document as rules see it: indexed elements, parameters resolved as far as can be said without running."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from functools import cached_property
+from pathlib import Path
+
+from lxml import etree
+
+from schemas import expressions
+from schemas.errors import InvalidFile, ToolchainError
+from schemas.problems import Problem
+from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
+from schemas.rules import roads
+from schemas.xml import line_of, local_name
+
+_MAX_INDIRECTIONS = 50
+
+
+class Document:
+    """A parsed file that is being checked.
+
+    Args:
+        tree: the parsed document.
+        path: its file, the base of the relative paths in it.
+    """
+
+    def __init__(self, tree: etree._ElementTree, path: Path) -> None:
+        self.tree = tree
+        self.root = tree.getroot()
+        self.path = path
+
+    @property
+    def standard(self) -> str:
+        """The standard that the root element or, failing that, the file name claims."""
+        if local_name(self.root) in (OPENSCENARIO, OPENDRIVE):
+            return local_name(self.root)
+        return OPENDRIVE if self.path.suffix.lower() == ".xodr" else OPENSCENARIO
+
+    @cached_property
+    def header(self) -> etree._Element | None:
+        """The element that holds the version."""
+        return header_of(self.root)
+
+    @cached_property
+    def type(self) -> FileType:
+        """Standard, version and kind; known once the preconditions hold."""
+        return detect(self.tree)
+
+    # elements ---------------------------------------------------------------------------------
+
+    @cached_property
+    def _by_tag(self) -> dict[str, list[etree._Element]]:
+        index = defaultdict(list)
+        for element in self.root.iter(etree.Element):
+            index[local_name(element)].append(element)
+        return dict(index)
+
+    def elements(self, *tags: str) -> list[etree._Element]:
+        """All elements with one of these names, in document order within each name."""
+        return [element for tag in tags for element in self._by_tag.get(tag, ())]
+
+    def all_elements(self) -> list[etree._Element]:
+        """Every element of the document."""
+        return [element for elements in self._by_tag.values() for element in elements]
+
+    def attributes(self, *names: str) -> list[tuple[etree._Element, str, str]]:
+        """Element, attribute name and resolved value of every attribute with one of these names; undecidable ones left out."""
+        found = []
+        for element in self.all_elements():
+            for name in names:
+                value = self.value(element, name)
+                if value is not None:
+                    found.append((element, name, value))
+        return found
+
+    def problem(self, rule: str, level: str, message: str, element: etree._Element | None = None) -> Problem:
+        """A problem at an element of this document."""
+        if element is None:
+            return Problem(rule, level, message, str(self.path))
+        return Problem(rule, level, message, str(self.path), line_of(element), self.tree.getpath(element))
+
+    # values -----------------------------------------------------------------------------------
+
+    def value(self, element: etree._Element, name: str) -> str | None:
+        """An attribute's value with the parameters at their defaults; None where it is absent or cannot be decided."""
+        text = element.get(name)
+        if text is None or "$" not in text:
+            return text
+        try:
+            return expressions.substitute(text, self.lookup(element))
+        except ToolchainError:
+            return None
+
+    def number(self, element: etree._Element, name: str) -> float | None:
+        """An attribute's value as a number; None where it is absent, undecidable or no number."""
+        text = self.value(element, name)
+        try:
+            return float(text) if text is not None else None
+        except ValueError:
+            return None
+
+    def lookup(self, element: etree._Element) -> expressions.Lookup:
+        """Values that parameters have at an element: the defaults of the declarations in scope there."""
+
+        def find(name: str, scope: etree._Element = element, depth: int = 0) -> expressions.Value:
+            declaration = self.declaration(scope, name)
+            if declaration is None or depth > _MAX_INDIRECTIONS:
+                raise KeyError(name)
+            text = declaration.get("value") or ""
+            if "$" in text:
+                text = expressions.substitute(text, lambda inner: find(inner, declaration, depth + 1))
+            return typed(text, declaration.get("parameterType") or "string")
+
+        return find
+
+    def declaration(self, element: etree._Element, name: str) -> etree._Element | None:
+        """The ParameterDeclaration of that name in scope at an element, the innermost first."""
+        scope: etree._Element | None = element
+        while scope is not None:
+            found = self._declarations.get(scope, {}).get(name)
+            if found is not None:
+                return found
+            scope = scope.getparent()
+        return None
+
+    @cached_property
+    def _declarations(self) -> dict[etree._Element, dict[str, etree._Element]]:
+        scopes: dict[etree._Element, dict[str, etree._Element]] = defaultdict(dict)
+        for declaration in self.elements("ParameterDeclaration"):
+            scope = declaration.getparent()
+            if scope is not None and local_name(scope) == "ParameterDeclarations":
+                scope = scope.getparent()
+            if scope is not None:
+                scopes[scope].setdefault(declaration.get("name") or "", declaration)
+        return dict(scopes)
+
+    # the world outside --------------------------------------------------------------------------
+
+    def file(self, name: str) -> Path:
+        """A file that the document names, relative to the document's folder."""
+        return self.path.parent / name
+
+    @cached_property
+    def road_network(self) -> roads.Roads | None:
+        """The roads of the LogicFile, where there is one that can be read."""
+        for element in self.elements("LogicFile"):
+            name = self.value(element, "filepath")
+            if name:
+                try:
+                    return roads.read(self.file(name))
+                except InvalidFile:
+                    return None
+        return None
+
+
+def typed(text: str, parameter_type: str) -> expressions.Value:
+    """A parameter's literal value as its declared type; raises ExpressionError where it does not fit.
+
+    Types are those of `ParameterType`, with the names of OpenSCENARIO 1.0 and of 1.1 and later.
+    """
+    stripped = text.strip()
+    try:
+        if parameter_type in ("integer", "int", "unsignedInt", "unsignedShort"):
+            return int(stripped)
+        if parameter_type == "double":
+            return float(stripped)
+    except ValueError:
+        raise expressions.ExpressionError(f"{text!r} is not of type {parameter_type}") from None
+    if parameter_type == "boolean":
+        if stripped not in ("true", "false", "1", "0"):
+            raise expressions.ExpressionError(f"{text!r} is not of type boolean")
+        return stripped in ("true", "1")
+    return text

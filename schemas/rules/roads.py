@@ -1,0 +1,85 @@
+"""What references into a road network need to know of an OpenDRIVE file: ids, lengths and lanes, no geometry."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+from lxml import etree
+
+from schemas.errors import InvalidFile
+from schemas.xml import local_name, parse
+
+
+@dataclass(frozen=True)
+class Road:
+    """Length in metres, and the lane ids from each lane section's start on."""
+
+    length: float
+    sections: tuple[tuple[float, frozenset[str]], ...]
+
+    def lanes(self, s: float) -> frozenset[str]:
+        """Lane ids at a road coordinate, the centre lane among them."""
+        index = bisect_right([start for start, _ in self.sections], s) - 1
+        return self.sections[max(index, 0)][1] if self.sections else frozenset()
+
+
+@dataclass(frozen=True)
+class Roads:
+    """The referable parts of a road network."""
+
+    path: Path
+    geo_reference: bool
+    roads: dict[str, Road] = field(default_factory=dict)
+    signals: frozenset[str] = frozenset()
+    controllers: frozenset[str] = frozenset()
+
+
+def read(path: Path) -> Roads:
+    """Read a road network; cached until the file changes.
+
+    Raises:
+        InvalidFile: the file cannot be read, or is no OpenDRIVE file.
+    """
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        raise InvalidFile("no such file", path=path) from None
+    return _read(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, mtime: int, size: int) -> Roads:
+    root = parse(path).getroot()
+    if local_name(root) != "OpenDRIVE":
+        raise InvalidFile(f"the root element is <{local_name(root)}>, not OpenDRIVE", path=path)
+    roads: dict[str, Road] = {}
+    signals, controllers = set(), set()
+    for element in root.iter("{*}road", "{*}signal", "{*}controller", "{*}geoReference"):
+        name, identity = local_name(element), element.get("id") or ""
+        if name == "road":
+            roads[identity] = _road(element)
+        elif name == "signal":
+            signals.add(identity)
+        elif name == "controller":
+            controllers.add(identity)
+    geo_reference = any((element.text or "").strip() for element in root.iter("{*}geoReference"))
+    return Roads(path, geo_reference, roads, frozenset(signals), frozenset(controllers))
+
+
+def _road(element: etree._Element) -> Road:
+    sections = []
+    for section in element.iterfind("{*}lanes/{*}laneSection"):
+        lanes = frozenset(lane.get("id") or "" for lane in section.iterfind("{*}*/{*}lane"))
+        sections.append((_number(section.get("s")), lanes))
+    return Road(_number(element.get("length")), tuple(sorted(sections, key=lambda section: section[0])))
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return math.nan

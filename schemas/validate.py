@@ -1,0 +1,112 @@
+"""Validation against the official XSD: libxml2 decides, quickly; xmlschema explains what it rejects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import islice
+from typing import Any, NamedTuple
+
+from lxml import etree
+
+from schemas.errors import InvalidFile
+from schemas.registry import Schema
+from schemas.xml import local_name, parse
+
+MAX_VIOLATIONS = 100
+"""Violations reported a file: one wrong habit of an exporter can break a rule ten thousand times."""
+
+_MEANINGS = {
+    "expression": "an expression ${…}",
+    "parameter": "a parameter $name",
+    "parameterDeclaration": "a parameter $name",
+    "boolean": "true or false",
+    "double": "a number",
+    "int": "an integer",
+    "integer": "an integer",
+    "unsignedInt": "an integer from 0 on",
+    "unsignedShort": "an integer from 0 to 65535",
+    "dateTime": "a date and time like 2024-03-01T12:00:00",
+    "string": "text",
+}
+
+
+class Violation(NamedTuple):
+    """An element that breaks the schema, and what was expected."""
+
+    element: etree._Element
+    message: str
+
+
+def violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
+    """What a document breaks of a schema, at most `MAX_VIOLATIONS`; empty for a valid one.
+
+    Raises:
+        InvalidFile: the XSD itself cannot be read.
+    """
+    compiled = None if schema.xsd_1_1 else _compiled(schema)
+    if compiled is not None and compiled.validate(tree):
+        return []
+    found = list(islice(_explained(tree, schema), MAX_VIOLATIONS))
+    if found or compiled is None:
+        return found
+    entries = list(compiled.error_log)[:MAX_VIOLATIONS]  # type: ignore[call-overload]  # the stubs forget that it iterates
+    return [Violation(_at(tree, entry.path), entry.message) for entry in entries]
+
+
+@cache
+def _compiled(schema: Schema) -> etree.XMLSchema:
+    try:
+        return etree.XMLSchema(parse(schema.path))
+    except etree.XMLSchemaParseError as error:
+        raise InvalidFile(f"the XSD cannot be used: {error}", path=schema.path) from None
+
+
+@cache
+def _explainer(schema: Schema) -> Any:
+    import xmlschema
+
+    kind = xmlschema.XMLSchema11 if schema.xsd_1_1 else xmlschema.XMLSchema10
+    try:
+        return kind(str(schema.path), allow="local")
+    except xmlschema.XMLSchemaException as error:
+        raise InvalidFile(f"the XSD cannot be used: {error}", path=schema.path) from None
+
+
+def _explained(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
+    explainer = _explainer(schema)
+    for error in explainer.iter_errors(tree):
+        element = error.elem if error.elem is not None else tree.getroot()
+        index = getattr(error, "index", None)
+        children = [child for child in element if local_name(child)]
+        if getattr(error, "expected", None) is not None and index is not None and index < len(children):
+            yield Violation(children[index], _unexpected(children[index], error))
+        else:
+            yield Violation(element, _expected_value(explainer, error) or str(error.reason))
+
+
+def _unexpected(child: etree._Element, error: Any) -> str:
+    names = sorted({str(particle.local_name) for particle in error.expected if getattr(particle, "local_name", None)})
+    expected = f"; expected is {' or '.join(names)}" if names else ""
+    return f"the element {local_name(child)} is not expected here{expected}"
+
+
+def _expected_value(explainer: Any, error: Any) -> str | None:
+    """A sentence for a value that fits none of the forms which the standard allows for its type."""
+    reason = str(error.reason)
+    if not reason.startswith("attribute ") or "value doesn't match any pattern" not in reason:
+        return None
+    name = reason.removeprefix("attribute ").partition("=")[0]
+    declared = explainer.find(error.path) if error.path else None
+    kind = getattr(declared.attributes.get(name), "type", None) if declared is not None else None
+    members = getattr(kind, "member_types", None)
+    if not members:
+        return None
+    forms = [_MEANINGS.get(member.local_name or "", member.local_name or "another value") for member in reversed(members)]
+    return f"the attribute {name}={error.obj!r} does not fit its type {kind.local_name}: {' or '.join(forms)} is expected"
+
+
+def _at(tree: etree._ElementTree, path: str | None) -> etree._Element:
+    """The element that libxml2 names by a path, the root where it names none."""
+    found = tree.xpath(path) if path else None
+    return found[0] if isinstance(found, list) and found and isinstance(found[0], etree._Element) else tree.getroot()
