@@ -1,0 +1,7 @@
+"""OpenSCENARIO XML documents of versions 1.0 to 1.3: reading, resolving and writing them."""
+
+from xosc.document import Document, load, write
+from xosc.node import Node
+from xosc.resolve import Resolved, resolve
+
+__all__ = ["Document", "Node", "Resolved", "load", "resolve", "write"]

@@ -120,9 +120,7 @@ class Node:
     def children(self, *tags: str) -> list[Node]:
         """Child elements in document order, those with one of `tags` where any are given."""
         return [
-            Node(child, self.path)
-            for child in self.element
-            if isinstance(child.tag, str) and (not tags or child.tag in tags)
+            Node(child, self.path) for child in self.element if isinstance(child.tag, str) and (not tags or child.tag in tags)
         ]
 
     def find(self, *steps: str) -> Node | None:

@@ -1,0 +1,101 @@
+"""OpenSCENARIO files as documents: reading and writing them."""
+
+from __future__ import annotations
+
+import copy
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from lxml import etree
+
+from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.registry import OPENSCENARIO, detect
+from schemas.xml import line_of, parse
+from xosc.node import LINE, SOURCE, Node
+
+VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3))
+"""Versions of OpenSCENARIO XML that are read and written."""
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """A parsed OpenSCENARIO file.
+
+    Documents are cached and shared: work on a copy of `root` to change one.
+
+    Attributes:
+        path: the file it was read from, as the caller named it.
+        root: the element OpenSCENARIO.
+        version: major and minor revision of the standard.
+        kind: "scenario", "catalog" or "distribution" (of parameter values).
+    """
+
+    path: Path
+    root: etree._Element
+    version: tuple[int, int]
+    kind: str
+
+    @property
+    def node(self) -> Node:
+        """The root, typed and located."""
+        return Node(self.root, self.path)
+
+
+def load(path: str | os.PathLike[str]) -> Document:
+    """Read an OpenSCENARIO file of version 1.0 to 1.3: a scenario, a catalogue or a parameter value distribution.
+
+    Documents are cached; a file whose modification time or size has changed is read again.
+
+    Raises:
+        InvalidFile: the file can't be read, is not well-formed XML, or is not OpenSCENARIO XML.
+        Unsupported: it is of another version.
+    """
+    name = os.fspath(path)
+    return _load(name, stamp(name))
+
+
+def write(document: Document, path: str | os.PathLike[str]) -> None:
+    """Write a document, indented, as UTF-8; the same document always gives the same bytes.
+
+    File references stay as they are, relative to the place that they were written for.
+
+    Raises:
+        UsageError: the file can't be written.
+    """
+    tree = copy.deepcopy(document.root.getroottree())
+    etree.strip_attributes(tree, SOURCE, LINE)
+    etree.cleanup_namespaces(tree, keep_ns_prefixes=["xsi"])
+    etree.indent(tree, "  ")
+    content = etree.tostring(tree, xml_declaration=True, encoding="UTF-8") + b"\n"
+    try:
+        Path(path).write_bytes(content)
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise UsageError(f"the file cannot be written: {reason}", path=path) from None
+
+
+def stamp(path: str) -> tuple[int, int]:
+    """Modification time in nanoseconds and size in bytes, which tell whether a file has changed; zeros where there is none."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return (0, 0)
+    return (status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=256)
+def _load(path: str, _: tuple[int, int]) -> Document:
+    tree = parse(path)
+    root = tree.getroot()
+    found = detect(tree)
+    if found.standard != OPENSCENARIO:
+        raise InvalidFile(f"this is {found.standard}, an OpenSCENARIO file is expected", path=path, line=line_of(root))
+    if root.tag != OPENSCENARIO:
+        raise InvalidFile("OpenSCENARIO elements are in no XML namespace", path=path, line=line_of(root), element=str(root.tag))
+    if found.version not in VERSIONS:
+        message = f"{found} is not supported, only versions 1.0 to 1.3 of OpenSCENARIO XML are"
+        raise Unsupported(message, path=path, line=line_of(root))
+    etree.strip_attributes(tree, SOURCE, LINE)
+    return Document(Path(path), root, found.version, found.kind)

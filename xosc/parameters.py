@@ -1,0 +1,202 @@
+"""Parameter declarations: their scopes, values and constraints.
+
+Source: OpenSCENARIO XML 1.3.1, section 9.1. The scope of a parameter is the subtree of the element that declares it; an inner
+declaration hides an outer one of the same name.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+from schemas.errors import ToolchainError
+from schemas.expressions import ExpressionError, references, substitute
+from xosc.node import Node
+from xosc.values import Value, holds, literal, quoted, type_named, typed
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A declared name with its value.
+
+    Attributes:
+        name: its name, without `$`.
+        type: one of `xosc.values.TYPES`.
+        value: its value as a Python value.
+        text: its value as a literal, as written in attributes.
+    """
+
+    name: str
+    type: str
+    value: Value
+    text: str
+
+
+class Variable(Parameter):
+    """A variable with its initial value (1.2 and later)."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """A value that replaces a parameter's default.
+
+    Attributes:
+        text: the value.
+        complain: the error to raise where the value does not fit, with a message.
+        symbolic: whether the text may refer to parameters of the declaring scope, as a default may.
+    """
+
+    text: str
+    complain: Callable[[str], ToolchainError]
+    symbolic: bool = False
+
+
+class Scope:
+    """The parameters that are visible inside one element, all evaluated.
+
+    Args:
+        declarations: the ParameterDeclaration elements.
+        outer: the scope around, None where there is none.
+        assigned: values that replace defaults, by parameter name.
+
+    Raises:
+        InvalidFile: a declaration is malformed, its value is not of its type, or values depend on each other in a circle.
+        ToolchainError: an assigned value does not fit, as its `complain` says.
+    """
+
+    def __init__(
+        self, declarations: Iterable[Node] = (), outer: Scope | None = None, assigned: Mapping[str, Assignment] | None = None
+    ) -> None:
+        self._visible: dict[str, Parameter] = dict(outer._visible) if outer else {}
+        self.declarations = _by_name(declarations)
+        assigned = assigned or {}
+        for name, assignment in assigned.items():
+            if name not in self.declarations:
+                raise assignment.complain(f"there is no parameter {quoted(name)} to assign; {nearest(name, self.declarations)}")
+        for name in self.declarations:
+            self._visible.pop(name, None)
+        sources = {
+            name: assigned.get(name) or Assignment(declaration.get("value"), declaration.invalid, symbolic=True)
+            for name, declaration in self.declarations.items()
+        }
+        for name in _in_order(sources):
+            self._visible[name] = self._evaluate(name, sources[name])
+
+    @property
+    def own(self) -> dict[str, Parameter]:
+        """The parameters declared here, by name, as in the file."""
+        return {name: self._visible[name] for name in self.declarations}
+
+    def literal(self, text: str) -> str:
+        """An attribute's value with parameters and expressions replaced by what they stand for.
+
+        Raises:
+            ExpressionError: it refers to an unknown parameter, or has no value.
+        """
+        parameter = self._visible.get(text[1:]) if text.startswith("$") else None
+        return parameter.text if parameter else substitute(text, self._operand)
+
+    def violations(self) -> Iterator[ToolchainError]:
+        """An error for each parameter declared here whose constraints don't hold.
+
+        Source: ParameterDeclaration.constraintGroups: groups are combined by "or"; the constraints of one group by "and".
+        """
+        for name, declaration in self.declarations.items():
+            groups = declaration.children("ConstraintGroup")
+            parameter = self._visible[name]
+            if groups and not any(all(self._holds(parameter, item) for item in group.children()) for group in groups):
+                wanted = " or ".join(f"({_described(group)})" if len(groups) > 1 else _described(group) for group in groups)
+                yield declaration.invalid(f"the parameter {name} = {parameter.text} violates its constraint: {wanted}")
+
+    def _operand(self, name: str) -> float | int | bool | str:
+        parameter = self._visible[name]
+        return parameter.text if parameter.type == "dateTime" else parameter.value  # type: ignore[return-value]
+
+    def _evaluate(self, name: str, source: Assignment) -> Parameter:
+        declaration = self.declarations[name]
+        try:
+            text = self.literal(source.text) if source.symbolic else source.text
+            kind = type_named(self.literal(declaration.get("parameterType")))
+            value = typed(kind, text)
+        except ExpressionError as error:
+            raise source.complain(f"the value of the parameter {name}: {error.message}") from None
+        except ValueError as error:
+            raise source.complain(f"the value of the parameter {name}: {error}") from None
+        return Parameter(name, kind, value, literal(kind, value, text))
+
+    def _holds(self, parameter: Parameter, constraint: Node) -> bool:
+        """Whether one ValueConstraint holds; its value is a literal already."""
+        try:
+            return holds(constraint.get("rule"), parameter.value, typed(parameter.type, constraint.get("value")))
+        except ValueError as error:
+            raise constraint.invalid(f"the constraint of the parameter {parameter.name}: {error}") from None
+
+
+def variables(declarations: Iterable[Node]) -> dict[str, Variable]:
+    """Variables by name, from VariableDeclaration elements whose attributes are literals.
+
+    Raises:
+        InvalidFile: a declaration is malformed, or its value is not of its type.
+    """
+    found = {}
+    for name, declaration in _by_name(declarations).items():
+        text = declaration.get("value")
+        try:
+            kind = type_named(declaration.get("variableType"))
+            value = typed(kind, text)
+        except ValueError as error:
+            raise declaration.invalid(f"the value of the variable {name}: {error}") from None
+        found[name] = Variable(name, kind, value, literal(kind, value, text))
+    return found
+
+
+def monitors(declarations: Iterable[Node]) -> dict[str, bool]:
+    """Initial values of monitors by name, from MonitorDeclaration elements whose attributes are literals."""
+    return {name: declaration.bool("value") for name, declaration in _by_name(declarations).items()}
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """What a message adds about an unknown name: the most similar of `names`, or all of them."""
+    names = list(names)
+    similar = difflib.get_close_matches(name, names, 1)
+    if similar:
+        return f"did you mean {similar[0]!r}?"
+    return f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}" if names else "there are none"
+
+
+def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
+    found: dict[str, Node] = {}
+    for declaration in declarations:
+        name = declaration.get("name")
+        if "$" in name:
+            raise declaration.invalid(f"the declared name {quoted(name)} must be written without '$'")
+        first = found.get(name, declaration)
+        if first.element.attrib != declaration.element.attrib:
+            raise declaration.invalid(f"{quoted(name)} is declared twice and differently, first in line {first.line}")
+        found[name] = declaration
+    return found
+
+
+def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
+    """Names so that each comes after those that its value refers to."""
+    if not any(source.symbolic and "$" in source.text for source in sources.values()):
+        return list(sources)
+    sorter: TopologicalSorter[str] = TopologicalSorter()
+    for name, source in sources.items():
+        try:
+            sorter.add(name, *(used for used in references(source.text) if source.symbolic and used in sources))
+        except ExpressionError as error:
+            raise source.complain(f"the value of the parameter {name}: {error.message}") from None
+    try:
+        return list(sorter.static_order())
+    except CycleError as error:
+        circle = list(reversed(error.args[1]))
+        raise sources[circle[0]].complain(f"the parameter {circle[0]} depends on itself: {' → '.join(circle)}") from None
+
+
+def _described(group: Node) -> str:
+    return " and ".join(f"{item.get('rule')} {item.get('value')}" for item in group.children())

@@ -1,0 +1,214 @@
+"""Resolving a document: every attribute a literal, every catalogue reference replaced by what it stands for."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from numbers import Integral, Real
+from pathlib import Path
+from typing import cast
+
+from lxml import etree
+
+from schemas.errors import ToolchainError, UsageError
+from schemas.expressions import ExpressionError, is_expression
+from xosc.catalogs import Catalogs, Entry, file_reference
+from xosc.document import Document
+from xosc.node import LINE, SOURCE, Node
+from xosc.parameters import Assignment, Parameter, Scope, Variable, monitors, variables
+from xosc.values import quoted
+
+Argument = str | float | int | bool
+
+MAX_INLINED = 1_000_000
+"""Most elements that catalogue entries may add to a document."""
+
+_CATALOGS_CLOSED_SINCE = (1, 2)
+_DECLARING = ("ParameterDeclaration", "ValueConstraint")
+_Scopes = dict[etree._Element, Scope]
+"""Scopes by the element that opens them."""
+
+_symbolic = etree.XPath("descendant-or-self::*[@*[contains(., '$')]]")
+
+
+@dataclass(frozen=True, eq=False)
+class Resolved(Document):
+    """A scenario without parameters, expressions and catalogue references left in it.
+
+    Elements that came from a catalogue know their file: `Node.where` names it.
+
+    Attributes:
+        parameters: the global parameters by name.
+        variables: the variables by name, with their initial values.
+        monitors: initial values of the monitors by name.
+        logic_file: the road network (an OpenDRIVE file, as a rule); None where the scenario has none.
+        scene_graph_file: the 3D model; None where the scenario has none.
+    """
+
+    parameters: dict[str, Parameter]
+    variables: dict[str, Variable]
+    monitors: dict[str, bool]
+    logic_file: Path | None
+    scene_graph_file: Path | None
+
+
+def resolve(
+    document: Document, parameters: Mapping[str, Argument] | None = None, *, enforce_constraints: bool = True
+) -> Resolved:
+    """A copy of a scenario in which everything known at load time has been worked out.
+
+    Parameters get the given values instead of their defaults, before the defaults that depend on them are evaluated (a given
+    text may be an expression, as a default may). An entry of a catalogue of version 1.2 or later sees only the parameters that
+    it declares itself (rule asam.net:xosc:1.2.0:parameters.valid_parameter_declaration_in_catalogs); an earlier one also sees
+    those at the place of the reference. `name` attributes are texts, for which the standard knows no expressions: `${` stays
+    as it is there. A parameterRef is a name, so the `$` that some early files put before it is dropped.
+
+    Args:
+        document: what `load` returned; it is not changed.
+        parameters: values of global parameters by name.
+        enforce_constraints: whether a value that violates its constraint groups is an error.
+
+    Raises:
+        UsageError: a given parameter does not exist or is not of its type; the document is no scenario.
+        InvalidFile: an unknown parameter or malformed expression is used, a constraint is violated, or a catalogue
+            reference leads nowhere, to several entries, or round in a circle.
+    """
+    if document.kind != "scenario":
+        raise UsageError(f"this is a {document.kind}, a scenario is expected", path=document.path)
+    root = copy.deepcopy(document.root.getroottree()).getroot()
+    node = Node(root, document.path)
+    assigned = {name: _argument(name, value, node) for name, value in (parameters or {}).items()}
+    scopes = _bind(node, None, assigned, enforce_constraints)
+    _Inliner(Catalogs(node), enforce_constraints).inline(node, scopes, ())
+    return Resolved(
+        path=document.path,
+        root=root,
+        version=document.version,
+        kind=document.kind,
+        parameters=scopes[root].own,
+        variables=variables(_declared(node, "VariableDeclarations")),
+        monitors=monitors(_declared(node, "MonitorDeclarations")),
+        logic_file=_file(node, "LogicFile"),
+        scene_graph_file=_file(node, "SceneGraphFile"),
+    )
+
+
+def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], enforce: bool) -> _Scopes:
+    """Make every attribute of the elements of one file a literal, in place; the result has a scope for `top` at least."""
+    scopes = {top.element: _declare(top, outer, assigned, enforce)}
+    for declarations in list(top.element.iter("ParameterDeclarations")):
+        owner = declarations.getparent()
+        if owner is not None and owner not in scopes:
+            scopes[owner] = _declare(Node(owner, top.path), _scope_around(owner, scopes), {}, enforce)
+    for element in cast(list[etree._Element], _symbolic(top.element)):
+        if element.tag not in _DECLARING:
+            _substitute(Node(element, top.path), _scope_around(element, scopes))
+    return scopes
+
+
+def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment], enforce: bool) -> Scope:
+    """The scope that an element opens; its declarations and constraints become literals."""
+    scope = Scope(_declared(owner, "ParameterDeclarations"), outer, assigned)
+    for name, parameter in scope.own.items():
+        declaration = scope.declarations[name]
+        declaration.element.set("value", parameter.text)
+        declaration.element.set("parameterType", parameter.type)
+        for constraint in declaration.element.iter("ValueConstraint"):
+            _substitute(Node(constraint, owner.path), scope)
+    if enforce:
+        for violation in scope.violations():
+            raise violation
+    return scope
+
+
+def _substitute(node: Node, scope: Scope) -> None:
+    for name, text in cast(list[tuple[str, str]], node.element.items()):
+        if "$" not in text or (name == "name" and is_expression(text)):
+            continue
+        if name == "parameterRef":
+            node.element.set(name, text.removeprefix("$"))
+            continue
+        try:
+            node.element.set(name, scope.literal(text))
+        except ExpressionError as error:
+            raise node.invalid(f"{name}={quoted(text)}: {error.message}") from None
+
+
+def _scope_around(element: etree._Element, scopes: _Scopes) -> Scope:
+    current: etree._Element | None = element
+    while current is not None and current not in scopes:
+        current = current.getparent()
+    assert current is not None, "the top element has a scope"
+    return scopes[current]
+
+
+class _Inliner:
+    """Puts catalogue entries in the place of the references to them."""
+
+    def __init__(self, catalogs: Catalogs, enforce: bool) -> None:
+        self._catalogs = catalogs
+        self._enforce = enforce
+        self._elements = 0
+
+    def inline(self, top: Node, scopes: _Scopes, inside: tuple[Entry, ...]) -> None:
+        """Replace the references below `top`, which lies inside those entries and whose attributes are literals."""
+        for element in list(top.element.iter("CatalogReference")):
+            parent = element.getparent()
+            if parent is not None:
+                parent.replace(element, self._entry(Node(element, top.path), _scope_around(element, scopes), inside))
+
+    def _entry(self, reference: Node, scope: Scope, inside: tuple[Entry, ...]) -> etree._Element:
+        entry = self._catalogs.find(reference)
+        if entry in inside:
+            circle = [*inside[inside.index(entry) :], entry]
+            raise reference.invalid(f"catalogue entries refer to each other in a circle: {' → '.join(map(str, circle))}")
+        self._elements += entry.size
+        if self._elements > MAX_INLINED:
+            raise reference.invalid(f"catalogue entries would add more than {MAX_INLINED} elements to the document")
+        element = copy.deepcopy(entry.element)
+        element.tail = reference.element.tail
+        element.set(SOURCE, entry.path)
+        element.set(LINE, str(entry.element.sourceline))
+        node = Node(element, Path(entry.path))
+        outer = scope if entry.version < _CATALOGS_CLOSED_SINCE else None
+        scopes = _bind(node, outer, _assignments(reference), self._enforce)
+        self.inline(node, scopes, (*inside, entry))
+        return element
+
+
+def _assignments(reference: Node) -> dict[str, Assignment]:
+    parameters = reference.find("ParameterAssignments")
+    found: dict[str, Assignment] = {}
+    for node in parameters.children("ParameterAssignment") if parameters else ():
+        name = node.get("parameterRef")
+        if name in found:
+            raise node.invalid(f"the parameter {quoted(name)} is assigned twice")
+        found[name] = Assignment(node.get("value"), node.invalid)
+    return found
+
+
+def _argument(name: str, value: Argument, scenario: Node) -> Assignment:
+    """A value given by the caller, who is to blame where it does not fit."""
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    elif isinstance(value, Integral):
+        text = str(int(value))
+    elif isinstance(value, Real):
+        text = repr(float(value)).replace("inf", "INF")
+    else:
+        text = str(value)
+
+    def complain(message: str) -> ToolchainError:
+        return UsageError(message, path=scenario.path)
+
+    return Assignment(text, complain, symbolic=True)
+
+
+def _declared(owner: Node, wrapper: str) -> list[Node]:
+    return [declaration for declarations in owner.children(wrapper) for declaration in declarations.children()]
+
+
+def _file(scenario: Node, name: str) -> Path | None:
+    node = scenario.find("RoadNetwork", name)
+    return file_reference(node, "filepath") if node is not None and node.get("filepath").strip() else None
