@@ -1,0 +1,24 @@
+"""Execute OpenSCENARIO files: `runner.run(path)` runs one scenario and returns what happened."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from runner.result import RunResult as RunResult
+    from runner.run import run as run
+
+__all__ = ["RunResult", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: the command line must answer `--help` at once."""
+    if name == "run":
+        from runner.run import run
+
+        return run
+    if name == "RunResult":
+        from runner.result import RunResult
+
+        return RunResult
+    raise AttributeError(f"module 'runner' has no attribute {name!r}")

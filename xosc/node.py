@@ -53,6 +53,12 @@ class Node:
         """`file:line`."""
         return f"{self.path}:{self.line}"
 
+    @property
+    def parent(self) -> Node | None:
+        """The enclosing element, None for the root."""
+        above = self.element.getparent()
+        return Node(above, _source_of(above, self.path)) if above is not None else None
+
     # attributes -----------------------------------------------------------------------------
 
     def has(self, name: str) -> bool:

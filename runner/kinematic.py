@@ -1,0 +1,48 @@
+"""A world without a simulator: scripted participants only, for tests and quick looks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from runner.entities import Entity
+from runner.world import Reading
+from schemas.errors import Unsupported
+from xodr.network import RoadNetwork
+
+
+class KinematicWorld:
+    """Holds nobody and moves nobody; the interpreter's own motion is all there is."""
+
+    name = "kinematic"
+
+    def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> None:
+        """Nothing to load."""
+
+    def add(self, entity: Entity) -> None:
+        """Nothing to add."""
+
+    def remove(self, entity: Entity) -> None:
+        """Nothing to remove."""
+
+    def drive(self, entity: Entity) -> None:
+        """Refused: there is no driver here."""
+        raise Unsupported(f"the kinematic world has no driver of its own for {entity.name!r}; run on SUMO")
+
+    def release(self, entity: Entity) -> None:
+        """Nothing to release."""
+
+    def set_speed(self, entity: Entity, speed: float | None) -> None:
+        """Nobody is driven here."""
+
+    def mirror(self, entities: Iterable[Entity]) -> None:
+        """Nobody looks."""
+
+    def step(self) -> None:
+        """Time is the interpreter's."""
+
+    def read(self, entity: Entity) -> Reading | None:
+        """Nobody is driven here."""
+        return None
+
+    def close(self) -> None:
+        """Nothing to free."""

@@ -1,0 +1,314 @@
+"""Compile a resolved OpenSCENARIO document: elements become runtime objects, all references are checked.
+
+The result belongs to one run. Everything that is not executed is refused here, by name, file and line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runner import registry
+from runner.actions.base import Action
+from runner.conditions.base import ByEntityCondition, Condition
+from runner.entities import BoundingBox, Entities, Entity, Performance
+from runner.storyboard import Act, ActionElement, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.triggers import Trigger
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from xodr.network import RoadNetwork
+    from xosc.resolve import Resolved
+
+_WRAPPERS = {
+    "PrivateAction",
+    "LongitudinalAction",
+    "LateralAction",
+    "ControllerAction",
+    "RoutingAction",
+    "AppearanceAction",
+    "TrailerAction",
+    "GlobalAction",
+    "EntityAction",
+    "ParameterAction",
+    "VariableAction",
+    "MonitorAction",
+    "InfrastructureAction",
+    "TrafficSignalAction",
+    "TrafficAction",
+    "Action",
+}
+"""Elements that only group the action inside them; an action may look at `Node.parent` for their attributes."""
+
+_PRIORITIES = ("overwrite", "override", "parallel", "skip")
+
+
+@dataclass(eq=False)
+class Scenario:
+    """A compiled scenario: used up by one run."""
+
+    path: Path
+    version: tuple[int, int]
+    network: RoadNetwork | None
+    entities: Entities
+    storyboard: Storyboard
+    parameters: dict[str, Any] = field(default_factory=dict)
+    variables: dict[str, Any] = field(default_factory=dict)
+    monitors: dict[str, bool] = field(default_factory=dict)
+    controllers: dict[str, list[str]] = field(default_factory=dict)
+
+
+class Context:
+    """What the classes of the registries need to build themselves from XML, references checked.
+
+    Args:
+        document: the resolved document.
+        network: its road network, if it names one.
+    """
+
+    def __init__(self, document: Resolved, network: RoadNetwork | None) -> None:
+        self.document = document
+        self.version = document.version
+        self.network = network
+        self.all = Entities()
+        self.selections: dict[str, list[Entity]] = {}
+        self.parameters: dict[str, Any] = {name: p.value for name, p in document.parameters.items()}
+        self.variables: dict[str, Any] = {name: v.value for name, v in document.variables.items()}
+        self.monitors: dict[str, bool] = dict(document.monitors)
+        self.storyboard = Storyboard()
+        self._late: list[Callable[[], None]] = []
+
+    def late(self, check: Callable[[], None]) -> None:
+        """Have something done once the whole storyboard stands (references to storyboard elements)."""
+        self._late.append(check)
+
+    def finish(self) -> None:
+        """Do what was left for late."""
+        for check in self._late:
+            check()
+
+    # references -----------------------------------------------------------------------------
+
+    def entities(self, node: Node, attribute: str = "entityRef") -> list[Entity]:
+        """The entity, or the members of the entity selection, that an attribute names."""
+        name = node.get(attribute)
+        if name in self.all:
+            return [self.all[name]]
+        if name in self.selections:
+            return self.selections[name]
+        raise node.invalid(f"{attribute}={name!r} is neither an entity nor an entity selection of this scenario")
+
+    def entity(self, node: Node, attribute: str = "entityRef") -> Entity:
+        """The single entity that an attribute names."""
+        name = node.get(attribute)
+        if name not in self.all:
+            raise node.invalid(f"{attribute}={name!r} is not an entity of this scenario")
+        return self.all[name]
+
+    def triggering_entities(self, node: Node) -> list[Entity]:
+        """Members of a TriggeringEntities element, selections expanded, each once."""
+        found = [entity for reference in node.children("EntityRef") for entity in self.entities(reference)]
+        return list(dict.fromkeys(found))
+
+    # families -------------------------------------------------------------------------------
+
+    def actions(self, node: Node) -> list[Action]:
+        """The actions inside an Action, PrivateAction or GlobalAction element."""
+        found: list[Action] = []
+        pending = node.children()
+        if not pending:
+            raise node.invalid("an action is expected inside")
+        for child in pending:
+            found += self.actions(child) if child.tag in _WRAPPERS else [self._build(registry.action, child)]
+        return found
+
+    def condition(self, node: Node) -> Condition:
+        """The condition inside a Condition element."""
+        by = node.only()
+        if by.tag == "ByValueCondition":
+            return self._build(registry.condition, by.only())
+        triggering = by.need("TriggeringEntities")
+        every = triggering.choice("triggeringEntitiesRule", ("any", "all")) == "all"
+        inner = by.need("EntityCondition").only()
+        return ByEntityCondition(self.triggering_entities(triggering), every, self._build(registry.condition, inner))
+
+    def position(self, node: Node) -> Any:
+        """The position inside an element that holds exactly one (Position, TargetPosition, …)."""
+        return self._build(registry.position, node.only())
+
+    def _build(self, family: registry.Registry, node: Node) -> Any:
+        parent = node.element.getparent()
+        return family.find(node, str(parent.tag) if parent is not None else None).from_xml(node, self)
+
+
+def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenario:
+    """Compile a resolved scenario document.
+
+    Args:
+        document: of kind `scenario`, with every attribute a literal.
+        network: the road network of its LogicFile, or None.
+
+    Raises:
+        InvalidFile: a reference leads nowhere, a value is out of its range.
+        Unsupported: an element is not executed by this runner; named with file and line.
+    """
+    context = Context(document, network)
+    _read_entities(document.node.need("Entities"), context)
+    _read_storyboard(document.node.need("Storyboard"), context)
+    context.finish()
+    return Scenario(
+        path=document.path,
+        version=document.version,
+        network=network,
+        entities=context.all,
+        storyboard=context.storyboard,
+        parameters=context.parameters,
+        variables=context.variables,
+        monitors=context.monitors,
+    )
+
+
+# entities -----------------------------------------------------------------------------------
+
+_KINDS = {"Vehicle": "vehicle", "Pedestrian": "pedestrian", "MiscObject": "miscellaneous"}
+
+
+def _read_entities(node: Node, context: Context) -> None:
+    for scenario_object in node.children("ScenarioObject"):
+        entity = _read_scenario_object(scenario_object)
+        if entity.name in context.all:
+            raise scenario_object.invalid(f"the entity name {entity.name!r} is used twice")
+        context.all[entity.name] = entity
+    for selection in node.children("EntitySelection"):
+        context.selections[selection.get("name")] = _read_selection(selection, context)
+
+
+def _read_scenario_object(node: Node) -> Entity:
+    described = next((child for child in node.children() if child.tag in _KINDS), None)
+    if described is None:
+        external = node.find("ExternalObjectReference")
+        if external is not None:
+            raise external.unsupported("objects of an external library can't be loaded; describe the entity in the file")
+        raise node.invalid("a Vehicle, Pedestrian, MiscObject or CatalogReference is expected")
+    kind = _KINDS[described.tag]
+    entity = Entity(
+        name=node.get("name"),
+        kind=kind,
+        category=described.get(f"{kind}Category", "") if kind != "miscellaneous" else described.get("miscObjectCategory", ""),
+        box=_read_box(described),
+        performance=_read_performance(described.find("Performance")),
+        front_axle=_read_front_axle(described),
+        model=described.get("model3d", "") or described.get("name", ""),
+        mass=described.finite("mass", 0.0),
+        properties={p.get("name"): p.get("value") for p in described.iter("Property")},
+    )
+    for controller in node.iter("Controller"):
+        name = controller.get("name")
+        entity.controllers[name] = {p.get("name"): p.get("value") for p in controller.iter("Property")}
+    return entity
+
+
+def _read_box(node: Node) -> BoundingBox:
+    box = node.find("BoundingBox")
+    if box is None:
+        raise node.invalid("the element BoundingBox is missing")
+    centre, size = box.need("Center"), box.need("Dimensions")
+    dimensions = [size.finite(name) for name in ("length", "width", "height")]
+    if min(dimensions) < 0.0:
+        raise size.invalid("a bounding box must not have negative dimensions")
+    return BoundingBox(centre.finite("x"), centre.finite("y"), centre.finite("z"), *dimensions)
+
+
+def _read_performance(node: Node | None) -> Performance:
+    if node is None:
+        return Performance()
+    values = [node.float(name) for name in ("maxSpeed", "maxAcceleration", "maxDeceleration")]
+    rates = [node.float(name, math.inf) for name in ("maxAccelerationRate", "maxDecelerationRate")]
+    if min(*values, *rates) < 0.0:
+        raise node.invalid("the limits of a vehicle must not be negative")
+    return Performance(*values, *rates)
+
+
+def _read_front_axle(node: Node) -> float:
+    axle = node.find("Axles", "FrontAxle")
+    return float(axle.finite("positionX")) if axle is not None else 0.0
+
+
+def _read_selection(node: Node, context: Context) -> list[Entity]:
+    members = node.need("Members")
+    found: list[Entity] = []
+    for member in members.children():
+        if member.tag == "EntityRef":
+            found += context.entities(member)
+        elif member.tag == "ByType":
+            wanted = member.choice("objectType", ("vehicle", "pedestrian", "miscellaneous", "external"))
+            found += [entity for entity in context.all.values() if entity.kind == wanted]
+    return list(dict.fromkeys(found))
+
+
+# storyboard ---------------------------------------------------------------------------------
+
+
+def _read_storyboard(node: Node, context: Context) -> None:
+    board = context.storyboard
+    _read_init(node.need("Init"), context)
+    for story_node in node.children("Story"):
+        story = Story(story_node.get("name", ""), None)
+        board.stories.append(story)
+        for act_node in story_node.children("Act"):
+            _read_act(act_node, story, context)
+    board.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
+
+
+def _read_init(node: Node, context: Context) -> None:
+    actions = node.find("Actions")
+    for group in actions.children() if actions is not None else []:
+        if group.tag == "Private":
+            actors = context.entities(group)
+            for private in group.children("PrivateAction"):
+                for actor in actors:
+                    element = ActionElement("Init", None, context.actions(private))
+                    context.storyboard.init.append((actor, element))
+        elif group.tag in ("GlobalAction", "UserDefinedAction"):
+            wrapped = context.actions(group)
+            context.storyboard.init.append((None, ActionElement("Init", None, wrapped)))
+        else:
+            raise group.unsupported("this element of Init/Actions is not known to the runner")
+
+
+def _read_act(node: Node, story: Story, context: Context) -> None:
+    act = Act(node.get("name", ""), story)
+    for group_node in node.children("ManeuverGroup"):
+        actors_node = group_node.need("Actors")
+        references = [context.entities(reference) for reference in actors_node.children("EntityRef")]
+        group = ManeuverGroup(
+            group_node.get("name", ""),
+            act,
+            _maximum(group_node),
+            list(dict.fromkeys(entity for members in references for entity in members)),
+            actors_node.bool("selectTriggeringEntities", False),
+        )
+        whole = any(len(members) > 1 for members in references)
+        for maneuver_node in group_node.children("Maneuver"):
+            maneuver = Maneuver(maneuver_node.get("name", ""), group)
+            for event_node in maneuver_node.children("Event"):
+                _read_event(event_node, maneuver, whole, context)
+    act.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
+    act.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
+
+
+def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: Context) -> None:
+    event = Event(node.get("name", ""), maneuver, node.choice("priority", _PRIORITIES), _maximum(node))
+    for action_node in node.children("Action"):
+        ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)
+    event.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
+
+
+def _maximum(node: Node) -> int:
+    maximum = int(node.int("maximumExecutionCount", 1))
+    if maximum < 0:
+        raise node.invalid(f"maximumExecutionCount={maximum} must not be negative")
+    return max(maximum, 1)

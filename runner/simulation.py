@@ -1,0 +1,204 @@
+"""One run of one scenario: the tick, and what actions and conditions may ask of it.
+
+A tick is: triggers at t, actions act on [t, t + dt], systems under test, motion, world step, contacts, recording.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from runner.collision import Contacts
+from runner.motion import FreeMotion, LaneMotion, Placement, wrap
+from runner.recording import Recorder
+
+if TYPE_CHECKING:
+    from runner.entities import Entities, Entity
+    from runner.scenario import Scenario
+    from runner.storyboard import Element, Process, Transition
+    from runner.world import World
+    from xodr.network import RoadNetwork, RoadPoint
+
+_STANDSTILL = 1e-3
+"""m/s below which an entity stands still"""
+
+
+class LogEntry(NamedTuple):
+    """One line of the event log: when (s), what kind of event, which element or entity, and why."""
+
+    time: float
+    kind: str
+    subject: str
+    text: str
+
+
+class Simulation:
+    """A scenario in execution.
+
+    Args:
+        scenario: the compiled scenario (used up by the run).
+        world: where participants live; opened and closed by the run.
+        timestep: s.
+        seed: of everything random in the run.
+    """
+
+    def __init__(self, scenario: Scenario, world: World, timestep: float, seed: int) -> None:
+        self.scenario = scenario
+        self.world = world
+        self.dt = timestep
+        self.seed = seed
+        self.random = random.Random(seed)
+        self.network: RoadNetwork | None = scenario.network
+        self.entities: Entities = scenario.entities
+        self.storyboard = scenario.storyboard
+        self.parameters: dict[str, Any] = dict(scenario.parameters)
+        self.variables: dict[str, Any] = dict(scenario.variables)
+        self.monitors: dict[str, bool] = dict(scenario.monitors)
+        self.environment: dict[str, Any] = {}
+        self.user_values: dict[str, str] = {}
+        self.step_index = 0
+        self.time = 0.0
+        self.finished = False
+        self.processes: list[Process] = []
+        self.log: list[LogEntry] = []
+        self.contacts = Contacts(self)
+        self.recorder = Recorder(self)
+        self._changed: list[Element] = []
+        self._published: list[Element] = []
+        self._next_step: list[Callable[[Simulation], None]] = []
+        self.free_motion = FreeMotion()
+        self.lane_motion = LaneMotion(self.network) if self.network is not None else None
+
+    # the run --------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Open the world, run the initial actions, record time 0."""
+        self.world.open(self.network, self.dt, self.seed)
+        self.storyboard.begin(self)
+        for entity in self.entities.present():
+            self.world.add(entity)
+        self.contacts.update()
+        self.recorder.record()
+
+    def tick(self) -> bool:
+        """One step; false once the storyboard's stop trigger has ended the run (time then stands)."""
+        self._publish()
+        if self.storyboard.evaluate(self):
+            self.finished = True
+            return False
+        dt = self.dt
+        for process in tuple(self.processes):
+            if process.running.step(dt):
+                process.element.finished(self, process)
+        for entity in self.entities.values():
+            if entity.active and not entity.driven:
+                self._move(entity, dt)
+        self.step_index += 1
+        self.time = self.step_index * dt
+        self.world.mirror(entity for entity in self.entities.values() if entity.active and not entity.driven)
+        self.world.step()
+        for entity in self.entities.values():
+            if entity.driven and entity.active:
+                self._read(entity)
+        self.contacts.update()
+        self.recorder.record()
+        return True
+
+    def _move(self, entity: Entity, dt: float) -> None:
+        speed = entity.demand
+        if entity.system is not None:
+            speed = entity.system.speed(entity, speed, self)
+        x, y = entity.x, entity.y
+        entity.motion.advance(entity, speed, dt)
+        entity.vx, entity.vy = (entity.x - x) / dt, (entity.y - y) / dt
+        entity.acceleration = (speed - entity.speed) / dt
+        entity.speed = speed
+        distance = speed * dt
+        entity.odometer += distance if distance > 0.0 else -distance
+        if -_STANDSTILL < speed < _STANDSTILL:
+            entity.standstill += dt
+        else:
+            entity.standstill = 0.0
+
+    def _read(self, entity: Entity) -> None:
+        reading = self.world.read(entity)
+        if reading is None:
+            self.note("left", entity.name, "left the road network")
+            self.deactivate(entity)
+            return
+        dt = self.dt
+        entity.vx, entity.vy = (reading.x - entity.x) / dt, (reading.y - entity.y) / dt
+        entity.acceleration = (reading.speed - entity.speed) / dt
+        entity.odometer += abs(reading.speed) * dt
+        entity.standstill = entity.standstill + dt if abs(reading.speed) < _STANDSTILL else 0.0
+        entity.x, entity.y, entity.z, entity.h, entity.speed = reading
+        entity.demand = reading.speed
+        entity.on_lane = False
+
+    # for storyboard elements ----------------------------------------------------------------
+
+    def element_changed(self, element: Element, transition: Transition, reason: str) -> None:
+        """A storyboard element has made a transition; conditions see it from the next step on."""
+        self._changed.append(element)
+        self.note(transition.value, element.path, reason)
+
+    def _publish(self) -> None:
+        if self._changed or self._published:
+            for element in dict.fromkeys((*self._published, *self._changed)):
+                element.publish()
+            self._published, self._changed = self._changed, []
+        if self._next_step:
+            calls, self._next_step = self._next_step, []
+            for call in calls:
+                call(self)
+
+    def call_next_step(self, call: Callable[[Simulation], None]) -> None:
+        """Have something called at the beginning of the next step."""
+        self._next_step.append(call)
+
+    def note(self, kind: str, subject: str, text: str = "") -> None:
+        """Write a line of the event log at the current time."""
+        self.log.append(LogEntry(self.time, kind, subject, text))
+
+    # for actions and conditions -------------------------------------------------------------
+
+    def place(self, entity: Entity, placement: Placement) -> None:
+        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        entity.x, entity.y, entity.z = placement.x, placement.y, placement.z
+        entity.h, entity.pitch, entity.roll = wrap(placement.h), placement.pitch, placement.roll
+        entity.placed = True
+        entity.next_offset = None
+        if placement.point is None or self.network is None:
+            self.leave_lane(entity)
+        else:
+            self.follow_lane(entity, placement.point, placement.along, placement.heading_offset)
+
+    def follow_lane(self, entity: Entity, point: RoadPoint, along: int, heading_offset: float = 0.0) -> None:
+        """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
+        assert self.network is not None and self.lane_motion is not None
+        entity.road = self.network.road(point.road_id)
+        entity.lane, entity.s, entity.t, entity.offset = point.lane_id, point.s, point.t, point.offset
+        entity.along, entity.heading_offset, entity.on_lane = along, heading_offset, True
+        entity.motion = self.lane_motion
+
+    def leave_lane(self, entity: Entity) -> None:
+        """Let an entity go straight ahead, off any lane."""
+        entity.on_lane = False
+        entity.motion = self.free_motion
+
+    def road_point(self, entity: Entity) -> RoadPoint | None:
+        """Where an entity is on the road network; None where there is none."""
+        raise NotImplementedError
+
+    def activate(self, entity: Entity) -> None:
+        """Bring an entity into the world (AddEntityAction)."""
+        entity.active = True
+        self.world.add(entity)
+
+    def deactivate(self, entity: Entity) -> None:
+        """Take an entity out of the world (DeleteEntityAction): its running actions end."""
+        for process in [p for p in self.processes if p.actor is entity]:
+            process.element.override(self, process, f"{entity.name} has left the scenario")
+        entity.active = False
+        self.world.remove(entity)

@@ -1,0 +1,447 @@
+"""The storyboard: element states and transitions at run time (OpenSCENARIO XML 1.3, 8.3 and 8.4).
+
+Triggers are evaluated, and elements start, in document order within one step; conditions on element states see
+the states as they were when the step began, so the order of elements in the file does not matter to them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, ClassVar
+
+from runner.actions.base import Action, GlobalAction, PrivateAction, Running
+from runner.triggers import Trigger
+
+if TYPE_CHECKING:
+    from runner.entities import Entity
+    from runner.simulation import Simulation
+
+
+class State(StrEnum):
+    """State of a storyboard element (StoryboardElementState)."""
+
+    STANDBY = "standbyState"
+    RUNNING = "runningState"
+    COMPLETE = "completeState"
+
+
+class Transition(StrEnum):
+    """Transition between states (StoryboardElementState)."""
+
+    START = "startTransition"
+    END = "endTransition"
+    STOP = "stopTransition"
+    SKIP = "skipTransition"
+
+
+class Element:
+    """A storyboard element with its state.
+
+    `seen_state` and `seen_transitions` are what conditions may look at: the state at the beginning of the
+    current step and the transitions of the step before.
+    """
+
+    kind: ClassVar[str] = ""
+
+    def __init__(self, name: str, parent: Element | None) -> None:
+        self.name = name
+        self.parent = parent
+        self.children: list[Element] = []
+        self.state = State.STANDBY
+        self.transitions: list[Transition] = []
+        self.seen_state = State.STANDBY
+        self.seen_transitions: tuple[Transition, ...] = ()
+        if parent is not None:
+            parent.children.append(self)
+
+    @property
+    def path(self) -> str:
+        """Name with the names of the enclosing elements, joined by `::` as in a StoryboardElementRef."""
+        above = self.parent.path if self.parent else ""
+        return f"{above}::{self.name}" if above else self.name
+
+    def change(self, sim: Simulation, state: State, transition: Transition, reason: str = "") -> None:
+        """Go to a state by a transition, for the conditions and the event log to see."""
+        self.state = state
+        self.transitions.append(transition)
+        sim.element_changed(self, transition, reason)
+
+    def publish(self) -> None:
+        """Make the current state the one that conditions see."""
+        self.seen_state = self.state
+        self.seen_transitions = tuple(self.transitions)
+        self.transitions.clear()
+
+    def start(self, sim: Simulation, reason: str = "") -> None:
+        """standby → running, and the children after it."""
+        self.change(sim, State.RUNNING, Transition.START, reason)
+        for child in self.children:
+            child.arm(sim)
+        self.child_completed(sim)
+
+    def arm(self, sim: Simulation) -> None:
+        """The parent is running: begin (or, for elements with a trigger, begin to wait)."""
+        self.start(sim)
+
+    def stop(self, sim: Simulation, reason: str = "") -> None:
+        """→ complete by stopTransition, children included."""
+        if self.state is State.COMPLETE:
+            return
+        for child in self.children:
+            child.stop(sim, reason)
+        self.change(sim, State.COMPLETE, Transition.STOP, reason)
+
+    def child_completed(self, sim: Simulation) -> None:
+        """End when every child is complete."""
+        if self.state is State.RUNNING and all(child.state is State.COMPLETE for child in self.children):
+            self.end(sim)
+
+    def end(self, sim: Simulation) -> None:
+        """running → complete, and tell the parent."""
+        self.change(sim, State.COMPLETE, Transition.END)
+        if self.parent is not None:
+            self.parent.child_completed(sim)
+
+    def reset(self) -> None:
+        """Back to standby without a transition, children included: the parent executes anew."""
+        self.state = State.STANDBY
+        for child in self.children:
+            child.reset()
+
+
+class Process:
+    """One action in execution, for one actor or for the simulation."""
+
+    __slots__ = ("actor", "domains", "element", "running")
+
+    def __init__(self, element: ActionElement, actor: Entity | None, running: Running, domains: tuple[str, ...]) -> None:
+        self.element = element
+        self.actor = actor
+        self.running = running
+        self.domains = domains
+
+    def release(self) -> None:
+        """Give back the control domains and whatever the action holds."""
+        if self.actor is not None:
+            for domain in self.domains:
+                if self.actor.controls.get(domain) is self:
+                    del self.actor.controls[domain]
+        self.running.stop()
+
+
+class ActionElement(Element):
+    """An Action of an event, or (with the storyboard as its parent) of the Init section."""
+
+    kind = "action"
+
+    def __init__(self, name: str, parent: Element | None, actions: Sequence[Action], whole: bool = False) -> None:
+        super().__init__(name, parent)
+        self.actions = actions
+        self.whole = whole
+        """Whether the actors are one EntitySelection: a conflict for one is a conflict for all (standard 7.5.1)."""
+        self._processes: list[Process] = []
+
+    def execute(self, sim: Simulation, actors: Sequence[Entity], reason: str = "") -> None:
+        """Start for these actors; complete at once when nothing is left to run."""
+        self.change(sim, State.RUNNING, Transition.START, reason)
+        for action in self.actions:
+            if isinstance(action, GlobalAction):
+                self._begin(sim, None, action.start(sim), ())
+            else:
+                for actor in actors:
+                    self._start_private(sim, action, actor)
+        if self.state is State.RUNNING and not self._processes:
+            self.end(sim)
+
+    def _start_private(self, sim: Simulation, action: PrivateAction, actor: Entity) -> None:
+        domains = action.claims()
+        for domain in domains:
+            owner = actor.controls.get(domain)
+            if owner is not None:
+                owner.element.override(sim, owner, f"overridden by {self.path}")
+        self._begin(sim, actor, action.start(actor, sim), domains)
+
+    def _begin(self, sim: Simulation, actor: Entity | None, running: Running | None, domains: tuple[str, ...]) -> None:
+        if running is None:
+            return
+        process = Process(self, actor, running, domains)
+        self._processes.append(process)
+        sim.processes.append(process)
+        if actor is not None:
+            actor.controls.update(dict.fromkeys(domains, process))
+
+    def finished(self, sim: Simulation, process: Process) -> None:
+        """One of the processes has reached its goal."""
+        self._drop(sim, process)
+        if self.state is State.RUNNING and not self._processes:
+            self.end(sim)
+
+    def override(self, sim: Simulation, process: Process, reason: str) -> None:
+        """A newer action takes a control domain from one of the processes: as if stopped (standard 7.5.1)."""
+        if self.whole:
+            self.stop(sim, reason)
+        else:
+            self._drop(sim, process)
+        if not self._processes and self.state is State.RUNNING:
+            self.change(sim, State.COMPLETE, Transition.STOP, reason)
+        if self.parent is not None:
+            self.parent.child_completed(sim)
+
+    def stop(self, sim: Simulation, reason: str = "") -> None:
+        """Stop all processes, → complete by stopTransition."""
+        for process in tuple(self._processes):
+            self._drop(sim, process)
+        super().stop(sim, reason)
+
+    def _drop(self, sim: Simulation, process: Process) -> None:
+        if process in self._processes:
+            self._processes.remove(process)
+            sim.processes.remove(process)
+            process.release()
+
+
+class Event(Element):
+    """An Event: waits for its trigger, respects the priority among the events of its maneuver, may execute repeatedly."""
+
+    kind = "event"
+
+    def __init__(self, name: str, parent: Maneuver, priority: str, maximum: int) -> None:
+        super().__init__(name, parent)
+        self.priority = priority
+        self.maximum = maximum
+        self.trigger: Trigger | None = None
+        self.executions = 0
+
+    @property
+    def group(self) -> ManeuverGroup:
+        """The maneuver group whose actors this event acts on."""
+        maneuver = self.parent
+        assert maneuver is not None and isinstance(maneuver.parent, ManeuverGroup)
+        return maneuver.parent
+
+    def arm(self, sim: Simulation) -> None:
+        """Wait for the trigger (the event is evaluated by its act in this same step)."""
+        self.executions = 0
+        if self.trigger is not None:
+            self.trigger.reset()
+
+    def evaluate(self, sim: Simulation) -> None:
+        """In standby: start, or be skipped, when the trigger fires."""
+        if self.trigger is not None and not self.trigger.fires(sim):
+            return
+        reason = self.trigger.reason if self.trigger is not None else "with its act"
+        others = [e for e in self.parent.children if e is not self and e.state is State.RUNNING] if self.parent else []
+        self.executions += 1
+        if self.priority == "skip" and others:
+            self._skip(sim, reason)
+            return
+        if self.priority in ("override", "overwrite"):
+            for other in others:
+                other.stop(sim, f"overridden by {self.path}")
+        self._execute(sim, reason)
+
+    def _skip(self, sim: Simulation, reason: str) -> None:
+        left = self.executions < self.maximum
+        self.change(sim, State.STANDBY if left else State.COMPLETE, Transition.SKIP, reason)
+        if self.trigger is not None:
+            self.trigger.reset()
+        if not left and self.parent is not None:
+            self.parent.child_completed(sim)
+
+    def _execute(self, sim: Simulation, reason: str) -> None:
+        actors = self.group.actors_for(self)
+        self.change(sim, State.RUNNING, Transition.START, reason)
+        for action in self.children:
+            action.reset()
+        for action in self.children:
+            if self.state is State.RUNNING and isinstance(action, ActionElement):
+                action.execute(sim, actors)
+        self.child_completed(sim)
+
+    def end(self, sim: Simulation) -> None:
+        """running → standby while executions are left (8.4.2.1), else → complete."""
+        if self.executions < self.maximum:
+            self.change(sim, State.STANDBY, Transition.END)
+            if self.trigger is not None:
+                self.trigger.reset()
+        else:
+            super().end(sim)
+
+    def child_completed(self, sim: Simulation) -> None:
+        """End when all actions are complete, but not while they are still being started."""
+        started = all(action.state is not State.STANDBY for action in self.children)
+        if started:
+            super().child_completed(sim)
+
+
+class Maneuver(Element):
+    """A Maneuver: runs until all its events are complete."""
+
+    kind = "maneuver"
+
+
+class ManeuverGroup(Element):
+    """A ManeuverGroup: actors, and maneuvers that may execute repeatedly."""
+
+    kind = "maneuverGroup"
+
+    def __init__(self, name: str, parent: Act, maximum: int, actors: list[Entity], select_triggering: bool) -> None:
+        super().__init__(name, parent)
+        self.maximum = maximum
+        self.actors = actors
+        self.select_triggering = select_triggering
+        self.executions = 0
+
+    def actors_for(self, event: Event) -> list[Entity]:
+        """The actors of an event that starts now, those selected by its trigger (or its act's) included."""
+        selected: tuple[Entity, ...] = ()
+        if self.select_triggering:
+            trigger = event.trigger or (self.parent.trigger if isinstance(self.parent, Act) else None)
+            selected = trigger.triggering if trigger is not None else ()
+        return [entity for entity in dict.fromkeys((*self.actors, *selected)) if entity.active]
+
+    def start(self, sim: Simulation, reason: str = "") -> None:
+        """Count the execution and start the maneuvers."""
+        self.executions += 1
+        super().start(sim, reason)
+
+    def end(self, sim: Simulation) -> None:
+        """running → standby while executions are left, to start again in the next step; else → complete."""
+        if self.executions < self.maximum:
+            self.change(sim, State.STANDBY, Transition.END)
+            sim.call_next_step(self._restart)
+        else:
+            super().end(sim)
+
+    def _restart(self, sim: Simulation) -> None:
+        if self.state is State.STANDBY and self.parent is not None and self.parent.state is State.RUNNING:
+            for child in self.children:
+                child.reset()
+            self.start(sim)
+
+    def reset(self) -> None:
+        """Back to standby, executions uncounted."""
+        self.executions = 0
+        super().reset()
+
+
+class Act(Element):
+    """An Act: start and stop trigger over its maneuver groups."""
+
+    kind = "act"
+
+    def __init__(self, name: str, parent: Story) -> None:
+        super().__init__(name, parent)
+        self.trigger: Trigger | None = None
+        self.stop_trigger: Trigger | None = None
+        self._events: list[Event] | None = None
+
+    @property
+    def events(self) -> list[Event]:
+        """All events of the act in document order."""
+        if self._events is None:
+            self._events = [
+                event
+                for group in self.children
+                for maneuver in group.children
+                for event in maneuver.children
+                if isinstance(event, Event)
+            ]
+        return self._events
+
+    def arm(self, sim: Simulation) -> None:
+        """Wait for the start trigger."""
+
+    def evaluate(self, sim: Simulation) -> None:
+        """One step: stop, start, or let the waiting events look at their triggers."""
+        if self.state is State.STANDBY and (self.trigger is None or self.trigger.fires(sim)):
+            self.start(sim, self.trigger.reason if self.trigger is not None else "with its story")
+        if self.state is not State.RUNNING:
+            return
+        if self.stop_trigger is not None and self.stop_trigger.fires(sim):
+            self.stop(sim, self.stop_trigger.reason)
+            if self.parent is not None:
+                self.parent.child_completed(sim)
+            return
+        for event in self.events:
+            if event.state is State.STANDBY and event.parent is not None and event.parent.state is State.RUNNING:
+                event.evaluate(sim)
+
+
+class Story(Element):
+    """A Story: runs from the beginning until all its acts are complete."""
+
+    kind = "story"
+
+
+class Storyboard:
+    """Init actions, stories and the stop trigger that ends the run.
+
+    The storyboard itself ends by its stop trigger only; without one the run goes on to its time limit.
+    """
+
+    def __init__(self) -> None:
+        self.init: list[tuple[Entity | None, ActionElement]] = []
+        self.stories: list[Story] = []
+        self.stop_trigger: Trigger | None = None
+
+    @property
+    def acts(self) -> list[Act]:
+        """All acts in document order."""
+        return [act for story in self.stories for act in story.children if isinstance(act, Act)]
+
+    def elements(self) -> list[Element]:
+        """All named elements, depth first in document order."""
+        found: list[Element] = []
+        pending: list[Element] = list(reversed(self.stories))
+        while pending:
+            element = pending.pop()
+            found.append(element)
+            pending.extend(reversed(element.children))
+        return found
+
+    def begin(self, sim: Simulation) -> None:
+        """Run the initial actions, then start the stories."""
+        for actor, element in ordered_init(self.init):
+            element.execute(sim, [actor] if actor is not None else [])
+        for story in self.stories:
+            story.start(sim)
+        self._acts = self.acts
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """One step of triggers; true when the storyboard's stop trigger ends the run."""
+        if self.stop_trigger is not None and self.stop_trigger.fires(sim):
+            for story in self.stories:
+                story.stop(sim, self.stop_trigger.reason)
+            return True
+        for act in self._acts:
+            act.evaluate(sim)
+        return False
+
+
+def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[Entity | None, ActionElement]]:
+    """Initial actions in an order in which every state that one reads has been set.
+
+    Document order, except that an action that refers to another entity waits for that entity's own actions of
+    the same class and for those that place it (relative positions and speeds may precede what they refer to).
+    Circular references keep document order; the position then says that the other entity has no place yet.
+    """
+    pending, done = list(init), []
+    while pending:
+        ready = next((item for item in pending if not _waits(item, pending)), pending[0])
+        pending.remove(ready)
+        done.append(ready)
+    return done
+
+
+def _waits(item: tuple[Entity | None, ActionElement], pending: list[tuple[Entity | None, ActionElement]]) -> bool:
+    actor, element = item
+    for action in element.actions:
+        needed = {id(entity) for entity in action.references()} if isinstance(action, PrivateAction) else set()
+        for other, others in pending:
+            if other is None or other is actor or id(other) not in needed:
+                continue
+            if any(type(a) is type(action) or getattr(a, "places", False) for a in others.actions):
+                return True
+    return False
