@@ -82,6 +82,7 @@ class Catalogs:
     def __init__(self, scenario: Node) -> None:
         locations = scenario.find("CatalogLocations")
         self._scenario = scenario.path
+        self._known: dict[tuple[str, ...], tuple[list[_Catalog], list[str]]] = {}
         self._locations = {node.tag: node for node in locations.children()} if locations else {}
 
     def find(self, reference: Node) -> Entry:
@@ -92,7 +93,9 @@ class Catalogs:
         """
         kinds = _expected(reference)
         catalog_name, entry_name = reference.get("catalogName"), reference.get("entryName")
-        found, problems = self._read(kinds, reference)
+        if kinds not in self._known:
+            self._known[kinds] = self._read(kinds)
+        found, problems = self._known[kinds]
         named = [catalog for catalog in found if catalog.name == catalog_name]
         named = named or [catalog for catalog in found if Path(catalog.path).stem == catalog_name]
         if not named:
@@ -108,14 +111,11 @@ class Catalogs:
             raise reference.invalid(f"the catalogue {quoted(catalog_name)} has no {kind} {quoted(entry_name)}, {hint}")
         return matching[0]
 
-    def _read(self, kinds: tuple[str, ...], reference: Node) -> tuple[list[_Catalog], list[str]]:
+    def _read(self, kinds: tuple[str, ...]) -> tuple[list[_Catalog], list[str]]:
         """Catalogues in the directories for these kinds, and what kept others from being read."""
         locations = [self._locations[f"{kind}Catalog"] for kind in kinds if f"{kind}Catalog" in self._locations]
-        if not locations:
-            wanted = " or ".join(f"{kind}Catalog" for kind in kinds)
-            raise reference.invalid(f"CatalogLocations has no {wanted} that gives the directory of this catalogue")
         files: dict[str, None] = {}
-        problems = []
+        problems = [] if locations else [f"CatalogLocations has no {' or '.join(f'{kind}Catalog' for kind in kinds)}"]
         for location in locations:
             directory = location.need("Directory")
             path = file_reference(directory, "path")

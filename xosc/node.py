@@ -10,6 +10,7 @@ from typing import Any
 from lxml import etree
 
 from schemas.errors import InvalidFile, Unsupported
+from xosc.values import boolean, number
 
 SOURCE = "{urn:xosc-toolchain}source"
 """Attribute naming the file that an element came from, where that is not the document's own (catalogue entries)."""
@@ -17,7 +18,6 @@ LINE = "{urn:xosc-toolchain}line"
 """Attribute keeping the source line of such an element's root."""
 
 _REQUIRED: Any = object()
-_TRUE, _FALSE = {"true", "1"}, {"false", "0"}
 
 
 class Node:
@@ -50,8 +50,8 @@ class Node:
 
     @property
     def where(self) -> str:
-        """`file:line`."""
-        return f"{self.path}:{self.line}"
+        """`file:line`; the file alone where the line is not known."""
+        return f"{self.path}:{self.line}" if self.line else str(self.path)
 
     @property
     def parent(self) -> Node | None:
@@ -80,12 +80,9 @@ class Node:
         if text is default:
             return default
         try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if math.isnan(value):
-            raise self.invalid(f"{name}={text!r} is not a number")
-        return value
+            return number(text)
+        except ValueError as error:
+            raise self.invalid(f"{name}: {error}") from None
 
     def finite(self, name: str, default: Any = _REQUIRED) -> Any:
         """Attribute as a finite float."""
@@ -108,11 +105,10 @@ class Node:
         text = self.get(name, default)
         if text is default:
             return default
-        if text in _TRUE:
-            return True
-        if text in _FALSE:
-            return False
-        raise self.invalid(f"{name}={text!r} is neither true nor false")
+        try:
+            return boolean(text)
+        except ValueError as error:
+            raise self.invalid(f"{name}: {error}") from None
 
     def choice(self, name: str, values: Iterable[str], default: Any = _REQUIRED) -> Any:
         """Attribute as one of `values`."""

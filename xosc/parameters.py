@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
+from lxml import etree
+
 from schemas.errors import ToolchainError
 from schemas.expressions import ExpressionError, references, substitute
 from xosc.node import Node
@@ -129,10 +131,11 @@ class Scope:
         return Parameter(name, kind, value, literal(kind, value, text))
 
     def _holds(self, parameter: Parameter, constraint: Node) -> bool:
-        """Whether one ValueConstraint holds; its value is a literal already."""
+        """Whether one ValueConstraint holds."""
         try:
-            return holds(constraint.get("rule"), parameter.value, typed(parameter.type, constraint.get("value")))
-        except ValueError as error:
+            limit = typed(parameter.type, self.literal(constraint.get("value")))
+            return holds(constraint.get("rule"), parameter.value, limit)
+        except (ValueError, ExpressionError) as error:
             raise constraint.invalid(f"the constraint of the parameter {parameter.name}: {error}") from None
 
 
@@ -174,11 +177,15 @@ def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
         name = declaration.get("name")
         if "$" in name:
             raise declaration.invalid(f"the declared name {quoted(name)} must be written without '$'")
-        first = found.get(name, declaration)
-        if first.element.attrib != declaration.element.attrib:
+        first = found.get(name)
+        if first and _canonical(first) != _canonical(declaration):
             raise declaration.invalid(f"{quoted(name)} is declared twice and differently, first in line {first.line}")
         found[name] = declaration
     return found
+
+
+def _canonical(node: Node) -> bytes:
+    return etree.tostring(node.element, method="c14n", with_tail=False)
 
 
 def _in_order(sources: Mapping[str, Assignment]) -> list[str]:

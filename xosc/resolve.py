@@ -23,6 +23,8 @@ Argument = str | float | int | bool
 
 MAX_INLINED = 1_000_000
 """Most elements that catalogue entries may add to a document."""
+MAX_NESTING = 32
+"""Most catalogue entries that may lie inside each other."""
 
 _CATALOGS_CLOSED_SINCE = (1, 2)
 _DECLARING = ("ParameterDeclaration", "ValueConstraint")
@@ -109,13 +111,16 @@ def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], en
 
 def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment], enforce: bool) -> Scope:
     """The scope that an element opens; its declarations and constraints become literals."""
-    scope = Scope(_declared(owner, "ParameterDeclarations"), outer, assigned)
-    for name, parameter in scope.own.items():
-        declaration = scope.declarations[name]
+    declarations = _declared(owner, "ParameterDeclarations")
+    scope = Scope(declarations, outer, assigned)
+    parameters = scope.own
+    for declaration in declarations:
+        parameter = parameters[declaration.get("name")]
         declaration.element.set("value", parameter.text)
-        declaration.element.set("parameterType", parameter.type)
-        for constraint in declaration.element.iter("ValueConstraint"):
-            _substitute(Node(constraint, owner.path), scope)
+        if "$" in declaration.get("parameterType"):
+            declaration.element.set("parameterType", parameter.type)
+        for constraint in declaration.iter("ValueConstraint"):
+            _substitute(constraint, scope)
     if enforce:
         for violation in scope.violations():
             raise violation
@@ -163,6 +168,8 @@ class _Inliner:
         if entry in inside:
             circle = [*inside[inside.index(entry) :], entry]
             raise reference.invalid(f"catalogue entries refer to each other in a circle: {' → '.join(map(str, circle))}")
+        if len(inside) >= MAX_NESTING:
+            raise reference.invalid(f"catalogue entries lie inside each other deeper than {MAX_NESTING} levels")
         self._elements += entry.size
         if self._elements > MAX_INLINED:
             raise reference.invalid(f"catalogue entries would add more than {MAX_INLINED} elements to the document")

@@ -57,14 +57,40 @@ def typed(kind: str, text: str) -> Value:
     """
     if kind == "string":
         return text
-    text = text.strip()
     if kind == "double":
-        return _double(text)
+        return number(text)
     if kind == "boolean":
-        if text not in _BOOLEANS:
-            raise ValueError(f"{quoted(text)} is neither true nor false")
-        return _BOOLEANS[text]
-    return _date_time(text) if kind == "dateTime" else _integer(kind, text)
+        return boolean(text)
+    return _date_time(text.strip()) if kind == "dateTime" else _integer(kind, text)
+
+
+def number(text: str) -> float:
+    """The number that a text is by the rules of XML Schema's double: `INF` is one, NaN is refused.
+
+    Raises:
+        ValueError: the text is not a number, or too large.
+    """
+    text = text.strip()
+    if text in _INFINITY:
+        return _INFINITY[text]
+    if not _NUMBER.fullmatch(text):
+        raise ValueError(f"{quoted(text)} is not a number")
+    value = float(text)
+    if math.isinf(value):
+        raise ValueError(f"{quoted(text)} is too large for a double")
+    return value
+
+
+def boolean(text: str) -> bool:
+    """The boolean that a text is by the rules of XML Schema: true, false, 1 or 0.
+
+    Raises:
+        ValueError: the text is none of them.
+    """
+    value = _BOOLEANS.get(text.strip())
+    if value is None:
+        raise ValueError(f"{quoted(text)} is neither true nor false")
+    return value
 
 
 def literal(kind: str, value: Value, text: str) -> str:
@@ -100,25 +126,14 @@ def _ordered(rule: str, value: Value) -> Value:
         raise ValueError(f"{rule} has no meaning for booleans")
     if isinstance(value, str):
         try:
-            return _double(value.strip())
+            return number(value)
         except ValueError:
             raise ValueError(f"{rule} has no meaning for the text {quoted(value)}") from None
     return value
 
 
-def _double(text: str) -> float:
-    if text in _INFINITY:
-        return _INFINITY[text]
-    if not _NUMBER.fullmatch(text):
-        raise ValueError(f"{quoted(text)} is not a number")
-    value = float(text)
-    if math.isinf(value):
-        raise ValueError(f"{quoted(text)} is too large for a double")
-    return value
-
-
 def _integer(kind: str, text: str) -> int:
-    value = _double(text)
+    value = number(text)
     if not value.is_integer():
         raise ValueError(f"{quoted(text)} is not an integer")
     low, high = _INTEGERS[kind]
