@@ -1,0 +1,221 @@
+"""Deterministic distributions: listed values that are combined as a cartesian product (OpenSCENARIO XML, Deterministic).
+
+A distribution knows how many values it has and its value at an index, so that nothing need be enumerated to
+count a space or to reach into the middle of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import cached_property
+from typing import get_args
+
+from lxml import etree
+
+from schemas.errors import UsageError
+from xosc.distributions.user import UserDefinedDistribution
+from xosc.distributions.values import Range, element, finite, located, text
+from xosc.node import Node
+
+
+@dataclass(frozen=True)
+class DistributionSet:
+    """`DistributionSet`: values as listed."""
+
+    values: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise UsageError("a DistributionSet needs at least one Element")
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return len(self.values)
+
+    def value(self, index: int) -> str:
+        """The value at an index."""
+        return self.values[index]
+
+    @classmethod
+    def read(cls, node: Node) -> DistributionSet:
+        """From its element."""
+        with located(node):
+            return cls(tuple(child.get("value") for child in node.children("Element")))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element("DistributionSet", *(element("Element", value=value) for value in self.values))
+
+
+@dataclass(frozen=True)
+class DistributionRange:
+    """`DistributionRange`: lowerLimit, lowerLimit + stepWidth, … up to and including upperLimit.
+
+    The steps are counted in decimal arithmetic on the numbers as written, so that 0.1 after 0.2 is 0.3, and an upper
+    limit that is missed by less than a millionth of a step is reached.
+    """
+
+    range: Range
+    step_width: float
+
+    def __post_init__(self) -> None:
+        finite("stepWidth", self.step_width)
+        if self.step_width <= 0:
+            raise UsageError(f"stepWidth={self.step_width:g} must be positive")
+        if not math.isfinite((self.range.upper_limit - self.range.lower_limit) / self.step_width):
+            raise UsageError("the range has more steps than can be counted")
+
+    @cached_property
+    def size(self) -> int:
+        """Number of values."""
+        lower, upper, step = self._decimals
+        return int((upper - lower) / step + Decimal("1e-6")) + 1
+
+    def value(self, index: int) -> str:
+        """The value at an index."""
+        lower, _, step = self._decimals
+        return text(lower + index * step)
+
+    @cached_property
+    def _decimals(self) -> tuple[Decimal, Decimal, Decimal]:
+        lower, upper, step = (repr(float(value)) for value in (self.range.lower_limit, self.range.upper_limit, self.step_width))
+        return Decimal(lower), Decimal(upper), Decimal(step)
+
+    @classmethod
+    def read(cls, node: Node) -> DistributionRange:
+        """From its element."""
+        with located(node):
+            return cls(Range.read(node.need("Range")), node.finite("stepWidth"))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element("DistributionRange", self.range.write(), stepWidth=text(self.step_width))
+
+
+SingleDistribution = DistributionSet | DistributionRange | UserDefinedDistribution
+_SINGLE = {kind.__name__: kind for kind in get_args(SingleDistribution)}
+
+
+@dataclass(frozen=True)
+class DeterministicSingleParameterDistribution:
+    """`DeterministicSingleParameterDistribution`: the values of one parameter."""
+
+    parameter_name: str
+    distribution: SingleDistribution
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The parameters that get values here."""
+        return (self.parameter_name,)
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return self.distribution.size
+
+    def assignment(self, index: int) -> dict[str, str]:
+        """Parameter and value at an index."""
+        return {self.parameter_name: self.distribution.value(index)}
+
+    @classmethod
+    def read(cls, node: Node) -> DeterministicSingleParameterDistribution:
+        """From its element."""
+        child = node.only()
+        if child.tag not in _SINGLE:
+            raise child.invalid("not a deterministic distribution of the standard")
+        return cls(node.get("parameterName"), _SINGLE[child.tag].read(child))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element("DeterministicSingleParameterDistribution", self.distribution.write(), parameterName=self.parameter_name)
+
+
+@dataclass(frozen=True)
+class DeterministicMultiParameterDistribution:
+    """`DeterministicMultiParameterDistribution` with its `ValueSetDistribution`: sets of values that belong together."""
+
+    value_sets: tuple[Mapping[str, str], ...]
+
+    def __post_init__(self) -> None:
+        if not self.value_sets or not all(self.value_sets):
+            raise UsageError(
+                "a ValueSetDistribution needs at least one ParameterValueSet, and each at least one ParameterAssignment"
+            )
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The parameters that get values here."""
+        return tuple(dict.fromkeys(name for value_set in self.value_sets for name in value_set))
+
+    @property
+    def size(self) -> int:
+        """Number of value sets."""
+        return len(self.value_sets)
+
+    def assignment(self, index: int) -> dict[str, str]:
+        """Parameters and values at an index."""
+        return dict(self.value_sets[index])
+
+    @classmethod
+    def read(cls, node: Node) -> DeterministicMultiParameterDistribution:
+        """From its element."""
+        with located(node):
+            return cls(tuple(_value_set(child) for child in node.need("ValueSetDistribution").children("ParameterValueSet")))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        sets = (
+            element("ParameterValueSet", *(element("ParameterAssignment", parameterRef=n, value=v) for n, v in value_set.items()))
+            for value_set in self.value_sets
+        )
+        return element("DeterministicMultiParameterDistribution", element("ValueSetDistribution", *sets))
+
+
+def _value_set(node: Node) -> dict[str, str]:
+    values: dict[str, str] = {}
+    for assignment in node.children("ParameterAssignment"):
+        name = assignment.get("parameterRef")
+        if name in values:
+            raise assignment.invalid(f"{name} is assigned twice in one ParameterValueSet")
+        values[name] = assignment.get("value")
+    return values
+
+
+ParameterDistribution = DeterministicSingleParameterDistribution | DeterministicMultiParameterDistribution
+_KINDS = {kind.__name__: kind for kind in get_args(ParameterDistribution)}
+
+
+@dataclass(frozen=True)
+class Deterministic:
+    """`Deterministic`: every combination of what its distributions list, the last listed varying fastest."""
+
+    distributions: tuple[ParameterDistribution, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of combinations."""
+        return math.prod(distribution.size for distribution in self.distributions)
+
+    def assignment(self, index: int) -> dict[str, str]:
+        """The combination at an index."""
+        chosen: list[dict[str, str]] = []
+        for distribution in reversed(self.distributions):
+            index, position = divmod(index, distribution.size)
+            chosen.append(distribution.assignment(position))
+        return {name: value for part in reversed(chosen) for name, value in part.items()}
+
+    @classmethod
+    def read(cls, node: Node) -> Deterministic:
+        """From its element."""
+        for child in node.children():
+            if child.tag not in _KINDS:
+                raise child.invalid("not a deterministic distribution of the standard")
+        return cls(tuple(_KINDS[child.tag].read(child) for child in node.children()))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element("Deterministic", *(distribution.write() for distribution in self.distributions))

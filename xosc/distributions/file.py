@@ -1,0 +1,71 @@
+"""ParameterValueDistribution files: reading and writing."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import dataclass
+
+from lxml import etree
+
+from schemas.errors import UsageError
+from schemas.expressions import ExpressionError, substitute
+from xosc.distributions.deterministic import Deterministic
+from xosc.distributions.stochastic import Stochastic
+from xosc.distributions.values import element
+from xosc.node import Node
+
+
+@dataclass(frozen=True)
+class ParameterValueDistribution:
+    """`ParameterValueDistribution`: a scenario and the values that its parameters are to take.
+
+    Attributes:
+        scenario_file: the scenario's path as written, relative to the distribution's own file.
+        definition: what the parameters' values are.
+    """
+
+    scenario_file: str
+    definition: Deterministic | Stochastic
+
+    def __post_init__(self) -> None:
+        taken: set[str] = set()
+        for distribution in self.definition.distributions:
+            for name in distribution.parameter_names:
+                if name in taken:
+                    raise UsageError(f"the parameter {name!r} gets its values from more than one distribution")
+            taken.update(distribution.parameter_names)
+
+    @classmethod
+    def read(cls, node: Node) -> ParameterValueDistribution:
+        """From its element, whose attributes may be expressions without parameters (the file can declare none)."""
+        node = _evaluated(node)
+        definition = node.find("Deterministic") or node.find("Stochastic")
+        if definition is None:
+            raise node.invalid("the element Deterministic or Stochastic is missing")
+        kind = Deterministic if definition.tag == "Deterministic" else Stochastic
+        try:
+            return cls(node.need("ScenarioFile").get("filepath"), kind.read(definition))
+        except UsageError as error:
+            raise definition.invalid(error.message) from None
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element(
+            "ParameterValueDistribution", element("ScenarioFile", filepath=self.scenario_file), self.definition.write()
+        )
+
+
+def _evaluated(node: Node) -> Node:
+    """A copy whose attributes are literals."""
+    copied = Node(deepcopy(node.element), node.path)
+    for part in copied.iter():
+        for name in map(str, part.element.attrib):
+            try:
+                part.element.set(name, substitute(part.get(name), _no_parameter))
+            except ExpressionError as error:
+                raise part.invalid(f"{name}: {error.message} (a distribution file declares none)") from None
+    return copied
+
+
+def _no_parameter(name: str) -> str:
+    raise KeyError(name)

@@ -1,0 +1,213 @@
+"""The parameter space that a distribution file spans over its scenario: counted, reached into, walked and sampled.
+
+Nothing here enumerates a space in order to reach into it: a place in a deterministic space is a number in mixed
+radix, and a stochastic test run depends on its number alone.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+from schemas.errors import UsageError
+from schemas.expressions import ExpressionError, references
+from xosc.distributions.deterministic import Deterministic
+from xosc.distributions.file import ParameterValueDistribution
+from xosc.distributions.values import text
+from xosc.document import Document, load
+from xosc.node import Node
+from xosc.parameters import Assignment, Scope, nearest
+from xosc.values import quoted
+
+MAX_REJECTIONS = 10_000
+"""So many samples in a row outside the constraints end the search for one inside."""
+
+Variation = tuple[Path, dict[str, str]]
+"""A scenario and values of its parameters."""
+
+
+class ParameterSpace:
+    """The variations of a scenario.
+
+    Args:
+        path: a ParameterValueDistribution file, or a scenario, which is its own only variation.
+
+    Attributes:
+        scenario: the scenario's path.
+        distribution: what the file says, None for a scenario.
+        size: number of variations, those outside the scenario's constraints included.
+
+    Raises:
+        InvalidFile: a file is malformed, or the scenario does not declare a distribution's parameter.
+        Unsupported: a user-defined distribution has no plug-in.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        document = load(path)
+        self.distribution: ParameterValueDistribution | None = None
+        self.scenario = document.path
+        self.size = 1
+        if document.kind == "distribution":
+            self._read(document)
+        elif document.kind != "scenario":
+            raise document.node.invalid("a scenario or a ParameterValueDistribution is expected, this is a catalog")
+
+    def _read(self, document: Document) -> None:
+        node = document.node.need("ParameterValueDistribution")
+        self.distribution = ParameterValueDistribution.read(node)
+        self.size = self.distribution.definition.size
+        self.scenario = Path(os.path.normpath(document.path.parent / self.distribution.scenario_file.replace("\\", "/")))
+        if not self.scenario.is_file():
+            raise node.need("ScenarioFile").invalid(f"the scenario {self.scenario} does not exist")
+        scenario = load(self.scenario)
+        if scenario.kind != "scenario":
+            raise node.need("ScenarioFile").invalid(f"{self.scenario} is a {scenario.kind}, a scenario is expected")
+        self._declarations = {each.get("name"): each for each in _declarations(scenario)}
+        self._places = dict(_places(node))
+        for name, place in self._places.items():
+            if name not in self._declarations:
+                message = f"{scenario.path.name} declares no parameter {quoted(name)}; {nearest(name, self._declarations)}"
+                raise place.invalid(message)
+        self._constrained = _constrained(self._declarations)
+
+    def variation(self, index: int) -> Variation:
+        """The variation at an index from 0; the last listed distribution varies fastest."""
+        if not 0 <= index < self.size:
+            raise UsageError(f"there is no variation {index}, the last of {self.size} is {self.size - 1}")
+        return self.scenario, self._assignment(index, None)
+
+    def draw(self, index: int, seed: float) -> Variation:
+        """The random variation with that number: from a deterministic space any with the same probability."""
+        if self.distribution is not None and isinstance(self.distribution.definition, Deterministic):
+            index = random.Random(f"{float(seed)}/{index}").randrange(self.size)
+        return self.scenario, self._assignment(index, seed)
+
+    def admits(self, parameters: dict[str, str]) -> bool:
+        """Whether values keep the scenario's parameter constraints.
+
+        Raises:
+            InvalidFile: a value is not of its parameter's type, or a constraint has no value.
+        """
+        if self.distribution is None or not self._constrained:
+            return True
+        assigned = {name: self._assigned(name, value) for name, value in parameters.items() if name in self._constrained}
+        scope = Scope(self._constrained.values(), None, assigned)
+        return next(scope.violations(), None) is None
+
+    def _assignment(self, index: int, seed: float | None) -> dict[str, str]:
+        if self.distribution is None:
+            return {}
+        definition = self.distribution.definition
+        if isinstance(definition, Deterministic):
+            return definition.assignment(index)
+        return {name: self._written(name, value) for name, value in definition.assignment(index, seed).items()}
+
+    def _written(self, name: str, value: str | float) -> str:
+        """A drawn number as its parameter's type: the nearest integer for the integer types."""
+        if isinstance(value, str):
+            return value
+        kind = self._declarations[name].get("parameterType")
+        whole = kind not in ("double", "string") and math.isfinite(value)
+        return text(round(value) if whole else value)
+
+    def _assigned(self, name: str, value: str) -> Assignment:
+        return Assignment(value, self._places[name].invalid)
+
+
+class Variations(Iterator[Variation]):
+    """The variations of a space in order, made one by one.
+
+    Attributes:
+        excluded: how many have been left out so far because they violate the scenario's constraints.
+    """
+
+    def __init__(self, space: ParameterSpace, enforce_constraints: bool = True) -> None:
+        self.excluded = 0
+        self._space = space
+        self._enforce = enforce_constraints
+        self._next = 0
+
+    def __next__(self) -> Variation:
+        while self._next < self._space.size:
+            variation = self._space.variation(self._next)
+            self._next += 1
+            if not self._enforce or self._space.admits(variation[1]):
+                return variation
+            self.excluded += 1
+        raise StopIteration
+
+
+def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -> Variations:
+    """The scenario and parameter values of each variation that a distribution file lists or draws, lazily.
+
+    Source: OpenSCENARIO XML 1.3.1, section on parameter value distributions: deterministic distributions are combined
+    as a cartesian product (the last listed varies fastest here); a stochastic one gives its number of test runs.
+
+    Args:
+        path: the distribution file; a scenario gives itself, without parameter values.
+        enforce_constraints: leave out what violates the scenario's constraint groups; `.excluded` counts that.
+
+    Raises:
+        InvalidFile: a file is malformed, or the scenario does not declare a distribution's parameter.
+        Unsupported: a user-defined distribution has no plug-in.
+    """
+    return Variations(ParameterSpace(path), enforce_constraints)
+
+
+def sample(path: str | os.PathLike[str], number: int, seed: float = 0, enforce_constraints: bool = True) -> Iterator[Variation]:
+    """Random variations, with replacement, the same for the same seed.
+
+    Raises:
+        UsageError: practically nothing in the space keeps the constraints.
+        ToolchainError: see `variations`.
+    """
+    if not math.isfinite(seed):
+        raise UsageError(f"the seed must be a finite number, not {seed}")
+    return islice(_drawn(ParameterSpace(path), seed, enforce_constraints), number)
+
+
+def _drawn(space: ParameterSpace, seed: float, enforce_constraints: bool) -> Iterator[Variation]:
+    index = rejections = 0
+    while rejections < MAX_REJECTIONS:
+        variation = space.draw(index, seed)
+        index += 1
+        if not enforce_constraints or space.admits(variation[1]):
+            rejections = 0
+            yield variation
+        else:
+            rejections += 1
+    raise UsageError(f"of {MAX_REJECTIONS} samples none keeps the constraints of {space.scenario}")
+
+
+def _declarations(scenario: Document) -> list[Node]:
+    declarations = scenario.node.find("ParameterDeclarations")
+    return declarations.children("ParameterDeclaration") if declarations is not None else []
+
+
+def _places(node: Node) -> Iterator[tuple[str, Node]]:
+    """Where each parameter gets its values."""
+    for place in node.iter("DeterministicSingleParameterDistribution", "StochasticDistribution"):
+        yield place.get("parameterName"), place
+    for place in node.iter("ParameterAssignment"):
+        yield place.get("parameterRef"), place
+
+
+def _constrained(declarations: dict[str, Node]) -> dict[str, Node]:
+    """The declarations that have constraints, and those that the constraints and their values depend on."""
+    needed: dict[str, Node] = {}
+    pending = [name for name, declaration in declarations.items() if declaration.find("ConstraintGroup")]
+    while pending:
+        name = pending.pop()
+        if name in needed or name not in declarations:
+            continue
+        needed[name] = declarations[name]
+        for node in declarations[name].iter("ParameterDeclaration", "ValueConstraint"):
+            try:
+                pending.extend(references(node.get("value")))
+            except ExpressionError as error:
+                raise node.invalid(error.message) from None
+    return needed
