@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from runner.motion import Motion
     from runner.storyboard import Process
-    from xodr.network import Road
+    from xodr.model import LaneSection, RoadPoint
+    from xodr.road import Road
 
 
 class BoundingBox(NamedTuple):
@@ -81,6 +82,7 @@ class Entity:
     # road coordinates and lane motion
     on_lane: bool = False
     road: Road | None = None
+    section: LaneSection | None = None
     lane: int = 0
     s: float = 0.0
     t: float = 0.0
@@ -90,6 +92,10 @@ class Entity:
     """+1 when the entity faces increasing s, −1 otherwise"""
     heading_offset: float = 0.0
     """heading relative to the lane in the direction it faces, rad"""
+
+    located: RoadPoint | None = None
+    """last road point looked up off the lane, and where that was"""
+    located_at: tuple[float, float] | None = None
 
     # control
     motion: Motion = None  # type: ignore[assignment]

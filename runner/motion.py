@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from xodr.network import RoadPoint
+from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.entities import Entity
     from xodr.network import RoadNetwork
 
-_ALIGNED = math.radians(45.0)
-_STILL = 1e-9
+_SHARPEST = 1e-3
+"""Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be followed."""
 
 
 class Placement(NamedTuple):
@@ -41,8 +41,11 @@ class Placement(NamedTuple):
 class Motion(Protocol):
     """A way of moving; shared between entities, the state is the entity's."""
 
-    def advance(self, entity: Entity, speed: float, dt: float) -> None:
-        """Move the entity for dt (s) at a speed (m/s, signed), pose and road coordinates included."""
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
+        """Move the entity for dt (s) at a speed (m/s, signed), pose and road coordinates included.
+
+        Returns the speed that it really had: less at the end of the road, the path's own where that is timed.
+        """
         ...
 
 
@@ -54,12 +57,12 @@ def wrap(angle: float) -> float:
 class FreeMotion:
     """Straight ahead in the direction faced, off any lane."""
 
-    def advance(self, entity: Entity, speed: float, dt: float) -> None:
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move along the heading."""
         distance = speed * dt
         entity.x += distance * math.cos(entity.h)
         entity.y += distance * math.sin(entity.h)
-        entity.on_lane = False
+        return speed
 
 
 class LaneMotion:
@@ -72,46 +75,67 @@ class LaneMotion:
     def __init__(self, network: RoadNetwork) -> None:
         self.network = network
 
-    def advance(self, entity: Entity, speed: float, dt: float) -> None:
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move along the lane; the entity's `next_offset`, where set, is reached at the end of the step.
 
         A lane change is driven at the given speed along its slanting path; a lane offset moves sideways on top.
         """
+        road, section, t = entity.road, entity.section, entity.t
+        assert road is not None and section is not None
         distance = speed * dt
-        offset = entity.offset
         if entity.next_offset is not None:
-            if entity.path_compensated:
-                lateral = entity.next_offset - offset
-                rest = distance * distance - lateral * lateral
-                distance = math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0
-            offset = entity.next_offset
-            entity.next_offset = None
-        road, t = entity.road, entity.t
-        assert road is not None
-        s = entity.s + entity.along * distance / (1.0 - road.curvature(entity.s) * t)
-        if road.in_section(entity.s, s):
-            entity.s, entity.offset = s, offset
-        else:
-            self._cross(entity, distance, offset)
-            road = entity.road
-            assert road is not None
-            t = math.nan
-        self._pose(entity, distance, t)
+            distance = self._sidestep(entity, distance)
+        center = section.lanes[entity.lane].center
+        ds = entity.along * distance
+        if not road.line.straight:
+            ds /= max(1.0 - road.line.curvature(entity.s + 0.5 * ds) * t, _SHARPEST)
+        if center.constant is None:
+            slope = center.slope(entity.s)
+            ds /= math.sqrt(1.0 + slope * slope)
+        s = entity.s + ds
+        if section.s <= s < section.end:
+            entity.s = s
+            entity.t = center(s) + entity.offset
+            self._pose(entity, entity.t - t, distance)
+            return speed
+        return self._cross(entity, distance, dt)
 
-    def _cross(self, entity: Entity, distance: float, offset: float) -> None:
-        """Leave the lane section: over section and road borders, or stop at the end of the road."""
-        step = self.network.travel(entity, distance)
-        raise NotImplementedError(step, offset)
+    def _sidestep(self, entity: Entity, distance: float) -> float:
+        """Take the offset asked for; the distance that is left to go along the lane."""
+        assert entity.next_offset is not None
+        lateral = entity.next_offset - entity.offset
+        entity.offset = entity.next_offset
+        entity.next_offset = None
+        if not entity.path_compensated:
+            return distance
+        rest = distance * distance - lateral * lateral
+        return math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0
 
-    def _pose(self, entity: Entity, distance: float, t_before: float) -> None:
-        road = entity.road
-        assert road is not None
-        t = road.lane_t(entity.s, entity.lane) + entity.offset
-        pose = road.pose(entity.s, t)
-        drift = t - t_before
+    def _cross(self, entity: Entity, distance: float, dt: float) -> float:
+        """Leave the lane section, over section and road borders, or stop at the end of the road."""
+        assert entity.road is not None
+        backwards = distance < 0.0
+        point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+        reached, forward, left = self.network.travel(point, abs(distance), (entity.along > 0) != backwards)
+        entity.road = self.network.road(reached.road_id)
+        entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
+        entity.section = entity.road.section(entity.s)
+        entity.along = 1 if forward != backwards else -1
+        self._pose(entity, 0.0, distance)
+        if left <= 0.0:
+            return distance / dt
+        entity.road_end += dt
+        entity.demand = 0.0
+        return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
+
+    def _pose(self, entity: Entity, drift: float, distance: float) -> None:
+        """World pose at the entity's road coordinates; drift is the change of t over the distance."""
+        assert entity.road is not None
+        pose = entity.road.pose(entity.s, entity.t)
         h = pose.h + entity.heading_offset
-        if distance > _STILL or distance < -_STILL:
-            h += math.atan2(drift, abs(distance)) if drift == drift else 0.0
-        entity.t = t
-        entity.x, entity.y, entity.z, entity.pitch, entity.roll = pose.x, pose.y, pose.z, pose.pitch, pose.roll
-        entity.h = h if entity.along > 0 else h + math.pi
+        if entity.along < 0:
+            h += math.pi
+            drift = -drift
+        if drift and abs(distance) > abs(drift):
+            h += math.atan2(drift, distance) if distance > 0.0 else -math.atan2(drift, -distance)
+        entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = pose.x, pose.y, pose.z, h, pose.pitch, pose.roll

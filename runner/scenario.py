@@ -58,7 +58,8 @@ class Scenario:
     parameters: dict[str, Any] = field(default_factory=dict)
     variables: dict[str, Any] = field(default_factory=dict)
     monitors: dict[str, bool] = field(default_factory=dict)
-    controllers: dict[str, list[str]] = field(default_factory=dict)
+    activated: set[str] = field(default_factory=set)
+    """names of entities whose controller the scenario activates or deactivates at some time"""
 
 
 class Context:
@@ -168,7 +169,21 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         parameters=context.parameters,
         variables=context.variables,
         monitors=context.monitors,
+        activated=_activated(context.storyboard),
     )
+
+
+def _activated(storyboard: Storyboard) -> set[str]:
+    found = {actor.name for actor, element in storyboard.init if actor and _activates(element)}
+    for act in storyboard.acts:
+        for event in act.events:
+            if any(isinstance(element, ActionElement) and _activates(element) for element in event.children):
+                found |= {actor.name for actor in event.group.actors}
+    return found
+
+
+def _activates(element: ActionElement) -> bool:
+    return any(getattr(action, "activates_controller", False) for action in element.actions)
 
 
 # entities -----------------------------------------------------------------------------------

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from runner.collision import Contacts
 from runner.motion import FreeMotion, LaneMotion, Placement, wrap
 from runner.recording import Recorder
+from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.entities import Entities, Entity
     from runner.scenario import Scenario
     from runner.storyboard import Element, Process, Transition
     from runner.world import World
-    from xodr.network import RoadNetwork, RoadPoint
+    from xodr.network import RoadNetwork
 
 _STANDSTILL = 1e-3
 """m/s below which an entity stands still"""
@@ -110,7 +111,7 @@ class Simulation:
         if entity.system is not None:
             speed = entity.system.speed(entity, speed, self)
         x, y = entity.x, entity.y
-        entity.motion.advance(entity, speed, dt)
+        speed = entity.motion.advance(entity, speed, dt)
         entity.vx, entity.vy = (entity.x - x) / dt, (entity.y - y) / dt
         entity.acceleration = (speed - entity.speed) / dt
         entity.speed = speed
@@ -178,6 +179,7 @@ class Simulation:
         """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
         assert self.network is not None and self.lane_motion is not None
         entity.road = self.network.road(point.road_id)
+        entity.section = entity.road.section(point.s)
         entity.lane, entity.s, entity.t, entity.offset = point.lane_id, point.s, point.t, point.offset
         entity.along, entity.heading_offset, entity.on_lane = along, heading_offset, True
         entity.motion = self.lane_motion
@@ -189,7 +191,14 @@ class Simulation:
 
     def road_point(self, entity: Entity) -> RoadPoint | None:
         """Where an entity is on the road network; None where there is none."""
-        raise NotImplementedError
+        if self.network is None:
+            return None
+        if entity.on_lane and entity.road is not None:
+            return RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+        if entity.located_at != (entity.x, entity.y):
+            entity.located_at = (entity.x, entity.y)
+            entity.located = self.network.locate(entity.x, entity.y, entity.z, entity.h, entity.located)
+        return entity.located
 
     def activate(self, entity: Entity) -> None:
         """Bring an entity into the world (AddEntityAction)."""

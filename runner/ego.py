@@ -1,0 +1,114 @@
+"""The ego: how it is found, and how a system under test drives it.
+
+The ego is, in this order: the entity named by the caller (`--ego`); the only entity with a controller; the entity
+called `Ego` (any case, also `EgoVehicle`, `ego_vehicle`, `hero`). Scenarios without any of these have no ego, and no
+system under test drives anyone.
+
+A scenario that assigns the ego a controller hands it over by ActivateControllerAction: until then, and in domains that
+it deactivates, the ego does what is scripted (OpenSCENARIO XML 1.3, 6.6: controllers are assigned deactivated). A
+scenario that never activates a controller of the ego is driven by the system under test from the beginning.
+
+While the system drives, the scripted speed (speed actions included) is what it is asked for, `Observation.demand`.
+Where it answers with no acceleration of its own, the ego has exactly that speed; after an intervention it returns
+to it at no more than its `Performance` or 3.5 m/s² allow. Scripted lateral motion is followed unless the system steers.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+from runner.motion import wrap
+from runner.sut.base import Control, Observation, SystemUnderTest
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from runner.entities import Entity
+    from runner.scenario import Scenario
+    from runner.simulation import Simulation
+
+_EGO_NAME = re.compile(r"(ego|hero)([_ ]?(vehicle|car))?[_ ]?\d*", re.IGNORECASE)
+_RETURN = 3.5
+"""Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
+_SAME = 1e-9
+
+
+def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
+    """The ego of a scenario; None where it has none.
+
+    Raises:
+        UsageError: no entity has the given name.
+    """
+    if name is not None:
+        if name not in scenario.entities:
+            raise UsageError(f"no entity is called {name!r}; there are {', '.join(scenario.entities)}", path=scenario.path)
+        return scenario.entities[name]
+    controlled = [entity for entity in scenario.entities.values() if entity.controllers and entity.kind == "vehicle"]
+    if len(controlled) == 1:
+        return controlled[0]
+    candidates = controlled or [entity for entity in scenario.entities.values() if entity.kind == "vehicle"]
+    return next((entity for entity in candidates if _EGO_NAME.fullmatch(entity.name)), None)
+
+
+def drive_ego(sim: Simulation, ego: Entity | None, system: SystemUnderTest | None) -> None:
+    """Let a system under test drive the ego for this run."""
+    if ego is not None and system is not None:
+        system.reset(ego, sim.dt, sim.seed)
+        ego.system = Driver(system, handed_over=ego.name not in sim.scenario.activated)
+
+
+class Driver:
+    """Turns the controls of a system under test into the ego's motion.
+
+    Args:
+        system: the system under test.
+        handed_over: whether it drives from the beginning.
+    """
+
+    def __init__(self, system: SystemUnderTest, handed_over: bool) -> None:
+        self.system = system
+        self.longitudinal = handed_over
+        self.lateral = handed_over
+        self._intervening = False
+        self._steering = False
+
+    def speed(self, ego: Entity, demand: float, sim: Simulation) -> float:
+        """Speed of the ego at the end of this step, m/s; turns the ego where the system steers."""
+        if not (self.longitudinal or self.lateral):
+            return demand
+        others = [e for e in sim.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
+        control = self.system.control(
+            Observation(sim.time, ego, others, demand, sim.network, sim.environment), sim.dt
+        )
+        if self.lateral and control.steering is not None:
+            self._steer(ego, control.steering, sim)
+        if not self.longitudinal:
+            return demand
+        return self._longitudinal(ego, control, demand, sim)
+
+    def _longitudinal(self, ego: Entity, control: Control, demand: float, sim: Simulation) -> float:
+        limits = ego.performance
+        if control.acceleration is None:
+            if self._intervening:
+                most = min(_RETURN, limits.max_acceleration)
+                speed = ego.speed + max(-limits.max_deceleration * sim.dt, min(most * sim.dt, demand - ego.speed))
+                if abs(speed - demand) < _SAME:
+                    self._note(False, "back at the scripted speed", ego, sim)
+                return speed
+            return demand
+        if not self._intervening:
+            self._note(True, control.reason, ego, sim)
+        wanted = max(-limits.max_deceleration, min(limits.max_acceleration, control.acceleration))
+        return max(ego.speed + wanted * sim.dt, 0.0)
+
+    def _note(self, intervening: bool, reason: str, ego: Entity, sim: Simulation) -> None:
+        self._intervening = intervening
+        sim.note("interventionStart" if intervening else "interventionEnd", ego.name, reason)
+
+    def _steer(self, ego: Entity, steering: float, sim: Simulation) -> None:
+        """Kinematic bicycle about the rear axle: the heading turns with v·tan(δ)/L."""
+        if ego.on_lane:
+            sim.leave_lane(ego)
+        wheelbase = ego.front_axle or ego.box.length * 0.6
+        ego.h = wrap(ego.h + ego.speed * math.tan(steering) / wheelbase * sim.dt)

@@ -1,0 +1,110 @@
+"""Run one scenario."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runner.ego import drive_ego, find_ego
+from runner.result import RunResult
+from runner.scenario import compile_scenario
+from runner.simulation import Simulation
+from runner.sut import load_system
+from runner.verdict import judge
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from runner.world import World
+    from xosc.resolve import Argument
+
+MAX_TIME = 300.0
+"""Time limit (s) of a run whose caller gives none: scenarios without a StopTrigger have no end of their own."""
+
+WORLDS = ("sumo", "kinematic")
+
+
+def run(
+    scenario: str | PathLike[str],
+    *,
+    parameters: Mapping[str, Argument] | None = None,
+    timestep: float = 0.05,
+    sut: str | None = "cas",
+    ego: str | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    world: str = "sumo",
+    enforce_constraints: bool = False,
+) -> RunResult:
+    """Run a scenario file to its end.
+
+    Args:
+        scenario: an OpenSCENARIO file of kind scenario.
+        parameters: values of its global parameters.
+        timestep: s.
+        sut: the system under test that drives the ego: a name of the entry-point group `xosc.sut`, `module:Class`,
+            or None (as `none`) for what the scenario scripts alone.
+        ego: name of the ego entity; found by `runner.ego.find_ego` where not given.
+        seed: of everything random in the run.
+        max_time: time limit in simulated seconds (default `MAX_TIME`).
+        world: `sumo`, or `kinematic` for scripted motion without a simulator.
+        enforce_constraints: refuse parameter values that violate their constraint groups.
+
+    Raises:
+        UsageError: an option or parameter is wrong.
+        InvalidFile: a file is missing, malformed or breaks its standard.
+        Unsupported: the scenario asks for something that the runner does not do.
+    """
+    import xodr
+    import xosc
+
+    limit = MAX_TIME if max_time is None else max_time
+    _check(timestep, limit)
+    document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=enforce_constraints)
+    network = xodr.load(document.logic_file) if document.logic_file is not None else None
+    compiled = compile_scenario(document, network)
+    sim = Simulation(compiled, open_world(world), timestep, seed)
+    driver = find_ego(compiled, ego)
+    system = load_system(sut)
+    try:
+        drive_ego(sim, driver, system)
+        sim.begin()
+        steps = math.floor(limit / timestep + 1e-6)
+        while sim.step_index < steps and sim.tick():
+            pass
+    finally:
+        sim.world.close()
+    return RunResult(
+        scenario=document.path,
+        parameters={name: str(value) for name, value in (parameters or {}).items()},
+        status="completed" if sim.finished else "timeout",
+        end_time=sim.time,
+        verdict=judge(sim, driver),
+        ego=driver.name if driver is not None else None,
+        sut=(sut or "none") if driver is not None else "none",
+        settings={"timestep": timestep, "seed": seed, "world": world, "max_time": limit},
+        events=sim.log,
+        recording=sim.recorder.recording(),
+    )
+
+
+def open_world(name: str) -> World:
+    """The world of a name in `WORLDS`."""
+    if name == "kinematic":
+        from runner.kinematic import KinematicWorld
+
+        return KinematicWorld()
+    if name == "sumo":
+        from runner.sumo import SumoWorld
+
+        return SumoWorld()
+    raise UsageError(f"the world {name!r} is not one of {', '.join(WORLDS)}")
+
+
+def _check(timestep: float, limit: float) -> None:
+    if not (math.isfinite(timestep) and 0.001 <= timestep <= 1.0):
+        raise UsageError(f"the time step must be from 0.001 s to 1 s, not {timestep}")
+    if not (math.isfinite(limit) and limit >= 0.0):
+        raise UsageError(f"the time limit must be a number of seconds, not {limit}")
