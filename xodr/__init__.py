@@ -1,0 +1,12 @@
+"""OpenDRIVE roads: exact geometry, positions, lanes, routes.
+
+`xodr.load(path)` reads a file; see `RoadNetwork` for what can be asked of it.
+"""
+
+from xodr.model import LaneLink, Pose, RoadError, RoadPoint
+from xodr.network import RoadNetwork
+from xodr.reader import load
+from xodr.road import Road
+from xodr.travel import Travel
+
+__all__ = ["LaneLink", "Pose", "Road", "RoadError", "RoadNetwork", "RoadPoint", "Travel", "load"]

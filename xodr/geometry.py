@@ -1,0 +1,300 @@
+"""Plan-view geometry of the road reference line (OpenDRIVE "Geometry"): line, arc, spiral, poly3, paramPoly3.
+
+Every element answers `at(ds) -> (x, y, h)` and `curvature(ds)` with ds the arc length from its own start [m],
+h the tangent's heading [rad, not wrapped] and curvature positive to the left [1/m]. These are called for each participant
+in each step, so they are scalar, use `math` only, and prepare what they can when they are built.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+MAX_PIECES = 20_000
+"""Most pieces that one element may be cut into: a file with absurd curvature is refused instead of filling the memory."""
+
+# Five-point Gauss–Legendre quadrature on [0, 1] (Abramowitz & Stegun, table 25.4).
+_SIDES = ((0.9061798459386640, 0.2369268850561891), (0.5384693101056831, 0.4786286704993665))
+_QUADRATURE = tuple(
+    (0.5 + 0.5 * node, 0.5 * weight)
+    for node, weight in (*((-x, w) for x, w in _SIDES), (0.0, 0.5688888888888889), *((x, w) for x, w in _SIDES))
+)
+
+
+class Segment(Protocol):
+    """One plan-view element."""
+
+    length: float
+
+    def at(self, ds: float) -> tuple[float, float, float]:
+        """Position and heading (x, y, h) at arc length ds."""
+
+    def curvature(self, ds: float) -> float:
+        """Curvature at arc length ds."""
+
+    def knots(self) -> list[float]:
+        """Ascending arc lengths, ends included, between which the heading turns by at most about 0.3 rad."""
+
+
+class Start(NamedTuple):
+    """Where an element begins: position [m], heading [rad], and its length [m]."""
+
+    x: float
+    y: float
+    h: float
+    length: float
+
+
+class Line:
+    """A straight element."""
+
+    __slots__ = ("_cos", "_sin", "h", "length", "x", "y")
+
+    def __init__(self, start: Start) -> None:
+        self.x, self.y, self.h, self.length = start
+        self._cos, self._sin = math.cos(start.h), math.sin(start.h)
+
+    def at(self, ds: float) -> tuple[float, float, float]:
+        """Position and heading (x, y, h) at arc length ds."""
+        return self.x + ds * self._cos, self.y + ds * self._sin, self.h
+
+    def curvature(self, ds: float) -> float:
+        """Always 0."""
+        return 0.0
+
+    def knots(self) -> list[float]:
+        """Both ends."""
+        return [0.0, self.length]
+
+
+class Arc:
+    """An element of constant curvature [1/m]."""
+
+    __slots__ = ("h", "k", "length", "x", "y")
+
+    def __init__(self, start: Start, curvature: float) -> None:
+        self.x, self.y, self.h, self.length = start
+        self.k = curvature
+
+    def at(self, ds: float) -> tuple[float, float, float]:
+        """Position and heading (x, y, h) at arc length ds."""
+        half = 0.5 * self.k * ds
+        # the chord: exact also where the curvature is so small that differences of sines would cancel
+        chord = ds * math.sin(half) / half if half else ds
+        middle = self.h + half
+        return self.x + chord * math.cos(middle), self.y + chord * math.sin(middle), middle + half
+
+    def curvature(self, ds: float) -> float:
+        """The constant."""
+        return self.k
+
+    def knots(self) -> list[float]:
+        """Evenly spaced."""
+        return _even(self.length, abs(self.k) * self.length / 0.3)
+
+
+class Spiral:
+    """An Euler spiral: curvature changes linearly from `start_curvature` to `end_curvature` [1/m].
+
+    The Fresnel integrals are evaluated by five-point Gauss–Legendre quadrature from the nearest of several anchors,
+    so close together that the error stays below 1e-11 of the distance between them.
+    """
+
+    __slots__ = ("_anchors", "_step", "dk", "k", "length")
+
+    def __init__(self, start: Start, start_curvature: float, end_curvature: float) -> None:
+        self.length, self.k = start.length, start_curvature
+        self.dk = (end_curvature - start_curvature) / start.length
+        turning = max(abs(start_curvature), abs(end_curvature)) * start.length
+        bending = start.length * math.sqrt(abs(self.dk))
+        count = _pieces(max(turning / 0.5, bending / 0.5))
+        self._step = start.length / count
+        x, y, h = start.x, start.y, start.h
+        self._anchors: list[tuple[float, float, float, float]] = []
+        for index in range(count):
+            curvature = start_curvature + self.dk * index * self._step
+            self._anchors.append((x, y, h, curvature))
+            x, y, h = self._from(self._anchors[-1], self._step)
+
+    def at(self, ds: float) -> tuple[float, float, float]:
+        """Position and heading (x, y, h) at arc length ds."""
+        index = min(max(int(ds / self._step), 0), len(self._anchors) - 1)
+        return self._from(self._anchors[index], ds - index * self._step)
+
+    def curvature(self, ds: float) -> float:
+        """Linear in ds."""
+        return self.k + self.dk * ds
+
+    def knots(self) -> list[float]:
+        """Evenly spaced."""
+        return _even(self.length, max(abs(self.k), abs(self.curvature(self.length))) * self.length / 0.3)
+
+    def _from(self, anchor: tuple[float, float, float, float], u: float) -> tuple[float, float, float]:
+        x, y, h, k = anchor
+        half_rate = 0.5 * self.dk
+        dx = dy = 0.0
+        for node, weight in _QUADRATURE:
+            v = node * u
+            angle = h + v * (k + v * half_rate)
+            dx += weight * math.cos(angle)
+            dy += weight * math.sin(angle)
+        return x + u * dx, y + u * dy, h + u * (k + u * half_rate)
+
+
+class ParamPoly3:
+    """A parametric cubic: u(p), v(p) in the element's own frame, p from 0 to `p_end`.
+
+    Curve parameter and arc length are told apart: p is found from ds by a table of the arc length. Where the curve's true
+    length differs from the declared one (files round), ds is scaled, so that the element ends where its polynomials end.
+
+    Raises:
+        ValueError: the curve has no length, or is so long or wild that it can't be tabulated.
+    """
+
+    __slots__ = ("_h", "_ps", "_scale", "_slopes", "_ss", "_xs", "_ys", "length")
+
+    def __init__(self, start: Start, u: Sequence[float], v: Sequence[float], p_end: float) -> None:
+        cos, sin = math.cos(start.h), math.sin(start.h)
+        self._xs = [cos * a - sin * b for a, b in zip(u, v, strict=True)]
+        self._ys = [sin * a + cos * b for a, b in zip(u, v, strict=True)]
+        self._xs[0] += start.x
+        self._ys[0] += start.y
+        self._h = start.h
+        self.length = start.length
+        self._tabulate(p_end)
+        total = self._ss[-1]
+        if not total > 1e-9:
+            raise ValueError("the polynomials describe a curve without length")
+        self._scale = total / start.length
+
+    def at(self, ds: float) -> tuple[float, float, float]:
+        """Position and heading (x, y, h) at arc length ds."""
+        p = self.parameter(ds * self._scale)
+        a, b, c, d = self._xs
+        e, f, g, i = self._ys
+        h = math.atan2(f + p * (2.0 * g + 3.0 * p * i), b + p * (2.0 * c + 3.0 * p * d))
+        # nearest to the start's heading, so that headings do not jump by a full turn inside an element
+        h += math.tau * round((self._h - h) / math.tau)
+        return a + p * (b + p * (c + p * d)), e + p * (f + p * (g + p * i)), h
+
+    def curvature(self, ds: float) -> float:
+        """Curvature at arc length ds."""
+        p = self.parameter(ds * self._scale)
+        _, b, c, d = self._xs
+        _, f, g, i = self._ys
+        dx, dy = b + p * (2.0 * c + 3.0 * p * d), f + p * (2.0 * g + 3.0 * p * i)
+        speed = math.hypot(dx, dy)
+        return (dx * (2.0 * g + 6.0 * p * i) - dy * (2.0 * c + 6.0 * p * d)) / speed**3 if speed > 1e-9 else 0.0
+
+    def knots(self) -> list[float]:
+        """The knots of the arc-length table, and more where the curve bends."""
+        count = _pieces(max(len(self._ss) - 1, self.length / 5.0))
+        return [self.length * index / count for index in range(count + 1)]
+
+    def _speed(self, p: float) -> float:
+        _, b, c, d = self._xs
+        _, f, g, i = self._ys
+        return math.hypot(b + p * (2.0 * c + 3.0 * p * d), f + p * (2.0 * g + 3.0 * p * i))
+
+    def _arc_length(self, start: float, end: float) -> float:
+        return (end - start) * sum(weight * self._speed(start + node * (end - start)) for node, weight in _QUADRATURE)
+
+    def _tabulate(self, p_end: float) -> None:
+        """Cut [0, p_end] until the quadrature is exact and p is a cubic of the arc length between the knots."""
+        self._ss, self._ps, self._slopes = [0.0], [0.0], [_inverse(self._speed(0.0))]
+        todo = [p_end]
+        while todo:
+            start, end = self._ps[-1], todo[-1]
+            whole, middle = self._arc_length(start, end), 0.5 * (start + end)
+            first = self._arc_length(start, middle)
+            halves = first + self._arc_length(middle, end)
+            slope = _inverse(self._speed(end))
+            guess = _hermite(start, end, self._slopes[-1] * halves, slope * halves, first / halves if halves else 0.0)
+            exact = abs(whole - halves) < 1e-9 and abs(guess - middle) * self._speed(middle) < 1e-7
+            if exact or end - start < 1e-6 * p_end:
+                self._ss.append(self._ss[-1] + halves)
+                self._ps.append(end)
+                self._slopes.append(slope)
+                todo.pop()
+            else:
+                todo.append(middle)
+            if len(self._ss) > MAX_PIECES:
+                raise ValueError("the polynomials are too long or too wild to be followed")
+
+    def parameter(self, s: float) -> float:
+        """Curve parameter p at the curve's true arc length s, by Hermite interpolation in the table."""
+        index = min(max(bisect_right(self._ss, s), 1), len(self._ss) - 1)
+        start, end = self._ss[index - 1], self._ss[index]
+        span = end - start
+        x = min(max((s - start) / span, 0.0), 1.0) if span else 0.0
+        return _hermite(self._ps[index - 1], self._ps[index], self._slopes[index - 1] * span, self._slopes[index] * span, x)
+
+
+def poly3(start: Start, v: Sequence[float]) -> ParamPoly3:
+    """The element poly3, a cubic v(u) in its own frame: the parametric cubic with u(p) = p that has the declared length."""
+    u = (0.0, 1.0, 0.0, 0.0)
+    at_least = ParamPoly3(start, u, v, start.length)
+    return ParamPoly3(start, u, v, at_least.parameter(start.length))
+
+
+class ReferenceLine:
+    """The plan view of one road: elements that follow each other along s.
+
+    Before its start and beyond its end the line goes on straight, so that a point just outside has a position too.
+    """
+
+    __slots__ = ("_last", "end", "segments", "start", "starts", "straight")
+
+    def __init__(self, starts: Sequence[float], segments: Sequence[Segment]) -> None:
+        self.starts, self.segments = list(starts), list(segments)
+        self.start, self.end = self.starts[0], self.starts[-1] + self.segments[-1].length
+        self._last = len(self.starts) - 1
+        self.straight = all(isinstance(segment, Line) for segment in self.segments)
+
+    def at(self, s: float) -> tuple[float, float, float]:
+        """Position and heading (x, y, h) at s."""
+        if not self.start <= s <= self.end:
+            return self._beyond(s)
+        index = bisect_right(self.starts, s) - 1 if self._last else 0
+        return self.segments[index].at(s - self.starts[index])
+
+    def curvature(self, s: float) -> float:
+        """Curvature at s, positive to the left; 0 outside the line."""
+        if self.straight or not self.start <= s <= self.end:
+            return 0.0
+        index = bisect_right(self.starts, s) - 1
+        return self.segments[index].curvature(s - self.starts[index])
+
+    def knots(self) -> list[float]:
+        """Ascending s, ends included, between which the line is close to its chord."""
+        inner = [start + ds for start, segment in zip(self.starts, self.segments, strict=True) for ds in segment.knots()[:-1]]
+        return [*inner, self.end]
+
+    def _beyond(self, s: float) -> tuple[float, float, float]:
+        border = self.start if s < self.start else self.end
+        index = 0 if s < self.start else self._last
+        x, y, h = self.segments[index].at(border - self.starts[index])
+        return x + (s - border) * math.cos(h), y + (s - border) * math.sin(h), h
+
+
+def _inverse(speed: float) -> float:
+    return 1.0 / speed if speed > 1e-9 else 0.0
+
+
+def _hermite(a: float, b: float, slope_a: float, slope_b: float, x: float) -> float:
+    """Cubic through a and b with the given slopes, at x in [0, 1]."""
+    change = b - a
+    return a + x * (slope_a + x * (3.0 * change - 2.0 * slope_a - slope_b + x * (slope_a + slope_b - 2.0 * change)))
+
+
+def _pieces(wanted: float) -> int:
+    if not wanted < MAX_PIECES:
+        raise ValueError("the element winds too often to be followed")
+    return max(1, math.ceil(wanted))
+
+
+def _even(length: float, wanted: float) -> list[float]:
+    count = _pieces(wanted)
+    return [length * index / count for index in range(count + 1)]

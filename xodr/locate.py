@@ -1,0 +1,200 @@
+"""From the world to the road: the nearest place on a road network.
+
+Each road is cut into chords at load; a tree of boxes over them (a bulk-loaded R-tree) gives the few chords near a point, and
+a projection onto the exact reference line gives s and t. A point's distance from a road is that from its surface, not
+from its reference line: on the road it is 0, and where roads overlap (junctions, bridges) height, heading and the
+distance from the lane's centre decide, in this order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from heapq import heappop, heappush
+from itertools import pairwise
+from typing import NamedTuple
+
+from xodr.model import RoadPoint
+from xodr.road import Road
+
+_MOST_CHORDS = 400_000
+_TOO_LONG = "the roads are too long or wind too much to be indexed"
+_LONGEST_CHORD = 100.0
+_FANOUT = 8
+_CONVERGED = 1e-7
+_ON_SURFACE = 1e-6
+_OTHER_LEVEL = 2.0
+"""Height difference [m] from which a road is taken to be on another level."""
+
+
+class _Chord(NamedTuple):
+    road: Road
+    start: float
+    end: float
+
+
+class _Box(NamedTuple):
+    """Bounds of what lies below; a leaf has a chord and no children."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+    chord: _Chord | None
+    children: tuple[_Box, ...]
+
+    def distance(self, x: float, y: float) -> float:
+        """Distance from a point to the box, 0 inside."""
+        dx = max(self.west - x, 0.0, x - self.east)
+        dy = max(self.south - y, 0.0, y - self.north)
+        return math.hypot(dx, dy) if dx and dy else dx + dy
+
+
+class _Hit(NamedTuple):
+    """A projection onto a road. gap: distance from the road's surface [m], 0 on it."""
+
+    road: Road
+    s: float
+    t: float
+    gap: float
+
+
+class Locator:
+    """Finds road points for world positions.
+
+    Raises:
+        ValueError: the roads are too long or wind too much to be indexed.
+    """
+
+    def __init__(self, roads: Iterable[Road]) -> None:
+        leaves: list[_Box] = []
+        for road in roads:
+            leaves.extend(_leaves(road))
+            if len(leaves) > _MOST_CHORDS:
+                raise ValueError(_TOO_LONG)
+        self._root = _tree(leaves)
+
+    def locate(self, x: float, y: float, z: float | None, h: float | None) -> RoadPoint:
+        """The nearest road point; z [m] and h (heading of a road user [rad]) decide between roads that overlap."""
+        gap = math.inf
+        found: list[tuple[tuple[float, ...], RoadPoint]] = []
+        queue = [(self._root.distance(x, y), 0, self._root)]
+        count = 0
+        while queue and queue[0][0] <= gap:
+            box = heappop(queue)[2]
+            for child in box.children:
+                count += 1
+                heappush(queue, (child.distance(x, y), count, child))
+            if box.chord:
+                road, start, end = box.chord
+                hit = project(road, x, y, 0.5 * (start + end), start, end)
+                if hit.gap <= gap:
+                    gap = hit.gap
+                    point = road.point(hit.s, hit.t)
+                    found.append(((gap, *_mismatch(road, point, z, h)), point))
+        return min(found, key=lambda candidate: candidate[0])[1]
+
+
+def follow(road: Road, x: float, y: float, s: float) -> RoadPoint | None:
+    """The road point near an s known before; None where the point has left the road's surface."""
+    hit = project(road, x, y, s, 0.0, road.length)
+    return road.point(hit.s, hit.t) if hit.gap == 0.0 else None
+
+
+def project(road: Road, x: float, y: float, s: float, low: float, high: float) -> _Hit:
+    """Foot of the perpendicular onto the reference line between two s, by Newton's method from s, else by bisection."""
+    for _ in range(8):
+        ahead, aside = _local(road, x, y, s)
+        # d(ahead)/ds is 1 − κ·aside; kept away from 0 at the centre of a curve
+        step = ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
+        moved = min(max(s + step, low), high)
+        converged = abs(moved - s) < _CONVERGED
+        s = moved
+        if converged:
+            break
+    else:
+        s = _bisect(road, x, y, low, high)
+        ahead, aside = _local(road, x, y, s)
+    t = road.t_of(s, aside)
+    right, left = road.edges(s)
+    beside = max(right - t, 0.0, t - left)
+    gap = math.hypot(beside, ahead) if abs(ahead) > _ON_SURFACE else beside
+    return _Hit(road, s, t, gap if gap > _ON_SURFACE else 0.0)
+
+
+def _local(road: Road, x: float, y: float, s: float) -> tuple[float, float]:
+    """A world position in the frame of the reference line at s: ahead and to the left."""
+    px, py, h = road.line.at(s)
+    cos, sin = math.cos(h), math.sin(h)
+    return (x - px) * cos + (y - py) * sin, (y - py) * cos - (x - px) * sin
+
+
+def _bisect(road: Road, x: float, y: float, low: float, high: float) -> float:
+    """Where "ahead" changes sign: also finds the kink of a line that is not smooth, where Newton's method jumps to and fro."""
+    while high - low > _CONVERGED:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        if _local(road, x, y, middle)[0] > 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def _mismatch(road: Road, point: RoadPoint, z: float | None, h: float | None) -> tuple[float, float, float]:
+    """How badly a road point fits: wrong level [m], heading against the lane [rad, coarse], distance from the lane's centre."""
+    height = abs(road.pose(point.s, point.t).z - z) if z is not None else 0.0
+    angle = 0.0
+    if h is not None:
+        way = road.heading(point.s) + (0.0 if road.direction(point.lane_id, point.s) > 0 else math.pi)
+        angle = round(abs(math.remainder(h - way, math.tau)), 3)
+    return (height if height > _OTHER_LEVEL else 0.0), angle, round(abs(point.offset), 6)
+
+
+# the tree -----------------------------------------------------------------------------------
+
+
+def _leaves(road: Road) -> Iterator[_Box]:
+    if road.length / _LONGEST_CHORD > _MOST_CHORDS:
+        raise ValueError(_TOO_LONG)
+    knots = {s for s in road.line.knots() if 0.0 < s < road.length} | {section.s for section in road.sections}
+    for low, high in pairwise([*sorted(knots), road.length]):
+        count = math.ceil((high - low) / _LONGEST_CHORD)
+        for index in range(count):
+            yield _leaf(road, low + (high - low) * index / count, low + (high - low) * (index + 1) / count)
+
+
+def _leaf(road: Road, start: float, end: float) -> _Box:
+    x0, y0, h0 = road.line.at(start)
+    x1, y1, h1 = road.line.at(end)
+    widest = max(abs(edge) for s in (start, 0.5 * (start + end), end) for edge in road.edges(s))
+    # twice the height of an arc over its chord, and a margin for widths between the samples
+    room = widest + abs(h1 - h0) * (end - start) / 4.0 + 0.5
+    chord = _Chord(road, start, end)
+    return _Box(min(x0, x1) - room, min(y0, y1) - room, max(x0, x1) + room, max(y0, y1) + room, chord, ())
+
+
+def _tree(boxes: list[_Box]) -> _Box:
+    """Sort-tile-recursive packing (Leutenegger, Lopez, Edgington 1997)."""
+    while len(boxes) > 1:
+        parents = math.ceil(len(boxes) / _FANOUT)
+        slice_size = _FANOUT * math.ceil(math.sqrt(parents))
+        boxes.sort(key=lambda box: box.west + box.east)
+        slices = [boxes[index : index + slice_size] for index in range(0, len(boxes), slice_size)]
+        boxes = []
+        for stripe in slices:
+            stripe.sort(key=lambda box: box.south + box.north)
+            boxes.extend(_parent(tuple(stripe[index : index + _FANOUT])) for index in range(0, len(stripe), _FANOUT))
+    return boxes[0]
+
+
+def _parent(children: tuple[_Box, ...]) -> _Box:
+    return _Box(
+        min(box.west for box in children),
+        min(box.south for box in children),
+        max(box.east for box in children),
+        max(box.north for box in children),
+        None,
+        children,
+    )

@@ -1,0 +1,224 @@
+"""What an OpenDRIVE file says, as plain data: lanes, links, junctions, signals, objects, and positions on roads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from schemas.errors import InvalidFile
+from xodr.profiles import Profile
+
+
+class RoadError(InvalidFile):
+    """A road, lane or junction was asked for that the road network does not have."""
+
+
+class Pose(NamedTuple):
+    """Position [m] and orientation [rad] in the world.
+
+    h: heading of the road (+s direction), not wrapped. pitch: rotation about the left-pointing axis, so positive where
+    the road descends. roll: superelevation, positive where the left side is higher (ISO 8855, as in OpenSCENARIO).
+    """
+
+    x: float
+    y: float
+    z: float
+    h: float
+    pitch: float
+    roll: float
+
+
+class RoadPoint(NamedTuple):
+    """A place on a road: s along the reference line, t to its left, and the lane there.
+
+    offset: t minus the t of the lane's centre, so positive towards +t whatever the traffic's direction.
+    """
+
+    road_id: str
+    s: float
+    t: float
+    lane_id: int
+    offset: float
+
+
+class LaneLink(NamedTuple):
+    """A lane that can be entered: at the start (s = 0) or the end of its road."""
+
+    road_id: str
+    lane_id: int
+    at_start: bool
+
+
+@dataclass(slots=True)
+class Lane:
+    """One lane within one lane section. All profiles are functions of the road's s.
+
+    direction: "standard" (by lane id and traffic rule), "reversed" or "both" (OpenDRIVE 1.8).
+    speeds: (s, limit [m/s] or None for none) in ascending s.
+    """
+
+    id: int
+    type: str
+    level: bool
+    predecessor: int | None
+    successor: int | None
+    width: Profile
+    inner: Profile
+    outer: Profile
+    center: Profile
+    direction: str = "standard"
+    speeds: tuple[tuple[float, float | None], ...] = ()
+
+
+@dataclass(slots=True)
+class LaneSection:
+    """A stretch of road with an unchanging set of lanes.
+
+    lanes: by id, including the centre lane 0 (no width). left, right: lane ids from the reference line outwards.
+    """
+
+    s: float
+    end: float
+    lanes: dict[int, Lane]
+    left: tuple[int, ...] = field(init=False)
+    right: tuple[int, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.left = tuple(sorted(lane for lane in self.lanes if lane > 0))
+        self.right = tuple(sorted((lane for lane in self.lanes if lane < 0), reverse=True))
+
+
+class RoadLink(NamedTuple):
+    """What a road is joined to at one of its ends.
+
+    element_type: "road" or "junction". contact: "start" or "end" of that road; None for junctions.
+    """
+
+    element_type: str
+    element_id: str
+    contact: str | None
+
+
+class Connection(NamedTuple):
+    """One way through a junction: from a road's lanes to those of the road that it leads to.
+
+    contact: which end of `connecting_road` is entered. In direct junctions `connecting_road` is the linked road.
+    lane_links: (from, to) lane ids; empty where the file leaves them out.
+    """
+
+    id: str
+    incoming_road: str
+    connecting_road: str
+    contact: str
+    lane_links: tuple[tuple[int, int], ...]
+
+
+@dataclass(slots=True)
+class Junction:
+    """A junction. type: "default", "direct", "virtual" or "crossing"."""
+
+    id: str
+    name: str
+    type: str
+    connections: tuple[Connection, ...]
+    controllers: tuple[str, ...] = ()
+
+
+class Controller(NamedTuple):
+    """A group of signals switched together."""
+
+    id: str
+    name: str
+    sequence: int | None
+    signals: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Signal:
+    """A traffic sign or light.
+
+    orientation: "+", "-" or "none": for traffic in that s direction. validity: (from, to) lane ranges; empty means all lanes.
+    """
+
+    id: str
+    road_id: str
+    s: float
+    t: float
+    name: str
+    dynamic: bool
+    type: str
+    subtype: str
+    country: str
+    orientation: str
+    value: float | None
+    unit: str
+    text: str
+    z_offset: float
+    h_offset: float
+    width: float | None
+    height: float | None
+    validity: tuple[tuple[int, int], ...]
+
+
+class SignalReference(NamedTuple):
+    """A signal of another road that also holds here."""
+
+    signal_id: str
+    s: float
+    t: float
+    orientation: str
+    validity: tuple[tuple[int, int], ...]
+
+
+class Corner(NamedTuple):
+    """An outline's corner: (u, v, z) in the object's frame, or (s, t, dz) on the road where `on_road`."""
+
+    u: float
+    v: float
+    z: float
+    height: float
+    on_road: bool
+
+
+@dataclass(slots=True)
+class RoadObject:
+    """A static object beside or on the road, with its bounding dimensions [m] and outlines."""
+
+    id: str
+    road_id: str
+    s: float
+    t: float
+    name: str
+    type: str
+    subtype: str
+    orientation: str
+    z_offset: float
+    heading: float
+    pitch: float
+    roll: float
+    length: float | None
+    width: float | None
+    radius: float | None
+    height: float | None
+    outlines: tuple[tuple[Corner, ...], ...]
+    validity: tuple[tuple[int, int], ...]
+
+
+class RoadType(NamedTuple):
+    """Kind of road from `s` on, with its speed limit [m/s], None where there is none."""
+
+    s: float
+    type: str
+    speed: float | None
+
+
+class Header(NamedTuple):
+    """Header of the file: version, name, PROJ string, and the offset that was applied to inertial coordinates.
+
+    offset: (x, y, z, heading) as in the `offset` element of OpenDRIVE 1.5 and later.
+    """
+
+    version: tuple[int, int]
+    name: str
+    geo_reference: str | None
+    offset: tuple[float, float, float, float]

@@ -1,0 +1,132 @@
+"""A road network: roads, junctions and signals, positions on them, and the ways between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from xodr.links import link_table
+from xodr.locate import Locator, follow
+from xodr.model import Controller, Header, Junction, LaneLink, Pose, RoadError, RoadPoint, Signal
+from xodr.road import Road
+from xodr.travel import Choose, Travel, Traveller
+
+
+class RoadNetwork:
+    """Everything that one OpenDRIVE file describes.
+
+    Attributes:
+        signals: by id. Ids are unique in a valid file; where they are not, the first signal is meant.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        header: Header,
+        roads: Mapping[str, Road],
+        junctions: Mapping[str, Junction],
+        controllers: Mapping[str, Controller],
+    ) -> None:
+        self.path = path
+        self.header = header
+        self.roads = dict(roads)
+        self.junctions = dict(junctions)
+        self.controllers = dict(controllers)
+        self.signals: dict[str, Signal] = {}
+        for road in self.roads.values():
+            for signal in road.signals:
+                self.signals.setdefault(signal.id, signal)
+        self._links = link_table(self.roads, self.junctions)
+        self._locator = Locator(self.roads.values())
+        self._traveller = Traveller(self.roads, self._links)
+
+    @property
+    def name(self) -> str:
+        """Name in the file's header."""
+        return self.header.name
+
+    @property
+    def geo_reference(self) -> str | None:
+        """PROJ string of the map projection, None where the file has none."""
+        return self.header.geo_reference
+
+    def road(self, road_id: str) -> Road:
+        """The road with that id.
+
+        Raises:
+            RoadError: there is none.
+        """
+        road = self.roads.get(road_id)
+        if road is None:
+            raise RoadError(f"there is no road {road_id!r}; roads: {_listed(self.roads)}", path=self.path)
+        return road
+
+    # positions ------------------------------------------------------------------------------
+
+    def point(self, road_id: str, s: float, t: float) -> RoadPoint:
+        """The road point at (s, t) with the lane that it lies on."""
+        return self.road(road_id).point(s, t)
+
+    def lane_point(self, road_id: str, lane_id: int, s: float, offset: float = 0.0) -> RoadPoint:
+        """The road point on a lane, `offset` [m] from its centre towards +t."""
+        return self.road(road_id).lane_point(s, lane_id, offset)
+
+    def pose(self, point: RoadPoint) -> Pose:
+        """World pose of a road point; h is the road's heading, not the lane's traffic direction."""
+        return self.roads[point.road_id].pose(point.s, point.t)
+
+    def locate(
+        self, x: float, y: float, z: float | None = None, h: float | None = None, hint: RoadPoint | None = None
+    ) -> RoadPoint:
+        """The road point nearest to a world position [m]; off the road its t lies outside the road's edges.
+
+        Args:
+            z, h: height [m] and heading [rad] of the road user, to decide between overlapping roads.
+            hint: where it was shortly before. While it still is on that road, the answer is fast and stays there.
+        """
+        if hint is not None:
+            point = follow(self.roads[hint.road_id], x, y, hint.s)
+            if point is not None:
+                return point
+        return self._locator.locate(x, y, z, h)
+
+    def on_road(self, point: RoadPoint) -> bool:
+        """Whether the point lies on a lane of the road; lanes of type "none" are not part of it."""
+        road = self.roads[point.road_id]
+        if not 0.0 <= point.s <= road.length:
+            return False
+        right, left = road.edges(point.s)
+        return right <= point.t <= left and road.lane_type(point.s, road.lane_at(point.s, point.t)) != "none"
+
+    # ways -----------------------------------------------------------------------------------
+
+    def links(self, road_id: str, lane_id: int, forward: bool) -> list[LaneLink]:
+        """Every lane reached at the end (forward) or start of a road from one of its lanes there."""
+        return self._links.get((road_id, lane_id, forward), [])
+
+    def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose | None = None) -> Travel:
+        """Move along the lane, over section and road borders and through junctions, keeping the lane offset.
+
+        Args:
+            distance: way of the point itself [m], as an odometer counts it; negative moves the other way.
+            forward: direction of movement: True towards +s.
+            choose: picks the way on where there are several; the straightest by default.
+
+        Returns:
+            The point reached, the direction there (for negative distances that of the reverse movement turned back), and
+            the distance left over at the end of the road.
+        """
+        choose = choose or self._traveller.straightest
+        if distance >= 0.0:
+            return self._traveller.travel(point, distance, forward, choose)
+        point, backward, left = self._traveller.travel(point, -distance, not forward, choose)
+        return Travel(point, not backward, left)
+
+    def straightest(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """The default choice at junctions: the way on that turns least."""
+        return self._traveller.straightest(point, forward, links)
+
+
+def _listed(names: Mapping[str, object]) -> str:
+    shown = list(names)[:8]
+    return ", ".join(shown) + (", …" if len(names) > len(shown) else "")

@@ -1,0 +1,81 @@
+"""Piecewise cubic functions of s: elevation, superelevation, lane offset, widths, borders, lane centres.
+
+OpenDRIVE describes all of them as records `a + b·ds + c·ds² + d·ds³` with ds = s − start, each valid until the next.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from typing import NamedTuple
+
+
+class Cubic(NamedTuple):
+    """One record: valid from `start` [m] on."""
+
+    start: float
+    a: float
+    b: float = 0.0
+    c: float = 0.0
+    d: float = 0.0
+
+    def shifted(self, start: float) -> Cubic:
+        """The same polynomial expressed about another start."""
+        x = start - self.start
+        _, a, b, c, d = self
+        return Cubic(start, a + x * (b + x * (c + x * d)), b + x * (2 * c + 3 * x * d), c + 3 * x * d, d)
+
+
+class Profile:
+    """A function of s made of cubics with ascending starts; the first also holds before its start.
+
+    Attributes:
+        constant: the value where the function is the same everywhere, else None. Callers in hot paths may test it.
+    """
+
+    __slots__ = ("constant", "pieces", "starts")
+
+    def __init__(self, pieces: Iterable[Cubic]) -> None:
+        self.pieces = list(pieces)
+        self.starts = [piece.start for piece in self.pieces]
+        first = self.pieces[0].a
+        flat = all(a == first and b == c == d == 0.0 for _, a, b, c, d in self.pieces)
+        self.constant = first if flat else None
+
+    def __call__(self, s: float) -> float:
+        """Value at s."""
+        if self.constant is not None:
+            return self.constant
+        start, a, b, c, d = self.pieces[max(bisect_right(self.starts, s) - 1, 0)]
+        s -= start
+        return a + s * (b + s * (c + s * d))
+
+    def slope(self, s: float) -> float:
+        """First derivative at s."""
+        if self.constant is not None:
+            return 0.0
+        start, _, b, c, d = self.pieces[max(bisect_right(self.starts, s) - 1, 0)]
+        s -= start
+        return b + s * (2.0 * c + 3.0 * s * d)
+
+    def plus(self, other: Profile, factor: float = 1.0) -> Profile:
+        """The function `self + factor · other`."""
+        starts = sorted({*self.starts, *other.starts})
+        return Profile(_sum(self._about(start), other._about(start), factor) for start in starts)
+
+    def within(self, start: float, end: float) -> Profile:
+        """The part that matters between two s, so that sums over one lane section stay short."""
+        inside = [piece for piece in self.pieces if start < piece.start < end]
+        return Profile([self._about(start), *inside])
+
+    def _about(self, start: float) -> Cubic:
+        return self.pieces[max(bisect_right(self.starts, start) - 1, 0)].shifted(start)
+
+
+ZERO = Profile([Cubic(0.0, 0.0)])
+"""The function that is 0 everywhere."""
+
+
+def _sum(one: Cubic, other: Cubic, factor: float) -> Cubic:
+    _, a, b, c, d = other
+    return Cubic(one.start, one.a + factor * a, one.b + factor * b, one.c + factor * c, one.d + factor * d)
