@@ -21,7 +21,7 @@ from xosc.values import quoted
 
 Argument = str | float | int | bool
 
-MAX_INLINED = 1_000_000
+MAX_INLINED = 200_000
 """Most elements that catalogue entries may add to a document."""
 MAX_NESTING = 32
 """Most catalogue entries that may lie inside each other."""
