@@ -17,6 +17,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from runner.motion import wrap
@@ -32,6 +34,9 @@ _EGO_NAME = re.compile(r"(ego|hero)([_ ]?(vehicle|car))?[_ ]?\d*", re.IGNORECASE
 _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
 _SAME = 1e-9
+_GRAVITY = 9.81
+_PEDAL = 8.0
+"""Deceleration or acceleration of a fully pressed pedal where the vehicle's Performance gives none, m/s²"""
 
 
 def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
@@ -73,14 +78,17 @@ class Driver:
         self._intervening = False
         self._steering = False
 
+    def hand_over(self, domains: Mapping[str, bool]) -> None:
+        """Let the system drive, or no longer drive, in control domains (ActivateControllerAction)."""
+        self.longitudinal = domains.get("longitudinal", self.longitudinal)
+        self.lateral = domains.get("lateral", self.lateral)
+
     def speed(self, ego: Entity, demand: float, sim: Simulation) -> float:
         """Speed of the ego at the end of this step, m/s; turns the ego where the system steers."""
         if not (self.longitudinal or self.lateral):
             return demand
         others = [e for e in sim.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
-        control = self.system.control(
-            Observation(sim.time, ego, others, demand, sim.network, sim.environment), sim.dt
-        )
+        control = self.system.control(Observation(sim.time, ego, others, demand, sim.network, sim.environment), sim.dt)
         if self.lateral and control.steering is not None:
             self._steer(ego, control.steering, sim)
         if not self.longitudinal:
@@ -89,6 +97,7 @@ class Driver:
 
     def _longitudinal(self, ego: Entity, control: Control, demand: float, sim: Simulation) -> float:
         limits = ego.performance
+        control = _overridden(control, ego)
         if control.acceleration is None:
             if self._intervening:
                 most = min(_RETURN, limits.max_acceleration)
@@ -99,7 +108,9 @@ class Driver:
             return demand
         if not self._intervening:
             self._note(True, control.reason, ego, sim)
-        wanted = max(-limits.max_deceleration, min(limits.max_acceleration, control.acceleration))
+        grip = _GRAVITY * sim.environment.friction
+        hardest = min(limits.max_deceleration, grip)
+        wanted = max(-hardest, min(limits.max_acceleration, grip, control.acceleration))
         return max(ego.speed + wanted * sim.dt, 0.0)
 
     def _note(self, intervening: bool, reason: str, ego: Entity, sim: Simulation) -> None:
@@ -112,3 +123,17 @@ class Driver:
             sim.leave_lane(ego)
         wheelbase = ego.front_axle or ego.box.length * 0.6
         ego.h = wrap(ego.h + ego.speed * math.tan(steering) / wheelbase * sim.dt)
+
+
+def _overridden(control: Control, ego: Entity) -> Control:
+    """The system's control with the pedals that OverrideControllerValueAction holds."""
+    pedals = ego.overrides
+    brake = max(pedals.get("Brake", 0.0), pedals.get("ParkingBrake", 0.0))
+    if not (brake or "Throttle" in pedals):
+        return control
+    strongest = [
+        limit if math.isfinite(limit) else _PEDAL
+        for limit in (ego.performance.max_acceleration, ego.performance.max_deceleration)
+    ]
+    acceleration = pedals.get("Throttle", 0.0) * strongest[0] - brake * strongest[1]
+    return replace(control, acceleration=acceleration, reason="overridden controller inputs")

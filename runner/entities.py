@@ -50,7 +50,7 @@ class Entity:
     """vehicle, pedestrian or miscellaneous"""
     category: str
     box: BoundingBox
-    performance: Performance = Performance()
+    performance: Performance = field(default_factory=Performance)
     front_axle: float = 0.0
     """x of the front axle, m (0 where there is none)"""
     model: str = ""
@@ -113,6 +113,8 @@ class Entity:
     """the system under test that drives this entity, if any"""
     driven: bool = False
     """whether the simulator's own driver moves it"""
+    overrides: dict[str, float] = field(default_factory=dict)
+    """controller inputs that OverrideControllerValueAction holds"""
     lights: dict[str, str] = field(default_factory=dict)
     animations: dict[str, str] = field(default_factory=dict)
     trailer: Entity | None = None

@@ -34,6 +34,9 @@ class KinematicWorld:
     def set_speed(self, entity: Entity, speed: float | None) -> None:
         """Nobody is driven here."""
 
+    def show(self, entity: Entity, visible: bool) -> None:
+        """Nobody looks."""
+
     def mirror(self, entities: Iterable[Entity]) -> None:
         """Nobody looks."""
 

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
     from runner.entities import BoundingBox, Entity
     from runner.simulation import Simulation
-    from xodr.network import RoadNetwork, RoadPoint
+    from xodr.model import RoadPoint
+    from xodr.network import RoadNetwork
 
 COLUMNS = (
     "time",

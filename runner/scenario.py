@@ -39,7 +39,7 @@ _WRAPPERS = {
     "InfrastructureAction",
     "TrafficSignalAction",
     "TrafficAction",
-    "Action",
+    "UserDefinedAction",
 }
 """Elements that only group the action inside them; an action may look at `Node.parent` for their attributes."""
 
@@ -79,6 +79,8 @@ class Context:
         self.parameters: dict[str, Any] = {name: p.value for name, p in document.parameters.items()}
         self.variables: dict[str, Any] = {name: v.value for name, v in document.variables.items()}
         self.monitors: dict[str, bool] = dict(document.monitors)
+        self.parameter_types = {name: p.type for name, p in document.parameters.items()}
+        self.variable_types = {name: v.type for name, v in document.variables.items()}
         self.storyboard = Storyboard()
         self._late: list[Callable[[], None]] = []
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.collision import Contacts
+from runner.environment import Environment
 from runner.motion import FreeMotion, LaneMotion, Placement, wrap
 from runner.recording import Recorder
 from xodr.model import RoadPoint
@@ -56,7 +57,7 @@ class Simulation:
         self.parameters: dict[str, Any] = dict(scenario.parameters)
         self.variables: dict[str, Any] = dict(scenario.variables)
         self.monitors: dict[str, bool] = dict(scenario.monitors)
-        self.environment: dict[str, Any] = {}
+        self.environment = Environment()
         self.user_values: dict[str, str] = {}
         self.step_index = 0
         self.time = 0.0
@@ -77,8 +78,12 @@ class Simulation:
         """Open the world, run the initial actions, record time 0."""
         self.world.open(self.network, self.dt, self.seed)
         self.storyboard.begin(self)
-        for entity in self.entities.present():
-            self.world.add(entity)
+        for entity in self.entities.values():
+            if entity.active and entity.placed:
+                self.world.add(entity)
+            elif entity.active:
+                entity.active = False
+                self.note("entity", entity.name, "has no position yet: absent until an action places it")
         self.contacts.update()
         self.recorder.record()
 
@@ -200,9 +205,11 @@ class Simulation:
             entity.located = self.network.locate(entity.x, entity.y, entity.z, entity.h, entity.located)
         return entity.located
 
-    def activate(self, entity: Entity) -> None:
-        """Bring an entity into the world (AddEntityAction)."""
+    def activate(self, entity: Entity, placement: Placement) -> None:
+        """Bring an entity into the world, standing (AddEntityAction)."""
         entity.active = True
+        entity.speed = entity.demand = entity.acceleration = 0.0
+        self.place(entity, placement)
         self.world.add(entity)
 
     def deactivate(self, entity: Entity) -> None:

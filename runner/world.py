@@ -52,6 +52,10 @@ class World(Protocol):
         """Prescribe the speed (m/s) of a driven participant; None lets the world's driver choose."""
         ...
 
+    def show(self, entity: Entity, visible: bool) -> None:
+        """Let the world's own drivers see a scripted participant, or not (VisibilityAction, traffic)."""
+        ...
+
     def mirror(self, entities: Iterable[Entity]) -> None:
         """Show the world where scripted participants are at the end of the coming step."""
         ...

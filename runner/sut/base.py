@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from runner.entities import Entity
+    from runner.environment import Environment
     from xodr.network import RoadNetwork
 
 
@@ -34,7 +35,7 @@ class Observation:
     others: Sequence[Entity]
     demand: float
     network: RoadNetwork | None
-    environment: dict[str, object]
+    environment: Environment
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,128 @@
+"""AssignControllerAction, ActivateControllerAction and OverrideControllerValueAction.
+
+How controllers and systems under test combine is said in `runner.ego`. A controller of any other entity is a
+program that is not at hand: assigning and activating it is written to the event log, the entity goes on as scripted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from runner.actions.base import PrivateAction
+from runner.entities import Entity
+from runner.registry import action
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+_DOMAINS = ("longitudinal", "lateral", "lighting", "animation")
+_INPUTS = ("Throttle", "Brake", "Clutch", "ParkingBrake", "SteeringWheel", "Gear")
+
+
+def _activate(actor: Entity, switches: dict[str, bool], sim: Simulation) -> None:
+    if not domains:
+        return
+    if actor.system is not None:
+        actor.system.hand_over(domains)
+    for domain, active in domains.items():
+        sim.note("controller", actor.name, f"{'activated' if active else 'deactivated'} in the {domain} domain")
+
+
+@action("AssignControllerAction")
+@dataclass(frozen=True, slots=True)
+class AssignControllerAction(PrivateAction):
+    """Gives an entity a controller, and activates it in the domains named (deactivated by default)."""
+
+    name: str
+    properties: dict[str, str]
+    switches: dict[str, bool]
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AssignControllerAction:
+        """Build from an AssignControllerAction element (its controller inline, or inlined from a catalogue)."""
+        controller = node.find("Controller") or node.find("ObjectController", "Controller")
+        if controller is None:
+            raise node.invalid("a Controller, ObjectController or CatalogReference is expected inside")
+        properties = {p.get("name"): p.get("value") for p in controller.iter("Property")}
+        named = {d: node.bool(f"activate{d.capitalize()}") for d in _DOMAINS if node.has(f"activate{d.capitalize()}")}
+        return cls(controller.get("name"), properties, named)
+
+    @property
+    def activates_controller(self) -> bool:
+        """Whether this decides when the system under test drives."""
+        return bool(self.switches)
+
+    def start(self, actor: Entity, sim: Simulation) -> None:
+        """Assign at once."""
+        actor.controllers[self.name] = dict(self.properties)
+        sim.note("controller", actor.name, f"assigned {self.name}")
+        _activate(actor, self.switches, sim)
+
+
+@action("ActivateControllerAction")
+@dataclass(frozen=True, slots=True)
+class ActivateControllerAction(PrivateAction):
+    """Activates or deactivates the entity's controller in the domains named; the others stay as they are."""
+
+    switches: dict[str, bool]
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> ActivateControllerAction:
+        """Build from an ActivateControllerAction element."""
+        return cls({domain: node.bool(domain) for domain in _DOMAINS if node.has(domain)})
+
+    @property
+    def activates_controller(self) -> bool:
+        """Whether this decides when the system under test drives."""
+        return True
+
+    def start(self, actor: Entity, sim: Simulation) -> None:
+        """Activate or deactivate at once."""
+        _activate(actor, self.switches, sim)
+
+
+@action("OverrideControllerValueAction")
+@dataclass(frozen=True, slots=True)
+class OverrideControllerValueAction(PrivateAction):
+    """Overrides inputs of the entity's controller: what a system under test asks for is replaced by them.
+
+    Throttle, brake and parking brake (0 to 1 of the vehicle's `Performance`) act on the ego while a system under
+    test drives it; clutch, gear and steering wheel are written to the event log and shown to the system under test.
+    """
+
+    inputs: dict[str, float | None]
+    """input → value; None ends its override"""
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> OverrideControllerValueAction:
+        """Build from an OverrideControllerValueAction element."""
+        inputs: dict[str, float | None] = {}
+        for child in node.children():
+            if child.tag not in _INPUTS:
+                raise child.unsupported("this controller input is not known to the runner")
+            inputs[child.tag] = _input(child) if child.bool("active") else None
+        return cls(inputs)
+
+    def start(self, actor: Entity, sim: Simulation) -> None:
+        """Override at once."""
+        for name, value in self.inputs.items():
+            if value is None:
+                actor.overrides.pop(name, None)
+            else:
+                actor.overrides[name] = value
+            sim.note("override", actor.name, f"{name} {'released' if value is None else format(value, 'g')}")
+
+
+def _input(node: Node) -> float:
+    """Value of an override: brakes as 1.2+ writes them in a child, gears as a number or a mode."""
+    inner = node.children()
+    if inner:
+        detail = inner[0]
+        modes = {"reverse": -1.0, "neutral": 0.0, "park": 0.0, "drive": 1.0}
+        if detail.has("gear"):
+            return modes[detail.choice("gear", modes)]
+        return float(detail.finite("number" if detail.has("number") else "value"))
+    return float(node.finite("number" if node.has("number") else "value"))

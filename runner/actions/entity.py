@@ -1,0 +1,62 @@
+"""AddEntityAction and DeleteEntityAction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from runner.actions.base import GlobalAction
+from runner.entities import Entity
+from runner.registry import action
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+
+def _entity(node: Node, context: Context) -> Entity:
+    above = node.parent
+    assert above is not None
+    return context.entity(above)
+
+
+@action("AddEntityAction")
+@dataclass(frozen=True, slots=True)
+class AddEntityAction(GlobalAction):
+    """Brings a declared entity into the world at a position, standing; nothing happens where it is there already."""
+
+    entity: Entity
+    position: Any
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AddEntityAction:
+        """Build from an AddEntityAction element."""
+        return cls(_entity(node, context), context.position(node.need("Position")))
+
+    def start(self, sim: Simulation) -> None:
+        """Add at once."""
+        if self.entity.active:
+            sim.note("entity", self.entity.name, "is in the scenario already")
+            return
+        sim.activate(self.entity, self.position.resolve(sim, self.entity))
+        sim.note("entity", self.entity.name, "added")
+
+
+@action("DeleteEntityAction")
+@dataclass(frozen=True, slots=True)
+class DeleteEntityAction(GlobalAction):
+    """Takes an entity out of the world; its actions end with it."""
+
+    entity: Entity
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> DeleteEntityAction:
+        """Build from a DeleteEntityAction element."""
+        return cls(_entity(node, context))
+
+    def start(self, sim: Simulation) -> None:
+        """Delete at once."""
+        if self.entity.active:
+            sim.deactivate(self.entity)
+            sim.note("entity", self.entity.name, "deleted")

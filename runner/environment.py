@@ -1,0 +1,63 @@
+"""Weather, time of day and road condition as EnvironmentActions set them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+
+from xosc.node import Node
+from xosc.values import typed
+
+
+@dataclass(slots=True)
+class Environment:
+    """What is known of the surroundings; every part keeps its last value until an action sets it anew.
+
+    Args:
+        name: of the last Environment applied.
+        friction: RoadCondition frictionScaleFactor, 1 for a dry road.
+        weather: attributes of Weather and its children, as `Precipitation.precipitationType`, in the file's words.
+        day: the time of day set last, if any; `set_at` (s) is when that was, `running` whether it moves with the simulation.
+    """
+
+    name: str = ""
+    friction: float = 1.0
+    weather: dict[str, str] = field(default_factory=dict)
+    day: datetime | None = None
+    set_at: float = 0.0
+    running: bool = False
+
+    def apply(self, node: Node, time: float) -> None:
+        """Take over what an Environment element says, at a simulation time (s)."""
+        self.name = node.get("name")
+        clock = node.find("TimeOfDay")
+        if clock is not None:
+            self.day, self.set_at, self.running = read_date(clock, "dateTime"), time, clock.bool("animation")
+        weather = node.find("Weather")
+        if weather is not None:
+            self.weather = {
+                (str(key) if part.tag == weather.tag else f"{part.tag}.{key!s}"): str(value)
+                for part in weather.iter()
+                for key, value in part.element.attrib.items()
+            }
+        road = node.find("RoadCondition")
+        if road is not None:
+            self.friction = road.finite("frictionScaleFactor")
+            if self.friction < 0.0:
+                raise road.invalid("frictionScaleFactor must not be negative")
+
+    def time_of_day(self, time: float) -> datetime | None:
+        """The date and time at a simulation time (s); None while no action has set any."""
+        if self.day is None or not self.running:
+            return self.day
+        return self.day + timedelta(seconds=time - self.set_at)
+
+
+def read_date(node: Node, attribute: str) -> datetime:
+    """An attribute of type dateTime; without a time zone it is UTC."""
+    try:
+        value = typed("dateTime", node.get(attribute))
+    except ValueError as error:
+        raise node.invalid(f"{attribute}: {error}") from None
+    assert isinstance(value, datetime)
+    return value
