@@ -99,6 +99,8 @@ class Scope:
         Raises:
             ExpressionError: it refers to an unknown parameter, or has no value.
         """
+        if "$" not in text:
+            return text
         parameter = self._visible.get(text[1:]) if text.startswith("$") else None
         return parameter.text if parameter else substitute(text, self._operand)
 

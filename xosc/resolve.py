@@ -80,7 +80,7 @@ def resolve(
         raise UsageError(f"this is a {document.kind}, a scenario is expected", path=document.path)
     root = copy.deepcopy(document.root.getroottree()).getroot()
     node = Node(root, document.path)
-    assigned = {name: _argument(name, value, node) for name, value in (parameters or {}).items()}
+    assigned = {name: _argument(value, node) for name, value in (parameters or {}).items()}
     scopes = _bind(node, None, assigned, enforce_constraints)
     _Inliner(Catalogs(node), enforce_constraints).inline(node, scopes, ())
     return Resolved(
@@ -158,10 +158,10 @@ class _Inliner:
 
     def inline(self, top: Node, scopes: _Scopes, inside: tuple[Entry, ...]) -> None:
         """Replace the references below `top`, which lies inside those entries and whose attributes are literals."""
-        for element in list(top.element.iter("CatalogReference")):
-            parent = element.getparent()
-            if parent is not None:
-                parent.replace(element, self._entry(Node(element, top.path), _scope_around(element, scopes), inside))
+        references = [(element, _scope_around(element, scopes)) for element in top.element.iter("CatalogReference")]
+        for element, scope in references:
+            entry = self._entry(Node(element, top.path), scope, inside)
+            cast(etree._Element, element.getparent()).replace(element, entry)
 
     def _entry(self, reference: Node, scope: Scope, inside: tuple[Entry, ...]) -> etree._Element:
         entry = self._catalogs.find(reference)
@@ -195,21 +195,24 @@ def _assignments(reference: Node) -> dict[str, Assignment]:
     return found
 
 
-def _argument(name: str, value: Argument, scenario: Node) -> Assignment:
+def _argument(value: Argument, scenario: Node) -> Assignment:
     """A value given by the caller, who is to blame where it does not fit."""
-    if isinstance(value, bool):
-        text = "true" if value else "false"
-    elif isinstance(value, Integral):
-        text = str(int(value))
-    elif isinstance(value, Real):
-        text = repr(float(value)).replace("inf", "INF")
-    else:
-        text = str(value)
 
     def complain(message: str) -> ToolchainError:
         return UsageError(message, path=scenario.path)
 
-    return Assignment(text, complain, symbolic=True)
+    return Assignment(_text(value), complain, symbolic=True)
+
+
+def _text(value: Argument) -> str:
+    """A Python or numpy value as it is written in a file."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Integral):
+        return str(int(value))
+    if isinstance(value, Real):
+        return repr(float(value)).replace("inf", "INF")
+    return str(value)
 
 
 def _declared(owner: Node, wrapper: str) -> list[Node]:

@@ -227,13 +227,15 @@ def test_an_entry_of_another_kind_is_not_the_entry(scenario, catalog):
     [
         ("", ego(), "CatalogLocations has no VehicleCatalog or PedestrianCatalog or MiscObjectCatalog"),
         (LOCATIONS, f"<Entities>{reference()}</Entities>", "no catalogue entry can stand in Entities"),
+        (LOCATIONS, ego().replace("</C", f"{reference()}</C"), "can stand in CatalogReference"),
         (LOCATIONS, '<ScenarioObject><CatalogReference entryName="car"/></ScenarioObject>', "'catalogName' is missing"),
         ("<VehicleCatalog/>", ego(), "Directory is missing"),
         ("<VehicleCatalog><Directory/></VehicleCatalog>", ego(), "'path' is missing"),
         (f'<VehicleCatalog><Directory path="{"x" * 5000}"/></VehicleCatalog>', ego(), "cannot be read"),
     ],
 )
-def test_malformed_references_are_refused(scenario, locations, body, message):
+def test_malformed_references_are_refused(scenario, catalog, locations, body, message):
+    catalog("vehicle/cars.xosc", CAR, name="Cars")
     with pytest.raises(InvalidFile, match=message):
         resolved(scenario(locations=locations, entities=body))
 
