@@ -4,5 +4,6 @@ from xosc.distributions import variations
 from xosc.document import Document, load, write
 from xosc.node import Node
 from xosc.resolve import Resolved, resolve
+from xosc.versions import convert
 
-__all__ = ["Document", "Node", "Resolved", "load", "resolve", "variations", "write"]
+__all__ = ["Document", "Node", "Resolved", "convert", "load", "resolve", "variations", "write"]

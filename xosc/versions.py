@@ -1,0 +1,304 @@
+"""Conversion between the versions 1.0 to 1.3 of OpenSCENARIO XML: lossless, or refused by name.
+
+What the versions have in common stays as it is, deprecated forms included. `RULES` lists what one version says
+differently from the next; everything that the target version cannot say is found by its own XSD and refused there.
+Source: the official XSDs compared, and the standard's notes on deprecated elements.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from lxml import etree
+
+from schemas.errors import UsageError
+from schemas.expressions import FUNCTIONS, ExpressionError, functions, is_expression
+from schemas.registry import OPENSCENARIO, schema_for
+from schemas.validate import Violation, violations
+from xosc.document import VERSIONS, Document
+from xosc.node import LINE, SOURCE, Node
+
+Version = tuple[int, int]
+Change = Callable[[etree._Element], None]
+
+
+def convert(document: Document, to: Version) -> Document:
+    """The same scenario, catalogue or distribution in another version of the standard.
+
+    Args:
+        document: a document that is valid in its own version; it is not changed.
+        to: major and minor revision, (1, 0) to (1, 3).
+
+    Raises:
+        Unsupported: the document says something that the target version cannot say, named with file and line.
+        InvalidFile: the document breaks the schema of its own version.
+        UsageError: there is no such version, or no XSD for it is at hand.
+    """
+    if to not in VERSIONS:
+        raise UsageError(f"there is no conversion to version {'.'.join(map(str, to))}, only to 1.0, 1.1, 1.2 and 1.3")
+    tree = copy.deepcopy(document.root.getroottree())
+    etree.strip_attributes(tree, SOURCE, LINE)
+    top = Node(tree.getroot(), document.path)
+    for problem in _violations(tree, document.version):
+        raise _nearest(problem.element, document).invalid(f"not valid in its own version: {problem.message}")
+    _refuse_expressions(top, document.version, to)
+    for change, tag in _changes(document.version, to):
+        for element in list(top.element.iter(tag)):
+            change(element)
+    top.need("FileHeader").element.set("revMinor", str(to[1]))
+    for problem in _violations(tree, to):
+        node = _nearest(problem.element, document)
+        raise node.unsupported(f"cannot be said in OpenSCENARIO {to[0]}.{to[1]}: {problem.message}")
+    return Document(document.path, top.element, to, document.kind)
+
+
+def _violations(tree: etree._ElementTree, version: Version) -> list[Violation]:
+    schema = schema_for(OPENSCENARIO, version)
+    if schema is None:
+        raise UsageError(f"no XSD of OpenSCENARIO {version[0]}.{version[1]} is at hand")
+    return violations(tree, schema)
+
+
+def _nearest(element: etree._Element, document: Document) -> Node:
+    """The element, or the one around it that was in the file, where a rule has made it."""
+    parent = element.getparent()
+    return Node(element, document.path) if element.sourceline or parent is None else _nearest(parent, document)
+
+
+def _refuse_expressions(top: Node, source: Version, to: Version) -> None:
+    """Expressions came with 1.1, and some functions later; in a text of 1.0 they mean nothing."""
+    for node in top.iter():
+        for name in map(str, node.element.attrib):
+            text = node.get(name)
+            if not is_expression(text):
+                continue
+            if (1, 0) in (source, to) and source != to:
+                raise node.unsupported(f"{name}={text!r} is plain text in OpenSCENARIO 1.0 and an expression later")
+            newer = [function for function in _functions(text) if FUNCTIONS[function].since > to]
+            if newer:
+                raise node.unsupported(f"{name}={text!r} uses {newer[0]}(), which OpenSCENARIO {to[0]}.{to[1]} does not have")
+
+
+def _functions(text: str) -> list[str]:
+    try:
+        return sorted(functions(text))
+    except ExpressionError:  # not a conversion's business: it is as malformed in every version
+        return []
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How elements of one name change at the step between a version and the one before it."""
+
+    version: Version
+    tag: str
+    up: Change | None = None
+    down: Change | None = None
+
+
+def _changes(source: Version, to: Version) -> Iterator[tuple[Change, str]]:
+    """Changes in the order of the steps from one version to another."""
+    upwards = source < to
+    for rule in RULES if upwards else reversed(RULES):
+        change = rule.up if upwards else rule.down
+        if change and min(source, to) < rule.version <= max(source, to):
+            yield change, rule.tag
+
+
+# changes -------------------------------------------------------------------------------------
+
+
+def _word(attribute: str, old: str, new: str) -> Change:
+    """A word of an enumeration that got another name."""
+
+    def change(element: etree._Element) -> None:
+        if element.get(attribute) == old:
+            element.set(attribute, new)
+
+    return change
+
+
+def _attribute(old: str, new: str) -> Change:
+    """An attribute that got another name."""
+
+    def change(element: etree._Element) -> None:
+        value = element.get(old)
+        if value is not None and element.get(new) is None:
+            element.set(new, value)
+            del element.attrib[old]
+
+    return change
+
+
+def _implied(attribute: str, value: str) -> Change:
+    """An attribute that may go where it says what the older version means without it."""
+
+    def change(element: etree._Element) -> None:
+        if element.get(attribute) == value:
+            del element.attrib[attribute]
+
+    return change
+
+
+def _tag(new: str) -> Change:
+    """An element that got another name."""
+
+    def change(element: etree._Element) -> None:
+        element.tag = new
+
+    return change
+
+
+def _child(make: Callable[[], etree._Element], before: str = "") -> Change:
+    """A child that was required, and now has a meaning when it is absent."""
+
+    def change(element: etree._Element) -> None:
+        made = make()
+        if element.find(str(made.tag)) is not None:
+            return
+        following = element.find(before) if before else None
+        element.insert(len(element) if following is None else element.index(following), made)
+
+    return change
+
+
+def _properties() -> etree._Element:
+    return etree.Element("Properties")
+
+
+def _never() -> etree._Element:
+    """A stop trigger that never fires, which is what the absence of one means."""
+    return etree.Element("StopTrigger")
+
+
+def _at_once() -> etree._Element:
+    """A start trigger that always holds, which is what the absence of one means; its rule exists in all versions."""
+    trigger = etree.Element("StartTrigger")
+    condition = etree.SubElement(etree.SubElement(trigger, "ConditionGroup"), "Condition")
+    condition.attrib.update({"name": "at once", "delay": "0", "conditionEdge": "none"})
+    value = etree.SubElement(condition, "ByValueCondition")
+    etree.SubElement(value, "SimulationTimeCondition", {"value": "-1", "rule": "greaterThan"})
+    return trigger
+
+
+def _straight_line(element: etree._Element) -> None:
+    """`alongRoute="false"` of 1.0 is the Euclidean distance between entities, which 1.1 assumes where nothing is said."""
+    meaning = {"coordinateSystem": "entity", "relativeDistanceType": "euclidianDistance"}
+    if "alongRoute" not in element.attrib and all(element.get(name, value) == value for name, value in meaning.items()):
+        for name in meaning.keys() & element.attrib.keys():
+            del element.attrib[name]
+        element.set("alongRoute", "false")
+
+
+def _unwrapped(wrapper: str, only: str = "") -> Change:
+    """An element whose child stood in its own place before: of 1.1's TrajectoryRef, say."""
+
+    def change(element: etree._Element) -> None:
+        for outer in element.findall(wrapper):
+            inner = list(outer.iterchildren(etree.Element))
+            if len(inner) == 1 and only in ("", inner[0].tag):
+                element.replace(outer, inner[0])
+
+    return change
+
+
+def _split_controller_action(element: etree._Element) -> None:
+    """One ControllerAction could assign, override and activate; since 1.3 each is a ControllerAction of its own."""
+    for child in list(element.iterchildren(etree.Element))[:0:-1]:
+        holder = _holder(element)
+        twin = etree.Element(holder.tag)
+        if "name" in holder.attrib:
+            twin.set("name", _twin_name(holder, child))
+        inside = twin if holder.tag == "PrivateAction" else etree.SubElement(twin, "PrivateAction")
+        etree.SubElement(inside, "ControllerAction").append(child)
+        holder.addnext(twin)
+
+
+def _merge_controller_actions(element: etree._Element) -> None:
+    """In 1.0 a ControllerAction both assigns and overrides, so two that follow each other become one."""
+    holder = _holder(element)
+    twin = holder.getnext()
+    other = next(twin.iter("ControllerAction"), None) if twin is not None and twin.tag == holder.tag else None
+    if other is None or _holder(other) is not twin or sorted(_tags(element) + _tags(other)) != _ASSIGN_AND_OVERRIDE:
+        return
+    if "name" not in holder.attrib or twin.get("name") == _twin_name(holder, other[0]):
+        element.extend(other)
+        _parent(holder).remove(twin)
+
+
+_ASSIGN_AND_OVERRIDE = ["AssignControllerAction", "OverrideControllerValueAction"]
+
+
+def _tags(element: etree._Element) -> list[str]:
+    return [str(child.tag) for child in element.iterchildren(etree.Element)]
+
+
+def _twin_name(holder: etree._Element, child: etree._Element) -> str:
+    return f"{holder.get('name')} {child.tag}"
+
+
+def _holder(controller_action: etree._Element) -> etree._Element:
+    """The repeatable element around a ControllerAction: the Action of an event, the PrivateAction of an Init."""
+    private = _parent(controller_action)
+    action = private.getparent()
+    return action if action is not None and action.tag == "Action" else private
+
+
+def _parent(element: etree._Element) -> etree._Element:
+    parent = element.getparent()
+    assert parent is not None, "a valid document has this element inside others"
+    return parent
+
+
+def _without_white_space(element: etree._Element) -> None:
+    """An element that had no content may then hold comments, but no line breaks around them either."""
+    element.text = (element.text or "").strip() or None
+    for child in element:
+        child.tail = (child.tail or "").strip() or None
+
+
+# what the versions say differently, in the order of the steps up -----------------------------------
+
+_ALONG_ROUTE = ("DistanceCondition", "TimeHeadwayCondition", "TimeToCollisionCondition")
+_ROUTED = (*_ALONG_ROUTE, "RelativeDistanceCondition")
+
+RULES: tuple[Rule, ...] = (
+    # 1.1
+    Rule(
+        (1, 1),
+        "RelativeDistanceCondition",
+        up=_word("relativeDistanceType", "cartesianDistance", "euclidianDistance"),
+        down=_word("relativeDistanceType", "euclidianDistance", "cartesianDistance"),
+    ),
+    Rule((1, 1), "RelativeDistanceCondition", down=_implied("coordinateSystem", "entity")),
+    *(Rule((1, 1), tag, down=_straight_line) for tag in _ALONG_ROUTE),
+    Rule((1, 1), "LongitudinalDistanceAction", down=_implied("coordinateSystem", "entity")),
+    Rule((1, 1), "LateralDistanceAction", down=_implied("coordinateSystem", "entity")),
+    Rule((1, 1), "LateralDistanceAction", down=_implied("displacement", "any")),
+    Rule((1, 1), "FollowTrajectoryAction", down=_unwrapped("TrajectoryRef")),
+    Rule((1, 1), "FollowTrajectoryAction", down=_implied("initialDistanceOffset", "0")),
+    Rule((1, 1), "PrivateAction", down=_unwrapped("ControllerAction", only="ActivateControllerAction")),
+    Rule((1, 1), "ControllerAction", down=_merge_controller_actions),
+    Rule((1, 1), "Clothoid", down=_attribute("curvaturePrime", "curvatureDot")),
+    Rule((1, 1), "Event", down=_child(_at_once)),
+    *(Rule((1, 1), tag, down=_without_white_space) for tag in ("FileHeader", "ParameterDeclaration")),
+    # 1.2
+    Rule((1, 2), "Event", _word("priority", "overwrite", "override"), _word("priority", "override", "overwrite")),
+    Rule((1, 2), "ParameterDeclaration", _word("parameterType", "integer", "int"), _word("parameterType", "int", "integer")),
+    *(Rule((1, 2), tag, down=_implied("routingAlgorithm", "undefined")) for tag in _ROUTED),
+    *(Rule((1, 2), tag, down=_implied("role", "none")) for tag in ("Vehicle", "Pedestrian")),
+    *(
+        Rule((1, 2), tag, down=_implied("followingMode", "position"))
+        for tag in ("SpeedActionDynamics", "LaneChangeActionDynamics")
+    ),
+    # 1.3
+    Rule((1, 3), "ControllerAction", up=_split_controller_action),
+    Rule((1, 3), "TrafficeSignalGroupState", up=_tag("TrafficSignalGroupState")),
+    Rule((1, 3), "TrafficSignalGroupState", down=_tag("TrafficeSignalGroupState")),
+    Rule((1, 3), "Catalog", up=lambda element: element.set("name", element.get("name", ""))),
+    Rule((1, 3), "Act", down=_child(_at_once, before="StopTrigger")),
+    Rule((1, 3), "Storyboard", down=_child(_never)),
+    *(Rule((1, 3), tag, down=_child(_properties)) for tag in ("Vehicle", "Pedestrian", "MiscObject", "Controller")),
+)
