@@ -1,93 +1,67 @@
-"""Contacts between participants: oriented boxes by the separating-axis theorem."""
+"""Contacts between participants: which bounding boxes overlap or touch, from when to when."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING
+
+from runner.boxes import overlap, reach
 
 if TYPE_CHECKING:
     from runner.entities import Entity
     from runner.simulation import Simulation
 
-_HEIGHT = 2.5
-"""Reference points further apart than this in z (m) are on different levels (bridges) and never touch."""
-
-
-def radius(entity: Entity) -> float:
-    """Radius about the reference point that holds the whole box, m."""
-    box = entity.box
-    return math.hypot(abs(box.x) + box.length / 2, abs(box.y) + box.width / 2)
-
-
-def overlap(a: Entity, b: Entity) -> bool:
-    """Whether the boxes of two entities overlap or touch in the plane, on the same level."""
-    if abs(a.z - b.z) > _HEIGHT:
-        return False
-    reach = radius(a) + radius(b)
-    dx, dy = b.x - a.x, b.y - a.y
-    if dx * dx + dy * dy > reach * reach:
-        return False
-    return _separated(a, b) is False and _separated(b, a) is False
-
-
-def _separated(a: Entity, b: Entity) -> bool:
-    """Whether an axis of a's box separates the two boxes."""
-    c, s = math.cos(a.h), math.sin(a.h)
-    box = a.box
-    front, rear = box.x + box.length / 2, box.x - box.length / 2
-    left, right = box.y + box.width / 2, box.y - box.width / 2
-    ahead, aside = zip(
-        *(((x - a.x) * c + (y - a.y) * s, (y - a.y) * c - (x - a.x) * s) for x, y in b.corners()), strict=True
-    )
-    return min(ahead) > front or max(ahead) < rear or min(aside) > left or max(aside) < right
+_by_x = attrgetter("x")
+_by_name = attrgetter("name")
 
 
 class Contacts:
-    """Who touches whom now, by sweep and prune over x; begin and end of each contact go to the event log."""
+    """Who touches whom now, by sweep and prune over x; begin and end of each contact go to the event log.
+
+    A tractor and the trailer on its hitch do not count: their boxes may overlap by construction.
+    """
 
     def __init__(self, sim: Simulation) -> None:
         self._sim = sim
-        self._radii: dict[str, float] = {}
+        self._reach = {entity.name: reach(entity.box) for entity in sim.entities.values()}
+        self._widest = max(self._reach.values(), default=0.0)
+        self._partners: dict[str, list[Entity]] = {}
         self.pairs: set[tuple[str, str]] = set()
         self.history: list[tuple[float, str, str]] = []
-        """Beginnings of contacts: time (s) and the two names."""
+        """Beginnings of contacts: time (s) and the two names in alphabetical order."""
 
     def update(self) -> None:
         """Look at all present entities once a step."""
-        spans = []
-        for entity in self._sim.entities.values():
-            if entity.active and entity.placed:
-                name = entity.name
-                r = self._radii.get(name)
-                if r is None:
-                    r = self._radii[name] = radius(entity)
-                spans.append((entity.x - r, entity.x + r, r, entity))
-        if len(spans) > 1:
-            spans.sort(key=_left)
-        found: set[tuple[str, str]] | None = None
-        for i, (_, right, r, a) in enumerate(spans):
-            for j in range(i + 1, len(spans)):
-                left, _, r2, b = spans[j]
-                if left > right:
+        order = [entity for entity in self._sim.entities.values() if entity.active and entity.placed]
+        if len(order) > 2:
+            order.sort(key=_by_x)
+        found: list[tuple[Entity, Entity]] = []
+        for index, a in enumerate(order):
+            near = self._reach[a.name] + self._widest
+            for b in order[index + 1 :]:
+                dx = b.x - a.x
+                if dx > near:
                     break
-                if abs(a.y - b.y) <= r + r2 and a.trailer is not b and b.trailer is not a and overlap(a, b):
-                    found = found or set()
-                    found.add((a.name, b.name) if a.name < b.name else (b.name, a.name))
+                if dx >= -near and abs(b.y - a.y) <= near and a.trailer is not b and b.trailer is not a and overlap(a, b):
+                    found.append((a, b))
         if found or self.pairs:
-            self._compare(found or set())
+            self._compare(found)
 
-    def _compare(self, found: set[tuple[str, str]]) -> None:
-        for first, second in sorted(found - self.pairs):
+    def _compare(self, found: list[tuple[Entity, Entity]]) -> None:
+        pairs: set[tuple[str, str]] = set()
+        self._partners.clear()
+        for a, b in found:
+            pairs.add((a.name, b.name) if a.name < b.name else (b.name, a.name))
+            self._partners.setdefault(a.name, []).append(b)
+            self._partners.setdefault(b.name, []).append(a)
+        for first, second in sorted(pairs - self.pairs):
             self.history.append((self._sim.time, first, second))
             self._sim.note("collision", first, f"touches {second}")
-        for first, second in sorted(self.pairs - found):
-            self._sim.note("contactEnd", first, f"no longer touches {second}")
-        self.pairs = found
+        for first, second in sorted(self.pairs - pairs):
+            self._sim.note("collisionEnd", first, f"no longer touches {second}")
+        self.pairs = pairs
 
-    def of(self, entity: Entity) -> list[str]:
-        """Names of those that an entity touches now."""
-        return [b if a == entity.name else a for a, b in sorted(self.pairs) if entity.name in (a, b)]
-
-
-def _left(span: tuple[float, float, float, Entity]) -> float:
-    return span[0]
+    def of(self, entity: Entity) -> Sequence[Entity]:
+        """Those that an entity touches now, by name."""
+        return sorted(self._partners.get(entity.name, ()), key=_by_name)
