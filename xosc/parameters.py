@@ -197,7 +197,8 @@ def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
     sorter: TopologicalSorter[str] = TopologicalSorter()
     for name, source in sources.items():
         try:
-            sorter.add(name, *(used for used in references(source.text) if source.symbolic and used in sources))
+            used = references(source.text) if source.symbolic else set()
+            sorter.add(name, *sorted(used & sources.keys()))
         except ExpressionError as error:
             raise source.complain(f"the value of the parameter {name}: {error.message}") from None
     try:

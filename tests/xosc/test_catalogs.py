@@ -69,11 +69,12 @@ def test_assignments_set_the_parameters_of_the_entry(scenario, catalog):
 
 def test_an_assigned_value_is_a_literal(scenario, catalog):
     entry = """<Vehicle name="car" model="$model"><ParameterDeclarations>
-        <ParameterDeclaration name="model" parameterType="string" value=""/></ParameterDeclarations></Vehicle>"""
+        <ParameterDeclaration name="model" parameterType="string" value=""/>
+        <ParameterDeclaration name="one" parameterType="int" value="${2 - 1}"/></ParameterDeclarations></Vehicle>"""
     catalog("vehicle/cars.xosc", entry, name="Cars")
-    declared = '<ParameterDeclaration name="price" parameterType="string" value="5 $ ${"/>'
+    declared = '<ParameterDeclaration name="price" parameterType="string" value="${1 +} $"/>'
     path = scenario(locations=LOCATIONS, parameters=declared, entities=ego(model="$price"))
-    assert resolved(path).need("Entities", "ScenarioObject", "Vehicle").get("model") == "5 $ ${"
+    assert resolved(path).need("Entities", "ScenarioObject", "Vehicle").get("model") == "${1 +} $"
 
 
 def test_the_dollar_sign_before_an_assigned_name_is_dropped(scenario, catalog):
