@@ -21,8 +21,10 @@ Value = float | int | bool | str
 Lookup = Callable[[str], Value]
 """Value of the parameter with that name (without `$`); raises KeyError, or a ToolchainError that says more."""
 
+FIRST_VERSION = (1, 1)
+"""OpenSCENARIO 1.0 knows parameters, but no expressions."""
 MAX_LENGTH = 10_000
-MAX_NESTING = 100
+MAX_NESTING = 50
 _QUOTED_LENGTH = 120
 
 _REFERENCE = re.compile(r"\$([A-Za-z_][A-Za-z0-9_]*)")
@@ -58,11 +60,11 @@ def _round(value: _Number) -> int:
 
 
 FUNCTIONS: dict[str, Function] = {
-    "round": Function(1, _round, (1, 1)),
-    "floor": Function(1, math.floor, (1, 1)),
-    "ceil": Function(1, math.ceil, (1, 1)),
-    "sqrt": Function(1, math.sqrt, (1, 1)),
-    "pow": Function(2, math.pow, (1, 1)),
+    "round": Function(1, _round, FIRST_VERSION),
+    "floor": Function(1, math.floor, FIRST_VERSION),
+    "ceil": Function(1, math.ceil, FIRST_VERSION),
+    "sqrt": Function(1, math.sqrt, FIRST_VERSION),
+    "pow": Function(2, math.pow, FIRST_VERSION),
     "sin": Function(1, math.sin, (1, 3)),
     "cos": Function(1, math.cos, (1, 3)),
     "tan": Function(1, math.tan, (1, 3)),

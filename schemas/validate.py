@@ -100,7 +100,7 @@ def _expected_value(explainer: Any, error: Any) -> str | None:
     declared = explainer.find(error.path) if error.path else None
     kind = getattr(declared.attributes.get(name), "type", None) if declared is not None else None
     members = getattr(kind, "member_types", None)
-    if not members:
+    if kind is None or not members:
         return None
     forms = [_MEANINGS.get(member.local_name or "", member.local_name or "another value") for member in reversed(members)]
     return f"the attribute {name}={error.obj!r} does not fit its type {kind.local_name}: {' or '.join(forms)} is expected"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from schemas.errors import InvalidFile, ToolchainError
 from schemas.problems import Problem
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
 from schemas.rules import roads
+from schemas.rules.catalogs import Catalogs
 from schemas.xml import line_of, local_name
 
 _MAX_INDIRECTIONS = 50
@@ -51,29 +53,40 @@ class Document:
     # elements ---------------------------------------------------------------------------------
 
     @cached_property
-    def _by_tag(self) -> dict[str, list[etree._Element]]:
-        index = defaultdict(list)
+    def _index(self) -> tuple[dict[str, list[etree._Element]], dict[str, list[etree._Element]]]:
+        tags, attributes = defaultdict(list), defaultdict(list)
         for element in self.root.iter(etree.Element):
-            index[local_name(element)].append(element)
-        return dict(index)
+            tags[local_name(element)].append(element)
+            for name in element.attrib:
+                attributes[str(name)].append(element)
+        return dict(tags), dict(attributes)
 
     def elements(self, *tags: str) -> list[etree._Element]:
         """All elements with one of these names, in document order within each name."""
-        return [element for tag in tags for element in self._by_tag.get(tag, ())]
+        return [element for tag in tags for element in self._index[0].get(tag, ())]
 
-    def all_elements(self) -> list[etree._Element]:
-        """Every element of the document."""
-        return [element for elements in self._by_tag.values() for element in elements]
-
-    def attributes(self, *names: str) -> list[tuple[etree._Element, str, str]]:
-        """Element, attribute name and resolved value of every attribute with one of these names; undecidable ones left out."""
-        found = []
-        for element in self.all_elements():
-            for name in names:
+    def values(self, *names: str) -> Iterator[tuple[etree._Element, str, str]]:
+        """Element, attribute name and value of every attribute with one of these names; undecidable ones left out."""
+        for name in names:
+            for element in self._index[1].get(name, ()):
                 value = self.value(element, name)
                 if value is not None:
-                    found.append((element, name, value))
-        return found
+                    yield element, name, value
+
+    def parametrised(self) -> Iterator[tuple[etree._Element, str, str]]:
+        """Element, name and text of every attribute that refers to parameters or is an expression.
+
+        Not the attribute `name`: names are text, for which the standard has no expressions.
+        """
+        for name, elements in self._index[1].items():
+            for element in elements:
+                text = element.get(name) or ""
+                if text.startswith("$") and not (name == "name" and expressions.is_expression(text)):
+                    yield element, name, text
+
+    def names(self, *tags: str) -> set[str]:
+        """The names of all elements with one of these tags."""
+        return {name for element in self.elements(*tags) if (name := self.value(element, "name")) is not None}
 
     def problem(self, rule: str, level: str, message: str, element: etree._Element | None = None) -> Problem:
         """A problem at an element of this document."""
@@ -141,6 +154,25 @@ class Document:
     def file(self, name: str) -> Path:
         """A file that the document names, relative to the document's folder."""
         return self.path.parent / name
+
+    def has_file(self, name: str) -> bool:
+        """Whether a file that the document names exists."""
+        try:
+            return self.file(name).is_file()
+        except (OSError, ValueError):
+            return False
+
+    def has_folder(self, name: str) -> bool:
+        """Whether a folder that the document names exists."""
+        try:
+            return self.file(name).is_dir()
+        except (OSError, ValueError):
+            return False
+
+    @cached_property
+    def catalogs(self) -> Catalogs:
+        """The catalogues in the scenario's catalogue locations."""
+        return Catalogs(self)
 
     @cached_property
     def road_network(self) -> roads.Roads | None:

@@ -1,0 +1,20 @@
+"""Catalogue references assign parameters that the entry has."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import unknown
+
+
+@rule("xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared", kinds=("scenario",))
+def check(document: Document) -> Iterator[Finding]:
+    """A ParameterAssignment of a CatalogReference must name a parameter that the catalogue entry declares."""
+    for reference in document.elements("CatalogReference"):
+        entry = document.catalogs.entry(document, reference)
+        if entry is None:
+            continue
+        for assignment in reference.iter("ParameterAssignment"):
+            name = (assignment.get("parameterRef") or "").removeprefix("$")
+            if name not in entry.parameters:
+                yield Finding(assignment, f"parameterRef: {unknown('parameter', name, entry.parameters)} in the catalogue entry")

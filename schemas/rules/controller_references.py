@@ -1,0 +1,23 @@
+"""Controllers that are referred to exist."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import unknown
+from schemas.xml import local_name
+
+_HOLDERS = {"ObjectController", "AssignControllerAction"}
+
+
+@rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_controller_reference", kinds=("scenario",))
+def check(document: Document) -> Iterator[Finding]:
+    """A controllerRef must name a controller that an entity has or is assigned, itself or by a catalogue entry."""
+    controllers = document.names("ObjectController", "Controller") | {
+        entry
+        for element, _, entry in document.values("entryName")
+        if local_name(element.getparent()) in _HOLDERS  # type: ignore[arg-type]  # a catalogue reference has a parent
+    }
+    for element, attribute, name in document.values("controllerRef", "objectControllerRef"):
+        if name not in controllers:
+            yield Finding(element, f"{attribute}: {unknown('controller', name, controllers)}")

@@ -1,0 +1,16 @@
+"""Entities that are referred to exist."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import unknown
+
+
+@rule("asam.net:xosc:1.2.0:reference_control.resolvable_entity_references", kinds=("scenario",))
+def check(document: Document) -> Iterator[Finding]:
+    """A reference to an entity must name a ScenarioObject or an EntitySelection of the scenario."""
+    entities = document.names("ScenarioObject", "EntitySelection")
+    for element, attribute, name in document.values("entityRef", "masterEntityRef", "trailerRef"):
+        if name not in entities:
+            yield Finding(element, f"{attribute}: {unknown('entity', name, entities)}")

@@ -1,0 +1,25 @@
+"""Files that are referred to exist."""
+
+from collections.abc import Iterator
+from pathlib import PurePosixPath, PureWindowsPath
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+
+_LEVELS = {"LogicFile": "error", "ScenarioFile": "error", "SceneGraphFile": "warning", "File": "warning"}
+
+
+@rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference")
+def check(document: Document) -> Iterator[Finding]:
+    """A file that is referred to must exist, relative to the referring file.
+
+    Models for graphics and animations are only warned about, since a run can do without them; so are absolute paths, which
+    may exist on the machine that they are meant for.
+    """
+    for tag, level in _LEVELS.items():
+        for element in document.elements(tag):
+            name = document.value(element, "filepath")
+            if name and not document.has_file(name):
+                absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute()
+                message = f"{tag}: there is no file {name!r} (looked for {document.file(name)})"
+                yield Finding(element, message, "warning" if absolute else level)

@@ -1,0 +1,30 @@
+"""Lanes that positions name exist."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+
+
+@rule("xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road", kinds=("scenario",))
+def check(document: Document) -> Iterator[Finding]:
+    """The laneId of a LanePosition must be a lane of the road at that s coordinate."""
+    network = document.road_network
+    for element in document.elements("LanePosition") if network else ():
+        road = network.roads.get(document.value(element, "roadId") or "") if network else None
+        lane, s = document.value(element, "laneId"), document.number(element, "s")
+        if road is None or lane is None or s is None or not 0 <= s <= road.length:
+            continue
+        lanes = road.lanes(s)
+        if lane.strip() not in lanes:
+            known = ", ".join(sorted(lanes, key=_number))
+            yield Finding(
+                element, f"laneId: there is no lane {lane!r} at s={s:g} of road {element.get('roadId')}, it has {known}"
+            )
+
+
+def _number(lane: str) -> float:
+    try:
+        return -float(lane)
+    except ValueError:
+        return 0.0

@@ -1,0 +1,13 @@
+"""Lights change in no negative time."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import negative
+
+
+@rule("asam.net:xosc:1.2.0:data_type.non_negative_transition_time_in_light_state_action", since=(1, 2))
+def check(document: Document) -> Iterator[Finding]:
+    """The transitionTime of a LightStateAction shall be non-negative."""
+    return negative(document, [("LightStateAction", "transitionTime")])

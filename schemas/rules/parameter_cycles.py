@@ -1,0 +1,38 @@
+"""No parameter is defined by itself."""
+
+from collections.abc import Iterator
+
+from lxml import etree
+
+from schemas.expressions import ExpressionError, references
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+
+
+@rule("xosc.toolchain:xosc:1.0.0:parameters.no_cyclic_definitions", kinds=("scenario", "catalog"))
+def check(document: Document) -> Iterator[Finding]:
+    """The default value of a parameter must not depend on the parameter itself, directly or through others."""
+    for declaration in document.elements("ParameterDeclaration"):
+        if declaration in _dependencies(document, declaration):
+            yield Finding(declaration, f"the value {declaration.get('value')!r} of {declaration.get('name')} depends on itself")
+
+
+def _dependencies(document: Document, declaration: etree._Element) -> set[etree._Element]:
+    """All declarations that a default value depends on."""
+    found: set[etree._Element] = set()
+    pending = [declaration]
+    while pending:
+        current = pending.pop()
+        for used in _uses(document, current):
+            if used not in found:
+                found.add(used)
+                pending.append(used)
+    return found
+
+
+def _uses(document: Document, declaration: etree._Element) -> list[etree._Element]:
+    try:
+        names = references(declaration.get("value") or "")
+    except ExpressionError:
+        return []
+    return [used for name in names if (used := document.declaration(declaration, name)) is not None]

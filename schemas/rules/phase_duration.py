@@ -1,0 +1,13 @@
+"""Phases of traffic signals last no negative time."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import negative
+
+
+@rule("asam.net:xosc:1.2.0:data_type.positive_duration_in_phase")
+def check(document: Document) -> Iterator[Finding]:
+    """The duration of a Phase of a TrafficSignalController shall be non-negative."""
+    return negative(document, [("Phase", "duration")])

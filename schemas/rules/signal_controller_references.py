@@ -1,0 +1,19 @@
+"""Signal controllers that are referred to exist."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import unknown
+
+
+@rule(
+    "asam.net:xosc:1.2.0:reference_control.resolvable_traffic_signal_controller_by_traffic_signal_controller_ref",
+    kinds=("scenario",),
+)
+def check(document: Document) -> Iterator[Finding]:
+    """A trafficSignalControllerRef must name a TrafficSignalController of the scenario's RoadNetwork."""
+    controllers = document.names("TrafficSignalController")
+    for element, attribute, name in document.values("trafficSignalControllerRef"):
+        if name not in controllers:
+            yield Finding(element, f"{attribute}: {unknown('traffic signal controller', name, controllers)}")

@@ -1,0 +1,20 @@
+"""Phases that are referred to exist."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import unknown
+
+
+@rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_phase_reference", kinds=("scenario",))
+def check(document: Document) -> Iterator[Finding]:
+    """The phase of an action or a condition on a traffic signal controller must be one of that controller's phases."""
+    phases = {
+        document.value(controller, "name"): {document.value(phase, "name") or "" for phase in controller.iter("Phase")}
+        for controller in document.elements("TrafficSignalController")
+    }
+    for element, _, controller in document.values("trafficSignalControllerRef"):
+        phase = document.value(element, "phase")
+        if controller in phases and phase is not None and phase not in phases[controller]:
+            yield Finding(element, f"phase: {unknown('phase', phase, phases[controller])} of the controller {controller!r}")

@@ -1,0 +1,16 @@
+"""Transitions take no negative time, distance or rate."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import negative
+
+
+@rule("xosc.toolchain:xosc:1.0.0:data_type.transition_value_is_not_negative", level="warning")
+def check(document: Document) -> Iterator[Finding]:
+    """The value of TransitionDynamics, a time, a distance or a rate by its dimension, must be non-negative.
+
+    A warning: players commonly take the magnitude of a negative rate.
+    """
+    return negative(document, [(tag, "value") for tag in ("SpeedActionDynamics", "LaneChangeActionDynamics")])

@@ -1,0 +1,16 @@
+"""Variables that are referred to exist."""
+
+from collections.abc import Iterator
+
+from schemas.rules.document import Document
+from schemas.rules.registry import Finding, rule
+from schemas.rules.wording import unknown
+
+
+@rule("asam.net:xosc:1.2.0:reference_control.resolvable_variable_reference", kinds=("scenario",), since=(1, 2))
+def check(document: Document) -> Iterator[Finding]:
+    """A variableRef must name a VariableDeclaration of the scenario."""
+    variables = document.names("VariableDeclaration")
+    for element, attribute, name in document.values("variableRef"):
+        if name not in variables:
+            yield Finding(element, f"{attribute}: {unknown('variable', name, variables)}")
