@@ -1,0 +1,90 @@
+"""Results of runs for other programs: JSON, event log, JUnit."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lxml import etree
+
+from runner.simulation import LogEntry
+
+if TYPE_CHECKING:
+    from runner.batch import Outcome
+    from runner.result import RunResult
+
+
+def summary(result: RunResult) -> dict[str, Any]:
+    """A run in a few JSON-able values: what ran, how it ended, why, and how critical it was for the ego."""
+    return {
+        "scenario": result.scenario.name,
+        "parameters": result.parameters,
+        "status": result.status,
+        "verdict": "passed" if result.verdict.passed else "failed",
+        "reasons": list(result.verdict.reasons),
+        "end_time": result.end_time,
+        "ego": result.ego,
+        "sut": result.sut,
+        "settings": result.settings,
+        "entities": {
+            track.name: {"kind": track.kind, "category": track.category, "box": track.box._asdict()}
+            for track in result.recording.tracks.values()
+        },
+        "criticality": result.criticality.summary if result.ego is not None else None,
+        "version": version("xosc-toolchain"),
+    }
+
+
+def write_json(values: dict[str, Any], path: Path) -> None:
+    """Write JSON that every reader takes: infinite numbers become null."""
+    path.write_text(json.dumps(finite(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def finite(value: Any) -> Any:
+    """The same values with infinite numbers as None, which JSON can hold."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    return value
+
+
+def write_events(events: Iterable[LogEntry], path: Path) -> None:
+    """Write the event log, one JSON object a line: time, kind, subject, and the reason or detail as text."""
+    with path.open("w", encoding="utf-8") as file:
+        for entry in events:
+            file.write(json.dumps(finite(entry._asdict()), ensure_ascii=False) + "\n")
+
+
+def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
+    """Write a JUnit file: one test case a run; a failed verdict is a failure, a defect of file or run an error."""
+    suites = etree.Element("testsuites", name="xosc-run")
+    groups: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        groups.setdefault(str(outcome.job.source), []).append(outcome)
+    for source, members in groups.items():
+        counts = {state: str(sum(o.state == state for o in members)) for state in ("failed", "error")}
+        suite = etree.SubElement(
+            suites, "testsuite", name=source, tests=str(len(members)), failures=counts["failed"], errors=counts["error"]
+        )
+        for outcome in members:
+            case = etree.SubElement(suite, "testcase", classname=Path(source).stem, name=outcome.job.name)
+            case.set("time", f"{outcome.end_time or 0.0:.3f}")
+            if outcome.state != "passed":
+                tag = "failure" if outcome.state == "failed" else "error"
+                detail = etree.SubElement(case, tag, message=_printable(outcome.message))
+                detail.text = _printable(outcome.message)
+    path.write_bytes(etree.tostring(suites, pretty_print=True, xml_declaration=True, encoding="UTF-8"))
+
+
+def _printable(text: str) -> str:
+    """Text without the characters that XML 1.0 can't hold."""
+    return "".join(
+        c if c in "\t\n" or (c >= " " and c not in "\ufffe\uffff" and not "\ud800" <= c <= "\udfff") else "?" for c in text
+    )
