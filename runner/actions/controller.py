@@ -22,7 +22,7 @@ _DOMAINS = ("longitudinal", "lateral", "lighting", "animation")
 _INPUTS = ("Throttle", "Brake", "Clutch", "ParkingBrake", "SteeringWheel", "Gear")
 
 
-def _activate(actor: Entity, switches: dict[str, bool], sim: Simulation) -> None:
+def _activate(actor: Entity, domains: dict[str, bool], sim: Simulation) -> None:
     if not domains:
         return
     if actor.system is not None:
