@@ -7,6 +7,7 @@ from xodr.model import LaneLink, Pose, RoadError, RoadPoint
 from xodr.network import RoadNetwork
 from xodr.reader import load
 from xodr.road import Road
+from xodr.routes import Relative, RoadPath
 from xodr.travel import Travel
 
-__all__ = ["LaneLink", "Pose", "Road", "RoadError", "RoadNetwork", "RoadPoint", "Travel", "load"]
+__all__ = ["LaneLink", "Pose", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "load"]

@@ -21,16 +21,27 @@ _MOST_CHORDS = 400_000
 _TOO_LONG = "the roads are too long or wind too much to be indexed"
 _LONGEST_CHORD = 100.0
 _FANOUT = 8
-_CONVERGED = 1e-7
+_CONVERGED = 1e-5
 _ON_SURFACE = 1e-6
 _OTHER_LEVEL = 2.0
 """Height difference [m] from which a road is taken to be on another level."""
 
 
 class _Chord(NamedTuple):
+    """A piece of road with the line from its beginning to its end."""
+
     road: Road
     start: float
     end: float
+    x: float
+    y: float
+    dx: float
+    dy: float
+
+    def near(self, x: float, y: float) -> float:
+        """s of the chord's place nearest to a point: close to that of the road."""
+        share = ((x - self.x) * self.dx + (y - self.y) * self.dy) / (self.dx * self.dx + self.dy * self.dy or 1.0)
+        return self.start + min(max(share, 0.0), 1.0) * (self.end - self.start)
 
 
 class _Box(NamedTuple):
@@ -86,8 +97,8 @@ class Locator:
                 count += 1
                 heappush(queue, (child.distance(x, y), count, child))
             if box.chord:
-                road, start, end = box.chord
-                hit = project(road, x, y, 0.5 * (start + end), start, end)
+                road = box.chord.road
+                hit = project(road, x, y, box.chord.near(x, y), box.chord.start, box.chord.end)
                 if hit.gap <= gap:
                     gap = hit.gap
                     point = road.point(hit.s, hit.t)
@@ -106,11 +117,11 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
     for _ in range(8):
         ahead, aside = _local(road, x, y, s)
         # d(ahead)/ds is 1 − κ·aside; kept away from 0 at the centre of a curve
-        step = ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
-        moved = min(max(s + step, low), high)
-        converged = abs(moved - s) < _CONVERGED
-        s = moved
-        if converged:
+        wanted = s + ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
+        before, s = s, min(max(wanted, low), high)
+        if abs(s - before) < _CONVERGED:
+            if s == wanted:
+                ahead = 0.0  # what is left is the square of the last step, far below a micrometre
             break
     else:
         s = _bisect(road, x, y, low, high)
@@ -171,7 +182,7 @@ def _leaf(road: Road, start: float, end: float) -> _Box:
     widest = max(abs(edge) for s in (start, 0.5 * (start + end), end) for edge in road.edges(s))
     # twice the height of an arc over its chord, and a margin for widths between the samples
     room = widest + abs(h1 - h0) * (end - start) / 4.0 + 0.5
-    chord = _Chord(road, start, end)
+    chord = _Chord(road, start, end, x0, y0, x1 - x0, y1 - y0)
     return _Box(min(x0, x1) - room, min(y0, y1) - room, max(x0, x1) + room, max(y0, y1) + room, chord, ())
 
 

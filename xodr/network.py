@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from random import Random
 
 from xodr.links import link_table
 from xodr.locate import Locator, follow
 from xodr.model import Controller, Header, Junction, LaneLink, Pose, RoadError, RoadPoint, Signal
 from xodr.road import Road
+from xodr.routes import Relative, RoadPath, Router
 from xodr.travel import Choose, Travel, Traveller
+from xodr.ways import Ways
 
 
 class RoadNetwork:
@@ -39,6 +42,7 @@ class RoadNetwork:
         self._links = link_table(self.roads, self.junctions)
         self._locator = Locator(self.roads.values())
         self._traveller = Traveller(self.roads, self._links)
+        self._router = Router(Ways(self.roads, self._links), self._traveller.straightest)
 
     @property
     def name(self) -> str:
@@ -125,6 +129,25 @@ class RoadNetwork:
     def straightest(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The default choice at junctions: the way on that turns least."""
         return self._traveller.straightest(point, forward, links)
+
+    def route(self, waypoints: Sequence[RoadPoint], strategies: Sequence[str] = (), rng: Random | None = None) -> RoadPath | None:
+        """A route through two or more waypoints; None where no way leads from one to the next.
+
+        Args:
+            strategies: how to get from each waypoint to the next: "shortest" (also where none is given), "fastest",
+                "leastIntersections" or "random", as in the standard's RouteStrategy.
+            rng: source of the random routes.
+        """
+        missing = len(waypoints) - 1 - len(strategies)
+        return self._router.route(waypoints, [*strategies, *["shortest"] * missing], rng)
+
+    def relative(self, origin: RoadPoint, target: RoadPoint, strategy: str = "shortest") -> Relative | None:
+        """Where a point lies as seen from another in road coordinates; None where no way connects them.
+
+        Args:
+            strategy: "shortest", "fastest" or "leastIntersections", as in the standard's RoutingAlgorithm.
+        """
+        return self._router.relative(origin, target, strategy)
 
 
 def _listed(names: Mapping[str, object]) -> str:

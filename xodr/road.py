@@ -184,7 +184,8 @@ class Road:
     def lane_beside(self, s: float, lane_id: int, steps: int) -> int | None:
         """The lane `steps` lanes away, positive towards +t (left of the s direction), the centre lane not counted.
 
-        None where the road has no such lane. Seen by a driver towards −s, left is the other sign: negate steps.
+        None where the road has no such lane. RelativeTargetLane of OpenSCENARIO counts towards the reference entity's own
+        left: negate steps where it faces −s.
         """
         if steps == 0:
             return lane_id

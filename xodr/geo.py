@@ -1,0 +1,57 @@
+"""Geographic coordinates: latitude and longitude to the world of a road network, and back.
+
+OpenDRIVE 1.8 §8.5: the header's offset turns and shifts local coordinates into those of the projection in `geoReference`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from schemas.errors import InvalidFile, Unsupported
+from xodr.network import RoadNetwork
+
+
+class Geodetic(NamedTuple):
+    """A place on Earth (WGS 84): latitude and longitude in degrees, altitude in metres."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+
+
+class GeoReference:
+    """The map projection of one road network.
+
+    Raises:
+        Unsupported: the network has no geoReference.
+        InvalidFile: PROJ does not understand it.
+    """
+
+    def __init__(self, network: RoadNetwork) -> None:
+        import pyproj  # takes a tenth of a second, and few scenarios need it
+
+        projection = network.geo_reference
+        if projection is None:
+            raise Unsupported("geographic positions need a geoReference in the road network", path=network.path, element="header")
+        try:
+            crs = pyproj.CRS.from_user_input(projection)
+            self._transformer = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+        except pyproj.exceptions.ProjError as error:
+            message = f"geoReference {projection!r} is not understood: {error}"
+            raise InvalidFile(message, path=network.path, element="header") from None
+        self._x, self._y, self._z, heading = network.header.offset
+        self._cos, self._sin = math.cos(heading), math.sin(heading)
+
+    def to_world(self, place: Geodetic) -> tuple[float, float, float]:
+        """World coordinates x, y, z [m] of a place; not finite where the projection does not reach it."""
+        easting, northing = self._transformer.transform(place.longitude, place.latitude)
+        dx, dy = easting - self._x, northing - self._y
+        return self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx, place.altitude - self._z
+
+    def to_geodetic(self, x: float, y: float, z: float = 0.0) -> Geodetic:
+        """The place of world coordinates x, y, z [m]."""
+        easting = self._cos * x - self._sin * y + self._x
+        northing = self._sin * x + self._cos * y + self._y
+        longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
+        return Geodetic(latitude, longitude, z + self._z)
