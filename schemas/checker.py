@@ -8,11 +8,11 @@ from pathlib import Path
 
 from schemas.errors import InvalidFile
 from schemas.problems import Problem
+from schemas.registry import OPENDRIVE, OPENSCENARIO
 from schemas.rules.document import Document
 from schemas.rules.registry import all_rules
+from schemas.rules.valid_xml_document import UIDS
 from schemas.xml import parse
-
-WELL_FORMED = {".xodr": "asam.net:xodr:1.0.0:xml.valid_xml_document", ".xosc": "asam.net:xosc:1.0.0:xml.valid_xml_document"}
 
 
 def check(path: str | PathLike[str]) -> list[Problem]:
@@ -24,8 +24,8 @@ def check(path: str | PathLike[str]) -> list[Problem]:
     try:
         document = Document(parse(path), path)
     except InvalidFile as error:
-        rule = WELL_FORMED.get(path.suffix.lower(), WELL_FORMED[".xosc"])
-        return [Problem(rule, "error", error.message, str(path), error.line)]
+        standard = OPENDRIVE if path.suffix.lower() == ".xodr" else OPENSCENARIO
+        return [Problem(UIDS[standard], "error", error.message, str(path), error.line)]
     return sorted(_problems(document), key=lambda problem: (problem.line or 0, problem.rule, problem.message))
 
 

@@ -22,9 +22,7 @@ def check(document: Document) -> Iterator[Finding]:
             continue
         if entry is not None:
             if entry.catalog != catalog:
-                message = (
-                    f"{entry.document.path.name} holds the entry, but calls its catalogue {entry.catalog!r}, not {catalog!r}"
-                )
+                message = f"{entry.document.path.name} has the entry, but its catalogue is called {entry.catalog!r}"
                 yield Finding(element, message, "warning")
         elif catalog in catalogs.names:
             known = catalogs.names[catalog]

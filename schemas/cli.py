@@ -1,0 +1,134 @@
+"""The command `xosc-check`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from schemas.errors import ToolchainError, UsageError
+from schemas.problems import LEVELS, Problem
+from schemas.version import version
+
+_STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
+_EPILOG = "Exit codes: 0 all files are accepted (no error; with --strict no warning either), 1 some are not, 2 wrong usage."
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"xosc-check {version()}")
+        raise typer.Exit
+
+
+def _print_rules(wanted: bool) -> None:
+    if wanted:
+        from schemas.report import listing
+        from schemas.rules.registry import all_rules
+
+        print(listing(all_rules()), end="")
+        raise typer.Exit
+
+
+@app.command(epilog=_EPILOG)
+def xosc_check(
+    paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs.")],
+    format: Annotated[Literal["text", "json", "junit", "xqar", "sarif"], typer.Option(help="Format of the report.")] = "text",
+    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the report to a file.")] = None,
+    severity: Annotated[Literal["error", "warning", "info"], typer.Option(help="Least grave level that is reported.")] = "info",
+    strict: Annotated[bool, typer.Option("--strict", help="Do not accept files with warnings.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Name the sound files as well.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
+    _rules: Annotated[bool, typer.Option("--rules", callback=_print_rules, is_eager=True, help="List all rules.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules."""
+    from schemas.files import expand
+
+    results = _check(expand(paths), progress=not quiet and sys.stderr.isatty())
+    refused = {"error", "warning"} if strict else {"error"}
+    failed = any(problem.level in refused for _, problems in results for problem in problems)
+    reported = LEVELS[: LEVELS.index(severity) + 1]
+    results = [(path, [problem for problem in problems if problem.level in reported]) for path, problems in results]
+    if format == "text" and output is None:
+        _print(results, verbose=verbose, quiet=quiet)
+    else:
+        _write(results, format, output, quiet)
+    raise typer.Exit(1 if failed else 0)
+
+
+def _check(paths: Sequence[Path], progress: bool) -> list[tuple[Path, list[Problem]]]:
+    from schemas.checker import check_many
+
+    checked: Iterable[tuple[Path, list[Problem]]] = check_many(paths)
+    if progress:
+        from rich.console import Console
+        from rich.progress import track
+
+        checked = track(checked, "checking", total=len(paths), console=Console(stderr=True), transient=True)
+    return list(checked)
+
+
+def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: bool) -> None:
+    """The report for people; in colours on a terminal."""
+    from schemas import report
+
+    if not sys.stdout.isatty():
+        sound = (f"{path}: accepted" for path, problems in results if verbose and not problems)
+        lines = [*sound, *report.text(results).splitlines()]
+        print("\n".join(lines[:-1] if quiet else lines), end="\n" if not quiet or lines[:-1] else "")
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(soft_wrap=True, highlight=False)
+    for path, problems in results:
+        if verbose and not problems:
+            console.print(Text.assemble(str(path), ": ", ("accepted", "green")))
+        for problem in problems:
+            place = str(path) if problem.line is None else f"{path}:{problem.line}"
+            level = (problem.level, _STYLES[problem.level])
+            console.print(Text.assemble((place, "bold"), ": ", level, f": {problem.message} ", (f"[{problem.rule}]", "dim")))
+    if not quiet:
+        console.print(Text(report.summary(results)))
+
+
+def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: Path | None, quiet: bool) -> None:
+    from schemas import report
+
+    content = report.FORMATS[format](results)
+    if output is None:
+        print(content, end="")
+        return
+    try:
+        output.write_text(content, encoding="utf-8", errors="backslashreplace")
+    except (OSError, ValueError) as error:
+        raise UsageError(f"the report cannot be written: {error}", path=output) from None
+    if not quiet:
+        print(report.summary(results))
+
+
+def main() -> None:
+    """Entry point: problems of the call itself are one line on standard error and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # file names may be anything
+    try:
+        app()
+    except ToolchainError as error:
+        print(f"xosc-check: {error}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

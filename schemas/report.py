@@ -1,0 +1,173 @@
+"""Reports of a check: text for people, JSON for scripts, JUnit for CI, xqar for ASAM's tools, SARIF for code hosts."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from lxml import etree
+
+from schemas.problems import LEVELS, Problem
+from schemas.rules.registry import Rule, all_rules
+from schemas.version import version
+
+TOOL = "xosc-check"
+
+Results = Sequence[tuple[Path, Sequence[Problem]]]
+"""The checked files with their problems, in the order of checking."""
+
+_XQAR_LEVELS = {"error": "1", "warning": "2", "info": "3"}
+_SARIF_LEVELS = {"error": "error", "warning": "warning", "info": "note"}
+_SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+
+
+def summary(results: Results) -> str:
+    """One line: files checked, files sound, problems by level."""
+    counts = Counter(problem.level for _, problems in results for problem in problems)
+    accepted = sum(not any(problem.level == "error" for problem in problems) for _, problems in results)
+    found = ", ".join(f"{counts[level]} {level}{'s' * (counts[level] != 1 and level != 'info')}" for level in LEVELS)
+    return f"{len(results)} file{'s' * (len(results) != 1)} checked, {accepted} accepted: {found}"
+
+
+def text(results: Results) -> str:
+    """One line a problem, `file:line: level: message [rule]`, then the summary."""
+    lines = [f"{problem} [{problem.rule}]" for _, problems in results for problem in problems]
+    return "\n".join([*lines, summary(results)]) + "\n"
+
+
+def as_json(results: Results) -> str:
+    """An object with the tool, its version, and per file whether it is accepted and its problems."""
+    files = [
+        {
+            "path": str(path),
+            "accepted": not any(problem.level == "error" for problem in problems),
+            "problems": [
+                {"rule": p.rule, "level": p.level, "message": p.message, "line": p.line, "element": p.element} for p in problems
+            ],
+        }
+        for path, problems in results
+    ]
+    return json.dumps({"tool": TOOL, "version": version(), "files": files}, indent=2, ensure_ascii=False) + "\n"
+
+
+def junit(results: Results) -> str:
+    """A test suite with one case a file: it fails on errors; warnings and infos are its output."""
+    failures = sum(any(problem.level == "error" for problem in problems) for _, problems in results)
+    totals = {"tests": str(len(results)), "failures": str(failures), "errors": "0"}
+    root = etree.Element("testsuites", {"name": TOOL, **totals})
+    suite = etree.SubElement(root, "testsuite", {"name": TOOL, **totals, "skipped": "0"})
+    for path, problems in results:
+        case = etree.SubElement(suite, "testcase", {"classname": _legal(str(path.parent)), "name": _legal(path.name)})
+        errors = [problem for problem in problems if problem.level == "error"]
+        if errors:
+            message = errors[0].message if len(errors) == 1 else f"{len(errors)} errors"
+            failure = etree.SubElement(case, "failure", {"type": errors[0].rule, "message": _legal(message)})
+            failure.text = _legal("\n".join(map(str, errors)))
+        others = [problem for problem in problems if problem.level != "error"]
+        if others:
+            etree.SubElement(case, "system-out").text = _legal("\n".join(map(str, others)))
+    return _serialised(root)
+
+
+def xqar(results: Results) -> str:
+    """ASAM's quality checker result format: one checker bundle a file, one checker a rule."""
+    root = etree.Element("CheckerResults", {"version": "1.0.0"})
+    for path, problems in results:
+        attributes = {
+            "name": TOOL,
+            "version": version(),
+            "description": "Official schemas and semantic rules of OpenSCENARIO and OpenDRIVE",
+            "build_date": "",
+            "summary": _legal(summary([(path, problems)])),
+        }
+        bundle = etree.SubElement(root, "CheckerBundle", attributes)
+        etree.SubElement(bundle, "Param", {"name": "InputFile", "value": _legal(str(path))})
+        standards = {problem.rule.split(":")[1] for problem in problems}
+        standard = min(standards, default="xodr" if path.suffix.lower() == ".xodr" else "xosc")
+        numbers = {id(problem): str(number) for number, problem in enumerate(problems)}
+        for uid, description in _rules(standard):
+            _xqar_checker(bundle, uid, description, [problem for problem in problems if problem.rule == uid], numbers)
+    return _serialised(root)
+
+
+def _xqar_checker(
+    bundle: etree._Element, uid: str, description: str, problems: Sequence[Problem], numbers: dict[int, str]
+) -> None:
+    checker_id = "check_" + uid.replace(":", "_").replace(".", "_")
+    found = f"{len(problems)} issue(s) found" if problems else ""
+    attributes = {"checkerId": checker_id, "description": description, "status": "completed", "summary": found}
+    checker = etree.SubElement(bundle, "Checker", attributes)
+    etree.SubElement(checker, "AddressedRule", {"ruleUID": uid})
+    for problem in problems:
+        message = _legal(problem.message)
+        attributes = {
+            "issueId": numbers[id(problem)],
+            "description": message,
+            "level": _XQAR_LEVELS[problem.level],
+            "ruleUID": uid,
+        }
+        issue = etree.SubElement(checker, "Issue", attributes)
+        if problem.line is not None or problem.element is not None:
+            locations = etree.SubElement(issue, "Locations", {"description": message})
+            if problem.line is not None:
+                etree.SubElement(locations, "FileLocation", {"row": str(problem.line), "column": "0"})
+            if problem.element is not None:
+                etree.SubElement(locations, "XMLLocation", {"xpath": problem.element})
+
+
+def sarif(results: Results) -> str:
+    """SARIF 2.1.0, which code hosts show beside the lines."""
+    rules = _rules(None)
+    indices = {uid: index for index, (uid, _) in enumerate(rules)}
+    driver = {
+        "name": TOOL,
+        "version": version(),
+        "rules": [{"id": uid, "shortDescription": {"text": description}} for uid, description in rules],
+    }
+    found = [_sarif_result(problem, indices[problem.rule]) for _, problems in results for problem in problems]
+    run = {"tool": {"driver": driver}, "columnKind": "utf16CodeUnits", "results": found}
+    return json.dumps({"$schema": _SARIF_SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2, ensure_ascii=False) + "\n"
+
+
+def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
+    path = Path(problem.path)
+    uri = path.as_uri() if path.is_absolute() else quote(path.as_posix(), errors="replace")
+    location: dict[str, Any] = {"physicalLocation": {"artifactLocation": {"uri": uri}}}
+    if problem.line is not None:
+        location["physicalLocation"]["region"] = {"startLine": problem.line}
+    if problem.element is not None:
+        location["logicalLocations"] = [{"fullyQualifiedName": problem.element, "kind": "element"}]
+    return {
+        "ruleId": problem.rule,
+        "ruleIndex": index,
+        "level": _SARIF_LEVELS[problem.level],
+        "message": {"text": problem.message},
+        "locations": [location],
+    }
+
+
+def _rules(standard: str | None) -> list[tuple[str, str]]:
+    """Uid and description of the rules of a standard, "xosc" or "xodr"; of all where it is None."""
+    return [(rule.uid, rule.description) for rule in all_rules() if standard in (None, rule.uid.split(":")[1])]
+
+
+def _legal(value: str) -> str:
+    """Text without the control characters that XML cannot hold; file names and messages may have any."""
+    return "".join(character if character.isprintable() or character in "\n\t" else "\ufffd" for character in value)
+
+
+def _serialised(root: etree._Element) -> str:
+    return str(etree.tostring(root, encoding="unicode", pretty_print=True))
+
+
+FORMATS = {"text": text, "json": as_json, "junit": junit, "xqar": xqar, "sarif": sarif}
+"""Report formats by the names that the command line knows."""
+
+
+def listing(rules: Sequence[Rule]) -> str:
+    """The rules, one line each: level, uid, description."""
+    return "".join(f"{rule.level:<8}{rule.uid}\n        {rule.description}\n" for rule in rules)
