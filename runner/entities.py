@@ -73,6 +73,9 @@ class Entity:
     acceleration: float = 0.0
     vx: float = 0.0
     vy: float = 0.0
+    ax: float = 0.0
+    ay: float = 0.0
+    """velocity (m/s) and acceleration (m/s²) over ground in the world frame"""
     odometer: float = 0.0
     standstill: float = 0.0
     """time since it last moved, s"""

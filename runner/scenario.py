@@ -20,6 +20,7 @@ from runner.triggers import Trigger
 from xosc.node import Node
 
 if TYPE_CHECKING:
+    from runner.simulation import Simulation
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
 
@@ -60,6 +61,8 @@ class Scenario:
     monitors: dict[str, bool] = field(default_factory=dict)
     activated: set[str] = field(default_factory=set)
     """names of entities whose controller the scenario activates or deactivates at some time"""
+    observers: list[Callable[[Simulation], None]] = field(default_factory=list)
+    """called at the end of each step, for conditions that watch what goes on before anybody asks them"""
 
 
 class Context:
@@ -83,10 +86,15 @@ class Context:
         self.variable_types = {name: v.type for name, v in document.variables.items()}
         self.storyboard = Storyboard()
         self._late: list[Callable[[], None]] = []
+        self.observers: list[Callable[[Simulation], None]] = []
 
     def late(self, check: Callable[[], None]) -> None:
         """Have something done once the whole storyboard stands (references to storyboard elements)."""
         self._late.append(check)
+
+    def each_step(self, observe: Callable[[Simulation], None]) -> None:
+        """Have something called at the end of each step of the run."""
+        self.observers.append(observe)
 
     def finish(self) -> None:
         """Do what was left for late."""
@@ -172,6 +180,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         variables=context.variables,
         monitors=context.monitors,
         activated=_activated(context.storyboard),
+        observers=context.observers,
     )
 
 

@@ -5,6 +5,7 @@ A tick is: triggers at t, actions act on [t, t + dt], systems under test, motion
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -80,6 +81,7 @@ class Simulation:
         self.storyboard.begin(self)
         for entity in self.entities.values():
             if entity.active and entity.placed:
+                entity.vx, entity.vy = entity.speed * math.cos(entity.h), entity.speed * math.sin(entity.h)
                 self.world.add(entity)
             elif entity.active:
                 entity.active = False
@@ -108,6 +110,8 @@ class Simulation:
             if entity.driven and entity.active:
                 self._read(entity)
         self.contacts.update()
+        for observe in self.scenario.observers:
+            observe(self)
         self.recorder.record()
         return True
 
@@ -117,7 +121,9 @@ class Simulation:
             speed = entity.system.speed(entity, speed, self)
         x, y = entity.x, entity.y
         speed = entity.motion.advance(entity, speed, dt)
-        entity.vx, entity.vy = (entity.x - x) / dt, (entity.y - y) / dt
+        vx, vy = (entity.x - x) / dt, (entity.y - y) / dt
+        entity.ax, entity.ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
+        entity.vx, entity.vy = vx, vy
         entity.acceleration = (speed - entity.speed) / dt
         entity.speed = speed
         distance = speed * dt
@@ -134,7 +140,9 @@ class Simulation:
             self.deactivate(entity)
             return
         dt = self.dt
-        entity.vx, entity.vy = (reading.x - entity.x) / dt, (reading.y - entity.y) / dt
+        vx, vy = (reading.x - entity.x) / dt, (reading.y - entity.y) / dt
+        entity.ax, entity.ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
+        entity.vx, entity.vy = vx, vy
         entity.acceleration = (reading.speed - entity.speed) / dt
         entity.odometer += abs(reading.speed) * dt
         entity.standstill = entity.standstill + dt if abs(reading.speed) < _STANDSTILL else 0.0
