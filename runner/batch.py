@@ -77,30 +77,53 @@ class Outcome:
     trace: str = ""
 
 
-def jobs_of(paths: Iterable[Path], parameters: dict[str, str], enforce_constraints: bool) -> Iterator[Job]:
+def jobs_of(paths: Iterable[Path], parameters: dict[str, str], enforce_constraints: bool) -> Iterator[Job | Outcome]:
     """The runs that files stand for, lazily: one for a scenario, one for each parameter set of a distribution.
 
     Args:
+        paths: scenarios and distributions; one that can't be read gives an outcome in its place.
         parameters: values given by the user, before those of a distribution.
         enforce_constraints: leave out parameter sets that violate the scenario's constraint groups.
-
-    Raises:
-        ToolchainError: a file can't be read at all.
     """
-    import xosc
-
     stems: dict[str, int] = {}
     for path in paths:
         number = stems[path.stem] = stems.get(path.stem, 0) + 1
         stem = path.stem if number == 1 else f"{path.stem}~{number}"
-        kind = xosc.load(path).kind
-        if kind == "scenario":
-            yield Job(stem, path, path, dict(parameters))
-        elif kind == "distribution":
-            for index, (scenario, values) in enumerate(xosc.variations(path, enforce_constraints=enforce_constraints)):
-                yield Job(f"{stem}-{index:06d}", path, Path(scenario), {**parameters, **values})
-        else:
-            raise InvalidFile(f"this is a {kind}, nothing in it can be run", path=path)
+        try:
+            yield from _jobs_of(path, stem, parameters, enforce_constraints)
+        except ToolchainError as error:
+            yield _error(Job(stem, path, path, dict(parameters)), error)
+
+
+def _jobs_of(path: Path, stem: str, parameters: dict[str, str], enforce_constraints: bool) -> Iterator[Job]:
+    import xosc
+
+    kind = xosc.load(path).kind
+    if kind == "scenario":
+        yield Job(stem, path, path, dict(parameters))
+    elif kind == "distribution":
+        for index, (scenario, values) in enumerate(xosc.variations(path, enforce_constraints=enforce_constraints)):
+            yield Job(f"{stem}-{index:06d}", path, Path(scenario), {**parameters, **values})
+    else:
+        raise InvalidFile(f"this is a {kind}, nothing in it can be run", path=path)
+
+
+def _error(job: Job, error: Exception) -> Outcome:
+    """The outcome of a run that an error ended (to be called while it is handled)."""
+    if isinstance(error, ToolchainError):
+        return Outcome(job, "error", error.exit_code, str(error), trace=traceback.format_exc())
+    return Outcome(job, "error", 5, f"internal error: {type(error).__name__}: {error}", trace=traceback.format_exc())
+
+
+def rehearse(job: Job, options: Options) -> Outcome:
+    """Load, resolve and compile a scenario without running it."""
+    from runner.run import prepare
+
+    try:
+        prepare(job.scenario, job.parameters, options.ego, options.enforce_constraints)
+        return Outcome(job, "passed", 0, status="compiled")
+    except Exception as error:  # a defect of ours is an outcome too, the other files go on
+        return _error(job, error)
 
 
 def execute(job: Job, options: Options, out: Path | None = None) -> Outcome:
@@ -109,16 +132,11 @@ def execute(job: Job, options: Options, out: Path | None = None) -> Outcome:
 
     try:
         result = run(job.scenario, parameters=job.parameters, **asdict(options))
-        measures: dict[str, Any] = {}
-        if out is not None:
-            measures = _write(result, out / job.name)
-        message = "; ".join(result.verdict.reasons)
+        measures = _write(result, out / job.name) if out is not None else {}
         state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
-        return Outcome(job, state, code, message, result.status, result.end_time, measures)
-    except ToolchainError as error:
-        return Outcome(job, "error", error.exit_code, str(error), trace=traceback.format_exc())
+        return Outcome(job, state, code, "; ".join(result.verdict.reasons), result.status, result.end_time, measures)
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
-        return Outcome(job, "error", 5, f"internal error: {type(error).__name__}: {error}", trace=traceback.format_exc())
+        return _error(job, error)
 
 
 def _write(result: Any, folder: Path) -> dict[str, Any]:
@@ -143,7 +161,7 @@ def _write(result: Any, folder: Path) -> dict[str, Any]:
 
 
 def run_batch(
-    jobs: Iterable[Job], options: Options, *, out: Path | None = None, processes: int = 1, resume: bool = False
+    jobs: Iterable[Job | Outcome], options: Options, *, out: Path | None = None, processes: int = 1, resume: bool = False
 ) -> Iterator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
@@ -162,13 +180,18 @@ def run_batch(
 
 
 def _execute_all(
-    jobs: Iterable[Job], options: Options, out: Path | None, processes: int, done: dict[str, Outcome]
+    jobs: Iterable[Job | Outcome], options: Options, out: Path | None, processes: int, done: dict[str, Outcome]
 ) -> Iterator[tuple[Outcome, bool]]:
-    if processes <= 1:
-        for job in jobs:
-            yield (done[job.name], False) if job.name in done else (execute(job, options, out), True)
+    """Outcomes in the order of the jobs, with whether they are new."""
+    known = (job if isinstance(job, Outcome) else done.get(job.name, job) for job in jobs)
+    if processes > 1:
+        yield from _Pool(options, out, processes).execute(known)
         return
-    yield from _Pool(options, out, processes).execute(jobs, done)
+    for job in known:
+        yield (job, False) if isinstance(job, Outcome) else (execute(job, options, out), True)
+
+
+_Pending = tuple[Job, "Future[Outcome]"] | Outcome
 
 
 class _Pool:
@@ -179,46 +202,51 @@ class _Pool:
         self._pool = ProcessPoolExecutor(processes)
         self._deaths: dict[str, int] = {}
 
-    def execute(self, jobs: Iterable[Job], done: dict[str, Outcome]) -> Iterator[tuple[Outcome, bool]]:
+    def execute(self, jobs: Iterator[Job | Outcome]) -> Iterator[tuple[Outcome, bool]]:
         """Outcomes in the order of the jobs, with whether they are new."""
-        source = iter(jobs)
-        queue: deque[tuple[Job, Future[Outcome] | Outcome]] = deque()
+        queue: deque[_Pending] = deque()
         try:
             while True:
-                for job in itertools.islice(source, max(0, self.processes * _WAITING - len(queue))):
-                    queue.append((job, done[job.name] if job.name in done else self._submit(job)))
+                for job in itertools.islice(jobs, self.processes * _WAITING - len(queue)):
+                    queue.append(job if isinstance(job, Outcome) else self._submit(job))
                 if not queue:
                     return
-                job, pending = queue.popleft()
+                pending = queue.popleft()
                 if isinstance(pending, Outcome):
                     yield pending, False
                     continue
                 try:
-                    yield pending.result(), True
+                    yield pending[1].result(), True
                 except BrokenProcessPool:
-                    queue = self._replace(job, queue)
+                    queue = self._replace([pending, *queue])
         finally:
             self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def _submit(self, job: Job) -> Future[Outcome]:
-        return self._pool.submit(execute, job, self.options, self.out)
+    def _submit(self, job: Job) -> tuple[Job, Future[Outcome]]:
+        return job, self._pool.submit(execute, job, self.options, self.out)
 
-    def _replace(
-        self, job: Job, queue: deque[tuple[Job, Future[Outcome] | Outcome]]
-    ) -> deque[tuple[Job, Future[Outcome] | Outcome]]:
-        """New workers after one has died; every unfinished run is handed out again, the first of them at most twice."""
+    def _replace(self, waiting: list[_Pending]) -> deque[_Pending]:
+        """New workers after one has died; unfinished runs are handed out again.
+
+        Which run killed it is not known. The first that is unfinished is suspected; suspected twice, it is given up.
+        """
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool = ProcessPoolExecutor(self.processes)
-        deaths = self._deaths[job.name] = self._deaths.get(job.name, 0) + 1
-        again: deque[tuple[Job, Future[Outcome] | Outcome]] = deque()
-        if deaths >= _DEATHS:
-            again.append((job, Outcome(job, "error", 5, "internal error: the process running it died, twice")))
-        else:
-            again.append((job, self._submit(job)))
-        for other, pending in queue:
-            finished = isinstance(pending, Outcome) or (pending.done() and not pending.exception())
-            again.append((other, pending if finished else self._submit(other)))
-        return again
+        queue: deque[_Pending] = deque()
+        suspected = False
+        for pending in waiting:
+            if isinstance(pending, Outcome) or (pending[1].done() and not pending[1].cancelled() and not pending[1].exception()):
+                queue.append(pending)
+                continue
+            job = pending[0]
+            if not suspected:
+                suspected = True
+                self._deaths[job.name] = self._deaths.get(job.name, 0) + 1
+            if self._deaths.get(job.name, 0) >= _DEATHS:
+                queue.append(Outcome(job, "error", 5, f"internal error: the process running it died, {_DEATHS} times"))
+            else:
+                queue.append(self._submit(job))
+        return queue
 
 
 class _Journal:

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 from runner.ego import drive_ego, find_ego
 from runner.result import RunResult
-from runner.scenario import compile_scenario
+from runner.scenario import Scenario, compile_scenario
 from runner.simulation import Simulation
 from runner.sut import load_system
 from runner.verdict import judge
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
+    from runner.entities import Entity
     from runner.world import World
     from xosc.resolve import Argument
 
@@ -57,17 +58,11 @@ def run(
         InvalidFile: a file is missing, malformed or breaks its standard.
         Unsupported: the scenario asks for something that the runner does not do.
     """
-    import xodr
-    import xosc
-
     limit = MAX_TIME if max_time is None else max_time
     _check(timestep, limit)
-    document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=enforce_constraints)
-    network = xodr.load(document.logic_file) if document.logic_file is not None else None
-    compiled = compile_scenario(document, network)
-    sim = Simulation(compiled, open_world(world), timestep, seed)
-    driver = find_ego(compiled, ego)
     system = load_system(sut)
+    compiled, driver = prepare(scenario, parameters, ego, enforce_constraints)
+    sim = Simulation(compiled, open_world(world), timestep, seed)
     try:
         drive_ego(sim, driver, system)
         sim.begin()
@@ -77,7 +72,7 @@ def run(
     finally:
         sim.world.close()
     return RunResult(
-        scenario=document.path,
+        scenario=compiled.path,
         parameters={name: str(value) for name, value in (parameters or {}).items()},
         status="completed" if sim.finished else "timeout",
         end_time=sim.time,
@@ -88,6 +83,19 @@ def run(
         events=sim.log,
         recording=sim.recorder.recording(),
     )
+
+
+def prepare(
+    scenario: str | PathLike[str], parameters: Mapping[str, Argument] | None, ego: str | None, enforce_constraints: bool
+) -> tuple[Scenario, Entity | None]:
+    """Load, resolve and compile a scenario, and find its ego; arguments and errors as in `run`."""
+    import xodr
+    import xosc
+
+    document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=enforce_constraints)
+    network = xodr.load(document.logic_file) if document.logic_file is not None else None
+    compiled = compile_scenario(document, network)
+    return compiled, find_ego(compiled, ego)
 
 
 def open_world(name: str) -> World:

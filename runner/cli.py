@@ -1,0 +1,125 @@
+"""The command `xosc-run`: run scenarios and variation files, say how they ended."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from schemas.errors import ToolchainError, UsageError
+from schemas.version import version as toolchain_version
+
+_EPILOG = (
+    "Exit codes: 0 passed, 1 a verdict is a failure (collision of the ego), 2 wrong usage, 3 invalid file, "
+    "4 valid file that asks for something this runner does not do, 5 internal error. With several runs, the gravest of theirs."
+)
+_GRAVEST_FIRST = (5, 3, 4, 2, 1, 0)
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"xosc-run {toolchain_version()}")
+        raise typer.Exit
+
+
+@app.command(epilog=_EPILOG)
+def xosc_run(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Scenarios, and distributions: every parameter set is run.")
+    ],
+    param: Annotated[
+        list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter (repeatable).")
+    ] = None,
+    sut: Annotated[
+        str, typer.Option(help="System under test that drives the ego: cas, sumo, none, one installed by pip, module:Class.")
+    ] = "cas",
+    ego: Annotated[str | None, typer.Option(metavar="NAME", help="The ego, where it is not found by itself.")] = None,
+    timestep: Annotated[float, typer.Option(metavar="SECONDS", help="Time step.")] = 0.05,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    max_time: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.  [default: 300]")
+    ] = None,
+    world: Annotated[str, typer.Option(help="sumo, or kinematic: scripted motion without a simulator.")] = "sumo",
+    constraints: Annotated[
+        bool,
+        typer.Option(
+            "--constraints/--no-constraints",
+            help="Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
+        ),
+    ] = True,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for trajectories, event log and result of each run.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
+    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Load and compile everything, run nothing.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures and errors only.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
+    from runner.batch import Options, Outcome, jobs_of, rehearse, run_batch
+    from runner.outputs.terminal import Table
+
+    options = Options(timestep, sut, ego, seed, max_time, world, constraints)
+    if resume and out is None:
+        raise UsageError("--resume needs the --out folder to go on with")
+    source = jobs_of(files, _parameters(param or []), constraints)
+    outcomes: Iterator[Outcome]
+    if dry_run:
+        outcomes = (job if isinstance(job, Outcome) else rehearse(job, options) for job in source)
+    else:
+        outcomes = run_batch(source, options, out=out, processes=jobs, resume=resume)
+    table = Table(verbose=verbose, quiet=quiet)
+    code, kept = 0, []
+    for outcome in outcomes:
+        table.show(outcome)
+        code = min(code, outcome.exit_code, key=_GRAVEST_FIRST.index)
+        if junit is not None:
+            kept.append(outcome)
+    table.close()
+    if junit is not None:
+        from runner.outputs.report import write_junit
+
+        write_junit(kept, junit)
+    raise typer.Exit(code)
+
+
+def _parameters(pairs: list[str]) -> dict[str, str]:
+    values: dict[str, str] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not (name and equals):
+            raise UsageError(f"--param {pair!r}: NAME=VALUE is expected")
+        values[name] = value
+    return values
+
+
+def main() -> None:
+    """Entry point: errors become one line and an exit code; a traceback only with -v."""
+    try:
+        app()
+    except ToolchainError as error:
+        if "-v" in sys.argv or "--verbose" in sys.argv:
+            raise
+        print(f"xosc-run: {error}", file=sys.stderr)
+        raise SystemExit(error.exit_code) from None
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(141) from None
+    except OSError as error:
+        print(f"xosc-run: {error.strerror}: {error.filename}", file=sys.stderr)
+        raise SystemExit(2) from None
+
+
+if __name__ == "__main__":
+    main()
