@@ -1,0 +1,73 @@
+"""`cas`: the collision avoidance system, default system under test."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from runner.boxes import gap, interval_gap, outlook, reach, spans
+from runner.entities import Entity
+from runner.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
+from runner.sut.base import Control, Observation
+
+
+@dataclass(slots=True)
+class CollisionAvoidance:
+    """Brakes as hard as it can while the RSS distances to a participant within sensor range are violated.
+
+    Danger is: a participant no further than the sensor range (between the boxes), ahead of the ego's middle, whose
+    longitudinal and lateral gaps in the ego's frame are both less than the safe ones. Otherwise the ego does what the
+    scenario asks.
+
+    Args:
+        sensor_range: how far it sees, m.
+        rss: name of the RSS parameter set.
+        brake: deceleration when in danger, m/s².
+    """
+
+    sensor_range: float = 10.0
+    rss: str = "ad-rss"
+    brake: float = 8.0
+    _parameters: RssParameters = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._parameters = parameter_set(self.rss)
+
+    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+        """Nothing is carried from run to run."""
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        """Full braking with the reason when in danger, else nothing."""
+        ego = observation.ego
+        far = self.sensor_range + reach(ego.box)
+        for other in observation.others:
+            if math.hypot(other.x - ego.x, other.y - ego.y) <= far + reach(other.box):
+                danger = self._danger(ego, other)
+                if danger:
+                    return Control(acceleration=-self.brake, reason=danger)
+        return Control()
+
+    def _danger(self, ego: Entity, other: Entity) -> str:
+        """Why a participant is dangerous; empty where it is not."""
+        if gap(ego, other) > self.sensor_range:
+            return ""
+        p = self._parameters
+        seen = outlook(ego, other)
+        if seen.x <= 0.0:
+            return ""
+        rear, front, right, left = spans(seen, other.box)
+        ahead = interval_gap(-ego.box.length / 2, ego.box.length / 2, rear, front)
+        aside = interval_gap(-ego.box.width / 2, ego.box.width / 2, right, left)
+        c, s = math.cos(ego.h), math.sin(ego.h)
+        safe_ahead = longitudinal_distance(ego.speed, other.vx * c + other.vy * s, p)
+        if ahead >= safe_ahead:
+            return ""
+        # lateral speeds to the right, as RSS counts them
+        own, its = ego.vx * s - ego.vy * c, other.vx * s - other.vy * c
+        if seen.y > 0.0:
+            safe_aside = lateral_distance(its, own, p.response_other, p.response, p)
+        else:
+            safe_aside = lateral_distance(own, its, p.response, p.response_other, p)
+        if abs(aside) >= max(safe_aside, 0.0):
+            return ""
+        return f"{other.name} is {ahead:.1f} m ahead and {abs(aside):.1f} m aside, RSS asks for {safe_ahead:.1f} m or {safe_aside:.1f} m"
