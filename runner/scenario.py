@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
 
-_WRAPPERS = {
+WRAPPERS = {
     "PrivateAction",
     "LongitudinalAction",
     "LateralAction",
@@ -133,7 +133,7 @@ class Context:
         if not pending:
             raise node.invalid("an action is expected inside")
         for child in pending:
-            found += self.actions(child) if child.tag in _WRAPPERS else [self._build(registry.action, child)]
+            found += self.actions(child) if child.tag in WRAPPERS else [self._build(registry.action, child)]
         return found
 
     def condition(self, node: Node) -> Condition:
