@@ -62,9 +62,9 @@ def _violations(tree: etree._ElementTree, version: Version) -> list[Violation]:
 
 
 def _nearest(element: etree._Element, document: Document) -> Node:
-    """The element, or the one around it that was in the file, where a rule has made it."""
-    parent = element.getparent()
-    return Node(element, document.path) if element.sourceline or parent is None else _nearest(parent, document)
+    """The element, or, where a rule has made it, the one around it that was in the file."""
+    around = (each for each in (element, *element.iterancestors()) if each.sourceline)
+    return Node(next(around, element), document.path)
 
 
 def _refuse_expressions(top: Node, source: Version, to: Version) -> None:
@@ -281,6 +281,7 @@ RULES: tuple[Rule, ...] = (
     Rule((1, 1), "FollowTrajectoryAction", down=_implied("initialDistanceOffset", "0")),
     Rule((1, 1), "PrivateAction", down=_unwrapped("ControllerAction", only="ActivateControllerAction")),
     Rule((1, 1), "ControllerAction", down=_merge_controller_actions),
+    Rule((1, 1), "Pedestrian", down=_attribute("model3d", "model")),
     Rule((1, 1), "Clothoid", down=_attribute("curvaturePrime", "curvatureDot")),
     Rule((1, 1), "Event", down=_child(_at_once)),
     *(Rule((1, 1), tag, down=_without_white_space) for tag in ("FileHeader", "ParameterDeclaration")),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import statistics
+from datetime import datetime
 from itertools import islice
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.registry import OPENSCENARIO, schema_for
+from schemas.validate import violations
 from xosc.distributions import (
     Deterministic,
     DeterministicMultiParameterDistribution,
@@ -35,9 +38,13 @@ from xosc.distributions import (
     sample,
     user,
     variations,
+    write_distribution,
 )
+from xosc.document import load
+from xosc.files import Header
 from xosc.node import Node
 
+FILE_HEADER = Header("a test", "a tester", datetime(2024, 1, 31))
 HEADER = '<FileHeader revMajor="1" revMinor="3" date="2024-01-01T00:00:00" description="" author=""/>'
 SCENARIO = f"""<OpenSCENARIO>{HEADER}
 <ParameterDeclarations>
@@ -331,6 +338,23 @@ def plugin(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_reading_gives_what_was_written(definition, plugin) -> None:
     distribution = ParameterValueDistribution("scenario.xosc", definition)
     assert ParameterValueDistribution.read(Node(distribution.write(), Path("memory.xosc"))) == distribution
+
+
+@pytest.mark.parametrize("version", [(1, 0), (1, 1), (1, 2), (1, 3)])
+@pytest.mark.parametrize("definition", EVERYTHING, ids=["Deterministic", "Stochastic"])
+def test_files_are_valid_where_the_version_can_say_it(tmp_path: Path, plugin, definition, version: tuple[int, int]) -> None:
+    distribution = ParameterValueDistribution("scenario.xosc", definition)
+    path = tmp_path / "variation.xosc"
+    since = (1, 1) if definition is EVERYTHING[0] else (1, 3)
+    if version < since:
+        with pytest.raises(Unsupported, match="Distribution"):
+            write_distribution(distribution, path, FILE_HEADER, version)
+        return
+    write_distribution(distribution, path, FILE_HEADER, version)
+    document = load(path)
+    assert document.version == version
+    assert not violations(document.root.getroottree(), schema_for(OPENSCENARIO, version))
+    assert ParameterValueDistribution.read(document.node.need("ParameterValueDistribution")) == distribution
 
 
 def test_a_plugin_gives_user_defined_values(written, plugin) -> None:

@@ -7,7 +7,7 @@ from xosc.distributions.deterministic import (
     DistributionRange,
     DistributionSet,
 )
-from xosc.distributions.file import ParameterValueDistribution
+from xosc.distributions.file import ParameterValueDistribution, write_distribution
 from xosc.distributions.probability import (
     Histogram,
     HistogramBin,
@@ -45,4 +45,5 @@ __all__ = [
     "Variations",
     "sample",
     "variations",
+    "write_distribution",
 ]

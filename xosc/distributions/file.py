@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from copy import deepcopy
 from dataclasses import dataclass
 
@@ -12,7 +13,10 @@ from schemas.expressions import ExpressionError, substitute
 from xosc.distributions.deterministic import Deterministic
 from xosc.distributions.stochastic import Stochastic
 from xosc.distributions.values import element
+from xosc.document import write
+from xosc.files import Header, new_document
 from xosc.node import Node
+from xosc.versions import Version
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,18 @@ class ParameterValueDistribution:
         return element(
             "ParameterValueDistribution", element("ScenarioFile", filepath=self.scenario_file), self.definition.write()
         )
+
+
+def write_distribution(
+    distribution: ParameterValueDistribution, path: str | os.PathLike[str], header: Header, version: Version = (1, 3)
+) -> None:
+    """Write a distribution as a file.
+
+    Raises:
+        Unsupported: the version cannot say it: distributions came with 1.1, log-normal ones with 1.3.
+        UsageError: the file cannot be written.
+    """
+    write(new_document(path, header, [distribution.write()], version), path)
 
 
 def _evaluated(node: Node) -> Node:

@@ -1,0 +1,53 @@
+"""Typed builders of scenarios and catalogues, on scenariogeneration.
+
+They return scenariogeneration's objects (`Any`: it carries no types), so that whatever it can build besides can be mixed in;
+`scenario` and `catalog` make documents of them, valid by the official XSD of the version asked for.
+"""
+
+from xosc.files import Header
+from xosc.maneuvers.actions import (
+    STEP,
+    Dynamics,
+    event,
+    follow_trajectory,
+    lane_change,
+    lane_position,
+    maneuver,
+    speed,
+    speed_profile,
+    teleport,
+    trajectory,
+    world_position,
+)
+from xosc.maneuvers.base import Number
+from xosc.maneuvers.entities import parameter, vehicle
+from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario
+from xosc.maneuvers.triggers import Condition, element_state, relative_distance, simulation_time, time_headway, time_to_collision
+
+__all__ = [
+    "CATALOG_KINDS",
+    "STEP",
+    "Condition",
+    "Dynamics",
+    "Header",
+    "Number",
+    "catalog",
+    "element_state",
+    "event",
+    "follow_trajectory",
+    "lane_change",
+    "lane_position",
+    "maneuver",
+    "parameter",
+    "relative_distance",
+    "scenario",
+    "simulation_time",
+    "speed",
+    "speed_profile",
+    "teleport",
+    "time_headway",
+    "time_to_collision",
+    "trajectory",
+    "vehicle",
+    "world_position",
+]

@@ -1,0 +1,136 @@
+"""Actions, and the events and manoeuvres that hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from scenariogeneration import xosc as sg
+
+from schemas.errors import UsageError
+from xosc.maneuvers.base import Number, number, word
+from xosc.maneuvers.triggers import Condition, trigger
+
+
+class Dynamics(NamedTuple):
+    """`TransitionDynamics`: how a change comes about.
+
+    Attributes:
+        shape: step, linear, sinusoidal or cubic.
+        dimension: what `value` is: time (s), distance (m) or rate (the change's unit a second).
+        value: see `dimension`.
+    """
+
+    shape: str
+    dimension: str
+    value: Number
+
+    def build(self) -> Any:
+        """As scenariogeneration has it."""
+        return sg.TransitionDynamics(
+            word("DynamicsShapes", self.shape), word("DynamicsDimension", self.dimension), number(self.value)
+        )
+
+
+STEP = Dynamics("step", "time", 0.0)
+"""At once."""
+
+
+def world_position(x: Number, y: Number, z: Number | None = None, h: Number | None = None) -> Any:
+    """A position in world coordinates, m and rad."""
+    return sg.WorldPosition(*(None if each is None else number(each) for each in (x, y, z, h)))
+
+
+def lane_position(road: str, lane: str | int, s: Number, offset: Number = 0.0) -> Any:
+    """A position on a lane: s along the road and the lateral offset from the lane's centre, m."""
+    return sg.LanePosition(number(s), number(offset), str(lane), road)
+
+
+def teleport(position: Any) -> Any:
+    """`TeleportAction`: be somewhere at once."""
+    return sg.TeleportAction(position)
+
+
+def speed(target: Number, dynamics: Dynamics = STEP) -> Any:
+    """`SpeedAction` to an absolute speed, m/s."""
+    return sg.AbsoluteSpeedAction(number(target), dynamics.build())
+
+
+def speed_profile(entries: Sequence[tuple[Number, Number]], following_mode: str = "position") -> Any:
+    """`SpeedProfileAction` (1.2 and later): speeds (m/s), each with the time (s) that it takes from the one before."""
+    if not entries:
+        raise UsageError("a speed profile needs at least one entry")
+    speeds, times = zip(*((number(value), number(time)) for value, time in entries), strict=True)
+    return sg.SpeedProfileAction(list(speeds), word("FollowingMode", following_mode), list(times))
+
+
+def lane_change(lane: int | str, dynamics: Dynamics, *, relative_to: str | None = None, offset: Number | None = None) -> Any:
+    """`LaneChangeAction`.
+
+    Args:
+        lane: the target lane's id, or the number of lanes to the left of the entity `relative_to` (negative: to the right).
+        dynamics: how the lateral movement comes about.
+        relative_to: the entity that `lane` counts from.
+        offset: of the target from the lane's centre, m.
+    """
+    target_offset = None if offset is None else number(offset)
+    if relative_to is None:
+        return sg.AbsoluteLaneChangeAction(lane, dynamics.build(), target_offset)
+    return sg.RelativeLaneChangeAction(lane, relative_to, dynamics.build(), target_offset)
+
+
+def trajectory(
+    name: str,
+    time: Sequence[float],
+    x: Sequence[float],
+    y: Sequence[float],
+    z: Sequence[float] | None = None,
+    h: Sequence[float] | None = None,
+) -> Any:
+    """A polyline `Trajectory` from arrays of the same length: time (s), position of the reference point (m), heading (rad).
+
+    Raises:
+        UsageError: fewer than two points, arrays of different lengths, or times that go back.
+    """
+    columns = [column for column in (time, x, y, z, h) if column is not None]
+    if len({len(column) for column in columns}) > 1 or len(time) < 2:
+        raise UsageError(f"the trajectory {name!r} needs arrays of one length, of two points at least")
+    times = [float(each) for each in time]
+    if any(later < earlier for earlier, later in pairwise(times)):
+        raise UsageError(f"the times of the trajectory {name!r} must not go back")
+    nothing = [None] * len(times)
+    rows = zip(x, y, nothing if z is None else z, nothing if h is None else h, strict=True)
+    vertices = [world_position(*(None if each is None else float(each) for each in row)) for row in rows]  # type: ignore[arg-type]
+    built = sg.Trajectory(name, False)
+    built.add_shape(sg.Polyline([number(each) for each in times], vertices))
+    return built
+
+
+def follow_trajectory(path: Any, following_mode: str = "position", offset: Number = 0.0) -> Any:
+    """`FollowTrajectoryAction` along a `trajectory` (or a catalogue's) at its times, counted from the action's start.
+
+    Args:
+        path: the trajectory.
+        following_mode: position (exactly) or follow (by steering).
+        offset: added to the times, s.
+    """
+    timing = word("ReferenceContext", "relative"), 1.0, number(offset)
+    return sg.FollowTrajectoryAction(path, word("FollowingMode", following_mode), *timing)
+
+
+def event(name: str, actions: Sequence[Any], start: Condition | Sequence[Condition], priority: str = "override") -> Any:
+    """`Event`: actions that begin together when all the conditions of `start` hold."""
+    built = sg.Event(name, word("Priority", priority))
+    for index, action in enumerate(actions):
+        built.add_action(f"{name} action {index + 1}", action)
+    built.add_trigger(trigger(start, "start"))
+    return built
+
+
+def maneuver(name: str, events: Sequence[Any]) -> Any:
+    """`Maneuver`: events of one participant."""
+    built = sg.Maneuver(name)
+    for each in events:
+        built.add_event(each)
+    return built

@@ -1,0 +1,54 @@
+"""What the builders share: numbers, words of the standard, and turning scenariogeneration's objects into elements."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from lxml import etree
+from scenariogeneration import xosc as sg
+
+from schemas.errors import UsageError
+
+Number = float | str
+"""A number, or the text of a parameter reference `$Speed` or an expression `${2 * $Speed}`."""
+
+
+def number(value: Number) -> float | str:
+    """The value as scenariogeneration takes it; UsageError for what is neither finite nor a reference."""
+    if isinstance(value, str):
+        if value.startswith("$"):
+            return value
+        raise UsageError(f"{value!r} is neither a number nor a parameter reference, which begins with $")
+    if not math.isfinite(value):
+        raise UsageError(f"{value} is not a finite number")
+    return float(value)
+
+
+def word(kind: str, name: str) -> Any:
+    """The member of one of the standard's enumerations; UsageError where it has no such member."""
+    members = {key: value for key, value in vars(getattr(sg, kind)).items() if not key.startswith("_")}
+    if name not in members:
+        raise UsageError(f"{kind} has no {name!r}, it has {', '.join(members)}")
+    return members[name]
+
+
+def rendered(built: Any) -> etree._Element:
+    """The element of a scenariogeneration object, in version 1.3 of the standard.
+
+    The version that scenariogeneration writes is a global of the process: it is set here only, and put back.
+    """
+    before = sg.VersionBase.version_major, sg.VersionBase.version_minor
+    sg.VersionBase().setVersion(1, 3)
+    try:
+        return _copied(built.get_element())
+    finally:
+        sg.VersionBase().setVersion(*before)
+
+
+def _copied(element: Any) -> etree._Element:
+    """An element of the standard library's XML tree as one of lxml's."""
+    copied = etree.Element(element.tag, dict(element.attrib))
+    copied.text = element.text
+    copied.extend(_copied(child) for child in element)
+    return copied

@@ -1,0 +1,92 @@
+"""Participants: vehicles with given dimensions, and parameters with constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from scenariogeneration import xosc as sg
+
+from schemas.errors import UsageError
+from xosc.maneuvers.base import Number, number, word
+
+WHEELBASE = 0.6
+"""Wheelbase as a share of the length, where it is not known: cars have 0.55 to 0.65 of it."""
+_WHEEL_DIAMETER, _STEERING = 0.6, 0.6
+_TRACK = 0.85
+
+
+def vehicle(
+    name: str,
+    length: float,
+    width: float,
+    height: float,
+    *,
+    category: str = "car",
+    wheelbase: float | None = None,
+    centre: float | None = None,
+    mass: float | None = None,
+    max_speed: float = 70.0,
+    max_acceleration: float = 10.0,
+    max_deceleration: float = 10.0,
+) -> Any:
+    """A vehicle whose reference point is the centre of the rear axle, on the ground.
+
+    Args:
+        name: its name in a catalogue or as a type.
+        length: of the bounding box, m; `width` and `height` likewise.
+        category: a VehicleCategory of the standard: car, van, truck, bus, motorbike, bicycle, ...
+        wheelbase: distance of the axles, m; by default `WHEELBASE` of the length.
+        centre: bounding box centre ahead of the rear axle, m; by default half the wheelbase (equal overhangs).
+        mass: kg.
+        max_speed: m/s; max_acceleration and max_deceleration in m/s².
+
+    Raises:
+        UsageError: a dimension is not positive, or there is no such category.
+    """
+    wheelbase = WHEELBASE * length if wheelbase is None else wheelbase
+    for label, value in {"length": length, "width": width, "height": height, "wheelbase": wheelbase}.items():
+        if not float(number(value)) > 0:
+            raise UsageError(f"the {label} of the vehicle {name!r} must be positive, not {value}")
+    x = wheelbase / 2 if centre is None else float(number(centre))
+    performance = (number(each) for each in (max_speed, max_acceleration, max_deceleration))
+    return sg.Vehicle(
+        name,
+        word("VehicleCategory", category),
+        sg.BoundingBox(width, length, height, x, 0.0, height / 2),
+        sg.Axle(_STEERING, _WHEEL_DIAMETER, _TRACK * width, wheelbase, _WHEEL_DIAMETER / 2),
+        sg.Axle(0.0, _WHEEL_DIAMETER, _TRACK * width, 0.0, _WHEEL_DIAMETER / 2),
+        *performance,
+        mass=mass,
+    )
+
+
+Constraint = tuple[str, Number]
+"""A rule of the standard (lessThan, equalTo, …) and the value that it compares with."""
+
+
+def parameter(name: str, kind: str, value: Number | bool, constraints: Sequence[Sequence[Constraint]] = ()) -> Any:
+    """A parameter declaration.
+
+    Args:
+        name: without `$`.
+        kind: a ParameterType of 1.3: double, int, unsignedInt, unsignedShort, boolean, string, dateTime.
+        value: its default.
+        constraints: constraint groups; a group holds where all its constraints do, one group must hold.
+
+    Raises:
+        UsageError: there is no such type or rule.
+    """
+    declared = sg.Parameter(name, word("ParameterType", kind), _text(value))
+    for constraint_group in constraints:
+        group = sg.ValueConstraintGroup()
+        for rule, limit in constraint_group:
+            group.add_value_constraint(sg.ValueConstraint(word("Rule", rule), _text(limit)))
+        declared.add_value_constraint_group(group)
+    return declared
+
+
+def _text(value: Number | bool) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else repr(value)

@@ -1,0 +1,130 @@
+"""Whole files: scenarios, and catalogues of all eight kinds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lxml import etree
+from scenariogeneration import xosc as sg
+
+from schemas.errors import UsageError
+from xosc.document import Document
+from xosc.files import Header, new_document
+from xosc.maneuvers.base import rendered
+from xosc.maneuvers.triggers import Condition, trigger
+from xosc.versions import Version
+
+CATALOG_KINDS = ("Vehicle", "Pedestrian", "MiscObject", "Controller", "Environment", "Maneuver", "Trajectory", "Route")
+"""What a catalogue can hold."""
+
+
+def scenario(
+    path: str | os.PathLike[str],
+    header: Header,
+    *,
+    road: str,
+    entities: Mapping[str, Any],
+    init: Mapping[str, Sequence[Any]],
+    maneuvers: Sequence[tuple[str, Any]] = (),
+    parameters: Sequence[Any] = (),
+    catalogs: Mapping[str, str] | None = None,
+    stop: Condition | Sequence[Condition] = (),
+    version: Version = (1, 3),
+) -> Document:
+    """A scenario document; `xosc.write(document, document.path)` makes the file.
+
+    Args:
+        path: the file that it is to become.
+        header: what the file says about itself.
+        road: the OpenDRIVE file, relative to `path`.
+        entities: participants by name: a `vehicle`, or a CatalogReference.
+        init: actions at the beginning, by participant.
+        maneuvers: a participant and its `maneuver` each; they all may start at once.
+        parameters: `parameter` declarations.
+        catalogs: directories by the kind of catalogue in them (see `CATALOG_KINDS`).
+        stop: the scenario ends when all these conditions hold; without one it is up to the simulator.
+        version: of the standard.
+
+    Raises:
+        UsageError: an action or a manoeuvre belongs to no participant, or there is no such kind of catalogue.
+        Unsupported: the version cannot say all of it.
+    """
+    unknown = [name for name in (*init, *(actor for actor, _ in maneuvers)) if name not in entities]
+    if unknown:
+        raise UsageError(f"{unknown[0]!r} is not among the entities {', '.join(entities)}")
+    built = [_catalogs(catalogs or {}), sg.RoadNetwork(road), _entities(entities), _storyboard(init, maneuvers, stop)]
+    if parameters:
+        built.insert(0, _declarations(parameters))
+    return new_document(path, header, [rendered(part) for part in built], version)
+
+
+def catalog(
+    path: str | os.PathLike[str], header: Header, name: str, entries: Sequence[Any], version: Version = (1, 3)
+) -> Document:
+    """A catalogue document.
+
+    Args:
+        path: the file that it is to become.
+        header: what the file says about itself.
+        name: of the catalogue, which references use.
+        entries: objects of scenariogeneration, all of one of the `CATALOG_KINDS`.
+        version: of the standard.
+
+    Raises:
+        UsageError: the entries are not of one kind that a catalogue can hold, or two have the same name.
+        Unsupported: the version cannot say all of it.
+    """
+    element = etree.Element("Catalog", name=name)
+    element.extend(rendered(entry) for entry in entries)
+    kinds = {str(child.tag) for child in element}
+    if len(kinds) != 1 or not kinds <= set(CATALOG_KINDS):
+        raise UsageError(f"a catalogue holds entries of one kind ({', '.join(CATALOG_KINDS)}), not {', '.join(kinds) or 'none'}")
+    if len({child.get("name") for child in element}) < len(element):
+        raise UsageError(f"two entries of the catalogue {name!r} have the same name")
+    return new_document(path, header, [element], version)
+
+
+def _declarations(parameters: Sequence[Any]) -> Any:
+    declarations = sg.ParameterDeclarations()
+    for each in parameters:
+        declarations.add_parameter(each)
+    return declarations
+
+
+def _catalogs(directories: Mapping[str, str]) -> Any:
+    locations = sg.Catalog()
+    for kind, directory in directories.items():
+        if kind not in CATALOG_KINDS:
+            raise UsageError(f"there are no catalogues of {kind!r}, only of {', '.join(CATALOG_KINDS)}")
+        locations.add_catalog(f"{kind}Catalog", directory)
+    return locations
+
+
+def _entities(entities: Mapping[str, Any]) -> Any:
+    built = sg.Entities()
+    for name, entity in entities.items():
+        built.add_scenario_object(name, entity)
+    return built
+
+
+def _storyboard(
+    init: Mapping[str, Sequence[Any]], maneuvers: Sequence[tuple[str, Any]], stop: Condition | Sequence[Condition]
+) -> Any:
+    beginning = sg.Init()
+    for name, actions in init.items():
+        for action in actions:
+            beginning.add_init_action(name, action)
+    storyboard = sg.StoryBoard(beginning, trigger(stop, "stop") if stop else sg.Trigger("stop"))
+    if maneuvers:
+        act = sg.Act("act")
+        for actor, maneuver in maneuvers:
+            group = sg.ManeuverGroup(f"{maneuver.name} of {actor}")
+            group.add_actor(actor)
+            group.add_maneuver(maneuver)
+            act.add_maneuver_group(group)
+        story = sg.Story("story", sg.ParameterDeclarations())
+        story.add_act(act)
+        storyboard.add_story(story)
+    return storyboard

@@ -1,0 +1,145 @@
+"""Conditions, for events to start and for a storyboard to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scenariogeneration import xosc as sg
+
+from schemas.errors import UsageError
+from xosc.maneuvers.base import Number, number, word
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition, which becomes part of a start or a stop trigger.
+
+    Attributes:
+        name: its name in the file.
+        condition: scenariogeneration's object.
+        edge: none, rising, falling or risingOrFalling.
+        entity: whose condition it is; None for a condition by value.
+    """
+
+    name: str
+    condition: Any
+    edge: str
+    entity: str | None = None
+
+    def build(self, point: str) -> Any:
+        """As scenariogeneration has it, in a trigger to "start" or to "stop"."""
+        edge = word("ConditionEdge", self.edge)
+        if self.entity is None:
+            return sg.ValueTrigger(self.name, 0.0, edge, self.condition, point)
+        return sg.EntityTrigger(f"{self.name} of {self.entity}", 0.0, edge, self.condition, self.entity, triggeringpoint=point)
+
+
+def trigger(conditions: Condition | Sequence[Condition], point: str) -> Any:
+    """A trigger that fires when all its conditions hold."""
+    group = sg.ConditionGroup(point)
+    listed = [conditions] if isinstance(conditions, Condition) else conditions
+    if not listed:
+        raise UsageError(f"a {point} trigger needs at least one condition")
+    for condition in listed:
+        group.add_condition(condition.build(point))
+    return group
+
+
+def simulation_time(value: Number, rule: str = "greaterThan", *, edge: str = "none") -> Condition:
+    """`SimulationTimeCondition`: the time since the start, s."""
+    return Condition("simulation time", sg.SimulationTimeCondition(number(value), word("Rule", rule)), edge)
+
+
+def element_state(kind: str, name: str, state: str = "endTransition", *, edge: str = "none") -> Condition:
+    """`StoryboardElementStateCondition`: an element has a state or passes a transition.
+
+    Args:
+        kind: story, act, maneuverGroup, maneuver, event or action.
+        name: of the element.
+        state: startTransition, runningState, endTransition, completeState, ...
+        edge: of the condition.
+    """
+    element = word("StoryboardElementType", kind), name, word("StoryboardElementState", state)
+    return Condition(f"{name} {state}", sg.StoryboardElementStateCondition(*element), edge)
+
+
+def relative_distance(
+    entity: str,
+    other: str,
+    value: Number,
+    rule: str = "lessThan",
+    *,
+    kind: str = "longitudinal",
+    coordinates: str = "entity",
+    freespace: bool = True,
+    edge: str = "none",
+) -> Condition:
+    """`RelativeDistanceCondition`: the distance of `entity` to `other`, m.
+
+    Args:
+        entity: whose condition it is.
+        other: the entity that the distance is measured to.
+        value: compared with the distance by `rule`.
+        rule: lessThan, greaterThan, ...
+        kind: longitudinal, lateral or euclidianDistance.
+        coordinates: the system that it is measured in: entity, lane, road, ...
+        freespace: between the closest points of the bounding boxes, otherwise between the reference points.
+        edge: of the condition.
+    """
+    condition = sg.RelativeDistanceCondition(
+        number(value),
+        word("Rule", rule),
+        word("RelativeDistanceType", kind),
+        other,
+        freespace=freespace,
+        coordinate_system=word("CoordinateSystem", coordinates),
+    )
+    return Condition("relative distance", condition, edge, entity)
+
+
+def time_headway(
+    entity: str,
+    other: str,
+    value: Number,
+    rule: str = "lessThan",
+    *,
+    kind: str = "euclidianDistance",
+    coordinates: str = "entity",
+    freespace: bool = True,
+    edge: str = "none",
+) -> Condition:
+    """`TimeHeadwayCondition`: the distance of `entity` to `other` over the speed of `entity`, s; see `relative_distance`."""
+    condition = sg.TimeHeadwayCondition(
+        other,
+        number(value),
+        word("Rule", rule),
+        freespace=freespace,
+        distance_type=word("RelativeDistanceType", kind),
+        coordinate_system=word("CoordinateSystem", coordinates),
+    )
+    return Condition("time headway", condition, edge, entity)
+
+
+def time_to_collision(
+    entity: str,
+    other: str,
+    value: Number,
+    rule: str = "lessThan",
+    *,
+    kind: str = "euclidianDistance",
+    coordinates: str = "entity",
+    freespace: bool = True,
+    edge: str = "none",
+) -> Condition:
+    """`TimeToCollisionCondition`: the distance of `entity` to `other` over their closing speed, s; see `relative_distance`."""
+    condition = sg.TimeToCollisionCondition(
+        number(value),
+        word("Rule", rule),
+        freespace=freespace,
+        entity=other,
+        distance_type=word("RelativeDistanceType", kind),
+        coordinate_system=word("CoordinateSystem", coordinates),
+    )
+    return Condition("time to collision", condition, edge, entity)
