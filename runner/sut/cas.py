@@ -70,4 +70,7 @@ class CollisionAvoidance:
             safe_aside = lateral_distance(own, its, p.response, p.response_other, p)
         if abs(aside) >= max(safe_aside, 0.0):
             return ""
-        return f"{other.name} is {ahead:.1f} m ahead and {abs(aside):.1f} m aside, RSS asks for {safe_ahead:.1f} m or {safe_aside:.1f} m"
+        return (
+            f"{other.name} is {ahead:.1f} m ahead and {abs(aside):.1f} m aside, "
+            f"RSS asks for {safe_ahead:.1f} m or {safe_aside:.1f} m"
+        )
