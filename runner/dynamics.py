@@ -1,14 +1,31 @@
-"""Transition shapes of TransitionDynamics (OpenSCENARIO XML 1.3, class DynamicsShape).
+"""How values change over time: transition shapes, limits, and the controller that closes a gap within limits.
 
-A shape runs from 0 to 1 over a normalised parameter p in [0, 1]; its slope at the steepest point relates a
-`rate` to a duration: duration = peak · |change| / rate.
+A shape runs from 0 to 1 over a normalised parameter p in [0, 1] (OpenSCENARIO XML 1.3, class DynamicsShape). Its
+steepest slope relates a `rate` to a duration, duration = slope · |change| / rate, and its greatest second derivative
+relates an acceleration to one, duration = sqrt(bend · |change| / acceleration).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.entities import Performance
+
+if TYPE_CHECKING:
+    from xosc.node import Node
+
+EPSILON = 1e-9
+"""Share of a transition below which rounding is at work, and the transition is complete."""
+
+DIMENSIONS = ("time", "rate", "distance")
+FOLLOWING_MODES = ("position", "follow")
+
+_SAMPLES = 1000
+"""Intervals for the mean of a speed that changes its sign."""
+_FIRMEST = 4.0
+"""Stiffness (1/s²) of the gap controller where no acceleration limit bounds it."""
 
 
 def _linear(p: float) -> float:
@@ -28,15 +45,143 @@ def _step(p: float) -> float:
 
 
 class Shape(NamedTuple):
-    """A transition shape: its value over p and its greatest slope."""
+    """A transition shape: its value over p, its greatest slope and its greatest second derivative.
+
+    A linear transition has no finite acceleration at its ends; it is given as long as a cubic one.
+    """
 
     value: Callable[[float], float]
-    peak: float
+    slope: float
+    bend: float
 
 
 SHAPES: dict[str, Shape] = {
-    "linear": Shape(_linear, 1.0),
-    "cubic": Shape(_cubic, 1.5),
-    "sinusoidal": Shape(_sinusoidal, math.pi / 2),
-    "step": Shape(_step, 0.0),
+    "linear": Shape(_linear, 1.0, 6.0),
+    "cubic": Shape(_cubic, 1.5, 6.0),
+    "sinusoidal": Shape(_sinusoidal, math.pi / 2, math.pi**2 / 2),
+    "step": Shape(_step, 0.0, 0.0),
 }
+
+
+class TransitionDynamics(NamedTuple):
+    """TransitionDynamics: shape, what its value means, and whether limits of the entity may soften it.
+
+    `value` is a time (s), a rate (unit of the changing value per second) or a distance (m), not negative.
+    `strict` is followingMode `position`: the shape is kept whatever the entity's Performance says.
+    """
+
+    shape: Shape
+    dimension: str
+    value: float
+    strict: bool
+
+    @classmethod
+    def from_xml(cls, node: Node) -> TransitionDynamics:
+        """Read a SpeedActionDynamics or LaneChangeActionDynamics element.
+
+        A rate's sign says nothing (the target does) and is dropped: files write decelerations as negative rates.
+        """
+        dimension = node.choice("dynamicsDimension", DIMENSIONS)
+        value = node.float("value")
+        if dimension == "rate":
+            value = abs(value)
+        if value < 0.0:
+            raise node.invalid(f"value={value:g} must not be negative")
+        shape = SHAPES[node.choice("dynamicsShape", SHAPES)]
+        return cls(shape, dimension, value, node.choice("followingMode", FOLLOWING_MODES, "position") == "position")
+
+    def extent(self, change: float) -> float:
+        """How long a transition by `change` takes: s, or m where the dimension is distance; 0 at once, infinite never."""
+        if self.shape.slope == 0.0 or change == 0.0:
+            return 0.0
+        if self.dimension == "rate":
+            return self.shape.slope * abs(change) / self.value if self.value > 0.0 else math.inf
+        return self.value
+
+    def speed_duration(self, start: float, target: float) -> float:
+        """Seconds that a change of speed from `start` to `target` (m/s) takes.
+
+        A change over a distance is run over the time in which the entity covers that distance, so that it also
+        leaves standstill; backward and forward motion both count.
+        """
+        extent = self.extent(target - start)
+        if self.dimension != "distance" or extent == 0.0:
+            return extent
+        return extent / self._mean_speed(start, target)
+
+    def _mean_speed(self, start: float, target: float) -> float:
+        if start * target >= 0.0:  # the shapes are symmetric
+            return abs(start + target) / 2.0
+        value, change = self.shape.value, target - start
+        return sum(abs(start + change * value((i + 0.5) / _SAMPLES)) for i in range(_SAMPLES)) / _SAMPLES
+
+
+def read_constraints(node: Node | None) -> Performance | None:
+    """Read DynamicConstraints; limits that it does not give are infinite. None where the element is absent."""
+    if node is None:
+        return None
+    names = ("maxSpeed", "maxAcceleration", "maxDeceleration", "maxAccelerationRate", "maxDecelerationRate")
+    values = [node.float(name, math.inf) for name in names]
+    if min(values) < 0.0:
+        raise node.invalid("the limits of DynamicConstraints must not be negative")
+    return Performance(*values)
+
+
+def completed(constraints: Performance, performance: Performance) -> Performance:
+    """Limits of an action: its constraints, and the entity's Performance where they say nothing."""
+    return Performance(*(own if own < math.inf else other for own, other in zip(constraints, performance, strict=True)))
+
+
+def within(speed: float, wanted: float, limits: Performance, dt: float) -> float:
+    """The speed (m/s) nearest to `wanted` that an entity of that speed may have dt (s) later."""
+    faster = limits.max_acceleration if speed >= 0.0 else limits.max_deceleration
+    slower = limits.max_deceleration if speed > 0.0 else limits.max_acceleration
+    wanted = min(max(wanted, speed - slower * dt), speed + faster * dt)
+    return min(max(wanted, -limits.max_speed), limits.max_speed)
+
+
+class GapController:
+    """Closes a gap within limits of acceleration, deceleration and jerk, without overshoot.
+
+    Near the goal it is a critically damped spring of stiffness k = 0.4 · limit, a = k · gap − 2 √k · closing speed;
+    far from it, the closing speed is held to what the limits can still brake: u(gap) = √((b/λ)² + 2 b gap) − b/λ,
+    whose slope at 0 is the spring's λ = √k / 2 and whose braking never needs more than b. A jerk limit j bounds the
+    bandwidth, √k ≤ j / limit.
+    """
+
+    __slots__ = ("_acceleration", "limits")
+
+    def __init__(self, limits: Performance) -> None:
+        self.limits = limits
+        self._acceleration = 0.0
+
+    def acceleration(self, gap: float, closing: float, dt: float) -> float:
+        """Acceleration (m/s²) for the coming dt (s).
+
+        Args:
+            gap: way still to go, m; positive ahead.
+            closing: speed at which the gap becomes smaller, m/s.
+        """
+        limits = self.limits
+        ahead, back = limits.max_acceleration, limits.max_deceleration
+        drive, brake = (ahead, back) if gap > 0.0 else (back, ahead)
+        root = self._bandwidth(drive)
+        wanted = 2.0 * root * (_safe_closing(gap, brake, root / 2.0) - closing)
+        wanted = min(max(wanted, -back), ahead)
+        wanted = max(wanted, self._acceleration - limits.max_deceleration_rate * dt)
+        self._acceleration = min(wanted, self._acceleration + limits.max_acceleration_rate * dt)
+        return self._acceleration
+
+    def _bandwidth(self, drive: float) -> float:
+        limits = self.limits
+        root = math.sqrt(min(0.4 * drive, _FIRMEST))
+        jerk = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
+        strongest = max(limits.max_acceleration, limits.max_deceleration)
+        return min(root, jerk / strongest) if jerk < math.inf and 0.0 < strongest < math.inf else root
+
+
+def _safe_closing(gap: float, brake: float, slope: float) -> float:
+    if slope == 0.0 or brake == math.inf:
+        return slope * gap
+    knee = brake / slope
+    return math.copysign(math.sqrt(knee * knee + 2.0 * brake * abs(gap)) - knee, gap)

@@ -88,7 +88,10 @@ action = Registry(
     "action",
     (
         "runner.actions.longitudinal",
+        "runner.actions.longitudinal_distance",
+        "runner.actions.speed_profile",
         "runner.actions.lateral",
+        "runner.actions.lateral_distance",
         "runner.actions.synchronize",
         "runner.actions.routing",
         "runner.actions.teleport",
@@ -103,5 +106,15 @@ action = Registry(
         "runner.actions.user_defined",
     ),
 )
-condition = Registry("condition", ("runner.conditions.by_entity", "runner.conditions.distance", "runner.conditions.by_value"))
+condition = Registry(
+    "condition",
+    (
+        "runner.conditions.by_entity",
+        "runner.conditions.angle",
+        "runner.conditions.distance",
+        "runner.conditions.clearance",
+        "runner.conditions.by_value",
+        "runner.conditions.storyboard_state",
+    ),
+)
 position = Registry("position", ("runner.positions",))

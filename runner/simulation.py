@@ -62,6 +62,8 @@ class Simulation:
         self.user_values: dict[str, str] = {}
         self.step_index = 0
         self.time = 0.0
+        self.initialising = True
+        """Whether the initial actions are being applied: what takes no time then sets the state at time 0."""
         self.finished = False
         self.processes: list[Process] = []
         self.log: list[LogEntry] = []
@@ -86,6 +88,7 @@ class Simulation:
             elif entity.active:
                 entity.active = False
                 self.note("entity", entity.name, "has no position yet: absent until an action places it")
+        self.initialising = False
         self.contacts.update()
         self.recorder.record()
 

@@ -1,0 +1,258 @@
+"""LaneChangeAction and LaneOffsetAction.
+
+Both bring an entity's lateral position to a goal along a shape. Positions are held as seen by the entity, positive
+to its left, because a lane offset (OpenDRIVE t direction) changes its sign where the way leads onto a road that is
+laid the other way round. Nothing slides: a transition never moves an entity sideways by more than it travels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from runner.actions.base import LATERAL, PrivateAction, Running
+from runner.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
+from runner.entities import Entity
+from runner.registry import action
+from xodr.model import RoadPoint
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+_DEFAULT_ACCELERATION = 0.5
+"""Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
+
+
+@action("LaneChangeAction")
+@dataclass(frozen=True, slots=True)
+class LaneChangeAction(PrivateAction):
+    """Brings an entity to a lane, and to an offset from that lane's centre.
+
+    A relative target counts lanes from the one that the reference is on, positive to the reference's left, the
+    centre lane not counted. The entity's speed is that along its slanting path.
+    """
+
+    domains: ClassVar[tuple[str, ...]] = (LATERAL,)
+
+    node: Node
+    dynamics: TransitionDynamics
+    reference: Entity | None
+    value: int
+    offset: float
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> LaneChangeAction:
+        """Build from a LaneChangeAction element."""
+        dynamics = TransitionDynamics.from_xml(node.need("LaneChangeActionDynamics"))
+        target = node.need("LaneChangeTarget").only()
+        reference = context.entity(target) if target.tag == "RelativeTargetLane" else None
+        value = target.int("value")
+        if reference is None and value == 0:
+            raise target.invalid("value='0' is the centre lane, which has no width to drive on")
+        return cls(node, dynamics, reference, value, node.finite("targetLaneOffset", 0.0))
+
+    def references(self) -> Iterable[Entity]:
+        """The entity that lanes are counted from."""
+        return (self.reference,) if self.reference is not None else ()
+
+    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+        """Express the entity's place in the target lane, and begin to move there."""
+        follow_road(actor, sim, self.node)
+        assert actor.road is not None
+        lane = self._lane(actor, sim)
+        actor.offset = actor.t - actor.road.lane_t(actor.s, lane)
+        actor.lane = lane
+        change = (self.offset - actor.offset) * actor.along
+        extent = self.dynamics.extent(change)
+        goal = self.offset * actor.along
+        running = _Transition(actor, goal, self.dynamics.shape, extent, self.dynamics.dimension == "distance", True)
+        return _begin(running, extent, actor, sim)
+
+    def _lane(self, actor: Entity, sim: Simulation) -> int:
+        road, s = actor.road, actor.s
+        assert road is not None
+        lane: int | None = self.value
+        if self.reference is not None:
+            start, along = _lane_of(self.reference, sim, self.node)
+            lane = road.lane_beside(s, start, self.value * along)
+        there = road.lane_ids(s)
+        if lane not in there:
+            wanted = f"{self.value}" if self.reference is None else f"{self.value:+d} from that of {self.reference.name}"
+            raise self.node.invalid(
+                f"{actor.name} can't change to lane {wanted}: road {road.id} at s = {s:.1f} m has the lanes "
+                f"{', '.join(map(str, there))}"
+            )
+        assert lane is not None
+        return lane
+
+
+@action("LaneOffsetAction")
+@dataclass(frozen=True, slots=True)
+class LaneOffsetAction(PrivateAction):
+    """Brings an entity to an offset from its lane's centre, absolute or from another entity's offset in its lane.
+
+    The duration is what the shape needs to stay within the lateral acceleration. Where `continuous`, the offset is
+    then kept (to the reference's at any time), and the action never ends by itself.
+    """
+
+    domains: ClassVar[tuple[str, ...]] = (LATERAL,)
+
+    node: Node
+    shape: Shape
+    acceleration: float
+    reference: Entity | None
+    value: float
+    continuous: bool
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> LaneOffsetAction:
+        """Build from a LaneOffsetAction element."""
+        dynamics = node.need("LaneOffsetActionDynamics")
+        acceleration = dynamics.float("maxLateralAcc", _DEFAULT_ACCELERATION)
+        if acceleration < 0.0:
+            raise dynamics.invalid(f"maxLateralAcc={acceleration:g} must not be negative")
+        target = node.need("LaneOffsetTarget").only()
+        reference = context.entity(target) if target.tag == "RelativeTargetLaneOffset" else None
+        shape = SHAPES[dynamics.choice("dynamicsShape", SHAPES)]
+        return cls(node, shape, acceleration, reference, target.finite("value"), node.bool("continuous"))
+
+    def references(self) -> Iterable[Entity]:
+        """The entity that the offset is relative to."""
+        return (self.reference,) if self.reference is not None else ()
+
+    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+        """Begin to move sideways."""
+        follow_road(actor, sim, self.node)
+        goal = self.goal(actor, sim)
+        extent = self._duration(goal - actor.offset * actor.along)
+        running = _Transition(actor, goal, self.shape, extent, False, False)
+        if not self.continuous:
+            return _begin(running, extent, actor, sim)
+        return _Kept(running, lambda: self.goal(actor, sim))
+
+    def goal(self, actor: Entity, sim: Simulation) -> float:
+        """Offset (m) to be reached, positive to the actor's left."""
+        if self.reference is None:
+            return self.value * actor.along
+        point = sim.road_point(self.reference)
+        if point is None:
+            raise self.node.invalid(f"{self.reference.name} is not on a road, so it has no lane offset")
+        return (point.offset + self.value) * actor.along
+
+    def _duration(self, change: float) -> float:
+        if self.shape.bend == 0.0 or change == 0.0:
+            return 0.0
+        return math.sqrt(self.shape.bend * abs(change) / self.acceleration) if self.acceleration > 0.0 else math.inf
+
+
+def follow_road(actor: Entity, sim: Simulation, node: Node) -> None:
+    """Have an entity follow the lane that it is on, where it does not do so already.
+
+    Raises:
+        InvalidFile: the entity is not on a road.
+    """
+    if actor.on_lane:
+        return
+    point, along = _place(actor, sim, node)
+    sim.follow_lane(actor, point, along)
+
+
+def _lane_of(entity: Entity, sim: Simulation, node: Node) -> tuple[int, int]:
+    point, along = _place(entity, sim, node)
+    return point.lane_id, along
+
+
+def _place(entity: Entity, sim: Simulation, node: Node) -> tuple[RoadPoint, int]:
+    """Road point of an entity, and +1 where it faces increasing s."""
+    point = sim.road_point(entity)
+    if point is None or sim.network is None:
+        raise node.invalid(f"{entity.name} is not on a road, so it has no lane")
+    if entity.on_lane:
+        return point, entity.along
+    return point, 1 if math.cos(entity.h - sim.network.pose(point).h) >= 0.0 else -1
+
+
+def _begin(running: _Transition, extent: float, actor: Entity, sim: Simulation) -> Running | None:
+    """An initial action that takes no time sets the place at time 0."""
+    if not sim.initialising or extent > 0.0:
+        return running
+    running.step(0.0)
+    actor.motion.advance(actor, 0.0, sim.dt)
+    running.stop()
+    return None
+
+
+def settle_lane(actor: Entity) -> None:
+    """Have an entity belong to the lane that it is on (or will be on after this step), its place unchanged."""
+    road = actor.road
+    if road is None or not actor.on_lane:
+        return
+    center = road.lane_t(actor.s, actor.lane)
+    lane = road.lane_at(actor.s, center + (actor.offset if actor.next_offset is None else actor.next_offset))
+    if lane in (0, actor.lane):
+        return
+    shift = road.lane_t(actor.s, lane) - center
+    actor.lane = lane
+    actor.offset -= shift
+    if actor.next_offset is not None:
+        actor.next_offset -= shift
+
+
+class _Transition:
+    """On the way to a lateral goal along a shape, over time (s) or over the distance travelled (m)."""
+
+    __slots__ = ("_actor", "_compensated", "_extent", "_origin", "_over_distance", "_past", "_start", "_value", "goal")
+
+    def __init__(self, actor: Entity, goal: float, shape: Shape, extent: float, over_distance: bool, compensated: bool) -> None:
+        self.goal = goal
+        self._actor = actor
+        self._start = actor.offset * actor.along
+        self._value = shape.value
+        self._extent = extent
+        self._over_distance = over_distance
+        self._compensated = compensated
+        self._origin = actor.odometer
+        self._past = 0.0
+
+    def step(self, dt: float) -> bool:
+        """Ask for the shape's offset at the end of the step, as far as the entity's motion carries it."""
+        actor = self._actor
+        way = abs(actor.speed) * dt
+        self._past = actor.odometer - self._origin + way if self._over_distance else self._past + dt
+        progress = self._past / self._extent if self._extent > 0.0 else 1.0
+        over = progress >= 1.0 - EPSILON
+        wanted = self.goal if over else self._start + (self.goal - self._start) * self._value(progress)
+        if self._extent > 0.0:
+            left = actor.offset * actor.along
+            wanted = min(max(wanted, left - way), left + way)
+        actor.next_offset = wanted * actor.along
+        actor.path_compensated = self._compensated
+        return over and wanted == self.goal
+
+    def stop(self) -> None:
+        """After a lane change the entity belongs to the lane that it is on, which may not be the one it was bound for."""
+        if self._compensated:
+            settle_lane(self._actor)
+
+
+class _Kept:
+    """A transition to a goal that may move, and that is then kept."""
+
+    __slots__ = ("_goal", "_transition")
+
+    def __init__(self, transition: _Transition, goal: Callable[[], float]) -> None:
+        self._transition = transition
+        self._goal = goal
+
+    def step(self, dt: float) -> bool:
+        """Move on, or keep."""
+        self._transition.goal = self._goal()
+        self._transition.step(dt)
+        return False
+
+    def stop(self) -> None:
+        """The entity keeps the offset that it has."""

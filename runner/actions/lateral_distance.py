@@ -1,0 +1,154 @@
+"""LateralDistanceAction: keep a distance to the left or right of another entity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from runner import distances
+from runner.actions.base import LATERAL, PrivateAction, Running
+from runner.actions.lateral import follow_road, settle_lane
+from runner.actions.longitudinal_distance import read_system
+from runner.dynamics import GapController, read_constraints
+from runner.entities import Entity, Performance, box_corners
+from runner.motion import wrap
+from runner.registry import action
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+_SIDES = {"leftToReferencedEntity": 1, "rightToReferencedEntity": -1, "any": 0}
+_REACHED = 0.05
+"""Error (m) below which a lateral distance counts as reached."""
+
+
+@action("LateralDistanceAction")
+@dataclass(frozen=True, slots=True)
+class LateralDistanceAction(PrivateAction):
+    """Keeps a lateral distance to a reference entity; without `distance`, the one that it has at the action's start.
+
+    Without DynamicConstraints the distance holds at once and rigidly; with them a controller within the limits moves
+    the entity sideways. Where `continuous`, it never ends by itself. Sides are those of the reference.
+    """
+
+    domains: ClassVar[tuple[str, ...]] = (LATERAL,)
+
+    node: Node
+    reference: Entity
+    distance: float | None
+    freespace: bool
+    system: str
+    side: int
+    continuous: bool
+    constraints: Performance | None
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> LateralDistanceAction:
+        """Build from a LateralDistanceAction element."""
+        distance = node.finite("distance", None)
+        if distance is not None and distance < 0.0:
+            raise node.invalid(f"distance={distance:g} must not be negative; displacement says on which side")
+        return cls(
+            node=node,
+            reference=context.entity(node),
+            distance=distance,
+            freespace=node.bool("freespace"),
+            system=read_system(node),
+            side=_SIDES[node.choice("displacement", _SIDES, "any")],
+            continuous=node.bool("continuous"),
+            constraints=_both_ways(read_constraints(node.find("DynamicConstraints"))),
+        )
+
+    def references(self) -> Iterable[Entity]:
+        """The entity that the distance is kept to."""
+        return (self.reference,)
+
+    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+        """Begin; an initial action without limits sets the place at time 0."""
+        follow_road(actor, sim, self.node)
+        running = _Sidestep(self, actor, sim)
+        if not sim.initialising or self.constraints is not None:
+            return running
+        running.step(sim.dt)
+        actor.motion.advance(actor, 0.0, sim.dt)
+        settle_lane(actor)
+        return running if self.continuous else None
+
+
+def _both_ways(limits: Performance | None) -> Performance | None:
+    """Limits of lateral motion, where left and right are alike: the smaller of acceleration and deceleration."""
+    if limits is None:
+        return None
+    acceleration = min(limits.max_acceleration, limits.max_deceleration)
+    rate = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
+    return Performance(limits.max_speed, acceleration, acceleration, rate, rate)
+
+
+class _Sidestep:
+    """The distance is reached, and kept."""
+
+    __slots__ = ("_action", "_actor", "_before", "_controller", "_distance", "_side", "_sim")
+
+    def __init__(self, action: LateralDistanceAction, actor: Entity, sim: Simulation) -> None:
+        self._action = action
+        self._actor = actor
+        self._sim = sim
+        self._controller = GapController(action.constraints) if action.constraints is not None else None
+        self._before: float | None = None
+        left = self._left() or 0.0
+        self._side = action.side or (1 if left >= 0.0 else -1)
+        self._distance = action.distance
+        if self._distance is None:
+            self._distance = max(self._side * left - self._cover(), 0.0)
+
+    def _left(self) -> float | None:
+        """How far (m) the actor is to the left of the reference."""
+        action = self._action
+        return distances.lateral(self._sim, action.reference, self._actor, action.system, False)
+
+    def _cover(self) -> float:
+        """Width (m) between the two reference points that the boxes cover."""
+        action, actor = self._action, self._actor
+        if not action.freespace:
+            return 0.0
+        angle = wrap(actor.h - action.reference.h)
+        if action.system != "entity":
+            angle = 0.0 if abs(angle) <= math.pi / 2 else math.pi
+        across = [y for _, y in box_corners(0.0, 0.0, angle, actor.box)]
+        box = action.reference.box
+        reach = box.width / 2 + self._side * box.y
+        return reach - min(across) if self._side > 0 else reach + max(across)
+
+    def _error(self) -> float | None:
+        """How far (m) the actor has to move to its own left; None where the distance is not defined."""
+        left = self._left()
+        if left is None or self._distance is None:
+            return None
+        error = self._side * (self._distance + self._cover()) - left
+        return error if math.cos(self._actor.h - self._action.reference.h) >= 0.0 else -error
+
+    def step(self, dt: float) -> bool:
+        """Ask for the offset at the end of the step."""
+        error, actor = self._error(), self._actor
+        if error is None:
+            return False
+        step = error if self._controller is None else self._limited(self._controller, error, dt)
+        actor.next_offset = actor.offset + actor.along * step
+        actor.path_compensated = False
+        return not self._action.continuous and abs(error) < _REACHED
+
+    def _limited(self, controller: GapController, error: float, dt: float) -> float:
+        """Sideways step (m) of a controlled motion; its present speed is that at which the error has changed."""
+        closing = (self._before - error) / dt if self._before is not None else 0.0
+        self._before = error
+        speed = closing + controller.acceleration(error, closing, dt) * dt
+        limit = controller.limits.max_speed
+        return min(max(speed, -limit), limit) * dt
+
+    def stop(self) -> None:
+        """The entity belongs to the lane that it is on."""
+        settle_lane(self._actor)

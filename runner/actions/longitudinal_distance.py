@@ -1,0 +1,185 @@
+"""LongitudinalDistanceAction: keep a distance or time gap ahead of, or behind, another entity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from runner import distances
+from runner.actions.base import LONGITUDINAL, PrivateAction, Running
+from runner.actions.longitudinal import set_speed
+from runner.dynamics import GapController, completed, read_constraints
+from runner.entities import Entity, Performance, box_corners
+from runner.motion import wrap
+from runner.registry import action
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+
+_SIDES = {"trailingReferencedEntity": 1, "leadingReferencedEntity": -1, "any": 0}
+_REACHED = 0.1
+"""Gap error (m) below which a distance counts as reached."""
+_EXACT, _CORRECTIONS = 1e-4, 10
+"""Error (m) that a rigid placement is corrected to, and the most corrections on a curved way."""
+
+
+@action("LongitudinalDistanceAction")
+@dataclass(frozen=True, slots=True)
+class LongitudinalDistanceAction(PrivateAction):
+    """Keeps a distance, or a time gap at the reference's speed, to a reference entity.
+
+    Without DynamicConstraints the distance holds at once and rigidly, whatever motion that means; with them (and for
+    an entity that a system under test drives) a controller within the limits closes the gap. Where `continuous`, it
+    never ends by itself.
+    """
+
+    domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
+
+    reference: Entity
+    distance: float | None
+    time_gap: float
+    freespace: bool
+    system: str
+    side: int
+    continuous: bool
+    constraints: Performance | None
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> LongitudinalDistanceAction:
+        """Build from a LongitudinalDistanceAction element."""
+        distance, time_gap = node.finite("distance", None), node.finite("timeGap", None)
+        if (distance is None) == (time_gap is None):
+            raise node.invalid("exactly one of the attributes distance and timeGap is expected")
+        if (distance or 0.0) < 0.0 or (time_gap or 0.0) < 0.0:
+            raise node.invalid("distance and timeGap must not be negative; displacement says on which side")
+        return cls(
+            reference=context.entity(node),
+            distance=distance,
+            time_gap=time_gap or 0.0,
+            freespace=node.bool("freespace"),
+            system=read_system(node),
+            side=_SIDES[node.choice("displacement", _SIDES, "trailingReferencedEntity")],
+            continuous=node.bool("continuous"),
+            constraints=read_constraints(node.find("DynamicConstraints")),
+        )
+
+    def references(self) -> Iterable[Entity]:
+        """The entity that the distance is kept to."""
+        return (self.reference,)
+
+    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+        """Take the place at once where nothing limits the motion, and keep it where `continuous`."""
+        gap = _Gap(self, actor, sim)
+        if self.constraints is not None or (actor.system is not None and not sim.initialising):
+            limits = completed(self.constraints or Performance(), actor.performance)
+            return _Approach(gap, limits, self.continuous)
+        gap.close()
+        set_speed(actor, self.reference.speed if sim.initialising else self.reference.demand, sim)
+        return _Rigid(gap) if self.continuous else None
+
+
+def read_system(node: Node) -> str:
+    """The coordinateSystem of a distance action.
+
+    Raises:
+        Unsupported: it is the world's, which has neither a longitudinal nor a lateral direction.
+    """
+    system = node.choice("coordinateSystem", (*distances.SYSTEMS, "world"), "entity")
+    if system == "world":
+        raise node.unsupported("coordinateSystem='world' gives this distance no direction; use entity, lane, road or trajectory")
+    return str(system)
+
+
+class _Gap:
+    """The distance to be kept, as a reference-point distance along the actor's way."""
+
+    __slots__ = ("action", "actor", "side", "sim")
+
+    def __init__(self, action: LongitudinalDistanceAction, actor: Entity, sim: Simulation) -> None:
+        self.action = action
+        self.actor = actor
+        self.sim = sim
+        self.side = action.side or (1 if (self._ahead() or 0.0) >= 0.0 else -1)
+
+    def _ahead(self) -> float | None:
+        return distances.longitudinal(self.sim, self.actor, self.action.reference, self.action.system, False)
+
+    def error(self) -> float | None:
+        """How far (m) the actor has to go forward for the distance to hold; None where no way leads to the reference."""
+        ahead = self._ahead()
+        return None if ahead is None else ahead - self.side * self._wanted()
+
+    def _wanted(self) -> float:
+        action = self.action
+        wanted = action.distance if action.distance is not None else action.time_gap * abs(action.reference.speed)
+        return wanted + self._overhang() if action.freespace else wanted
+
+    def _overhang(self) -> float:
+        """Length (m) between the two reference points that the boxes cover."""
+        actor, reference = self.actor, self.action.reference
+        angle = wrap(reference.h - actor.h)
+        if self.action.system != "entity":
+            angle = 0.0 if abs(angle) <= math.pi / 2 else math.pi
+        along = [x for x, _ in box_corners(0.0, 0.0, angle, reference.box)]
+        rear = actor.front - actor.box.length
+        return actor.front - min(along) if self.side > 0 else max(along) - rear
+
+    def close(self) -> None:
+        """Move the actor along its own way to where the distance holds."""
+        actor = self.actor
+        sideways, actor.next_offset = actor.next_offset, None
+        for _ in range(_CORRECTIONS):
+            error = self.error()
+            if error is None or abs(error) < _EXACT:
+                break
+            actor.motion.advance(actor, error, 1.0)
+        actor.next_offset = sideways
+
+
+class _Rigid:
+    """The distance holds exactly at every step."""
+
+    __slots__ = ("_gap",)
+
+    def __init__(self, gap: _Gap) -> None:
+        self._gap = gap
+
+    def step(self, dt: float) -> bool:
+        """Correct what the last step has left, and move as the reference does."""
+        self._gap.close()
+        self._gap.actor.demand = self._gap.action.reference.demand
+        return False
+
+    def stop(self) -> None:
+        """The entity keeps the speed that it has."""
+
+
+class _Approach:
+    """The distance is reached, and kept, within limits."""
+
+    __slots__ = ("_continuous", "_controller", "_gap", "_limits")
+
+    def __init__(self, gap: _Gap, limits: Performance, continuous: bool) -> None:
+        self._gap = gap
+        self._limits = limits
+        self._controller = GapController(limits)
+        self._continuous = continuous
+
+    def step(self, dt: float) -> bool:
+        """Ask for the controller's speed; without a way to the reference the speed stays."""
+        gap, limits = self._gap, self._limits
+        error = gap.error()
+        if error is None:
+            return False
+        actor, reference = gap.actor, gap.action.reference
+        acceleration = self._controller.acceleration(error, actor.speed - reference.speed, dt)
+        actor.demand = min(max(actor.speed + acceleration * dt, 0.0), limits.max_speed)
+        return not self._continuous and abs(error) < _REACHED
+
+    def stop(self) -> None:
+        """The entity keeps the speed that it has."""

@@ -1,0 +1,210 @@
+"""SpeedProfileAction: a series of speed targets over time."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+from runner.actions.base import LONGITUDINAL, PrivateAction, Running
+from runner.dynamics import FOLLOWING_MODES, completed, read_constraints
+from runner.entities import Entity, Performance
+from runner.registry import action
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+_UNLIMITED = Performance()
+_STRETCH, _STRETCHES = 1.25, 100
+"""Factor and number of the attempts to give a segment the time that its jerk limits need."""
+_EPSILON = 1e-9
+
+
+class Entry(NamedTuple):
+    """A speed (m/s) to be reached `time` (s) after the entry before; None: as soon as the limits allow."""
+
+    time: float | None
+    speed: float
+
+
+@action("SpeedProfileAction")
+@dataclass(frozen=True, slots=True)
+class SpeedProfileAction(PrivateAction):
+    """Runs through speed targets, absolute or relative to another entity's speed at any time.
+
+    followingMode `position` interpolates linearly. `follow` rounds the corners of that profile with the jerk limits,
+    from no acceleration at the start to none at the end. Limits are those of DynamicConstraints and, where these say
+    nothing and the mode is `follow`, the entity's Performance; what they forbid takes longer than the entries say.
+    """
+
+    domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
+
+    entries: tuple[Entry, ...]
+    reference: Entity | None
+    smooth: bool
+    constraints: Performance
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> SpeedProfileAction:
+        """Build from a SpeedProfileAction element."""
+        entries = tuple(_read_entry(entry) for entry in node.children("SpeedProfileEntry"))
+        if not entries:
+            raise node.invalid("a SpeedProfileEntry is expected inside")
+        reference = context.entity(node) if node.has("entityRef") else None
+        constraints = read_constraints(node.find("DynamicConstraints")) or _UNLIMITED
+        return cls(entries, reference, node.choice("followingMode", FOLLOWING_MODES) == "follow", constraints)
+
+    def references(self) -> Iterable[Entity]:
+        """The entity whose speed the targets are relative to."""
+        return (self.reference,) if self.reference is not None else ()
+
+    def start(self, actor: Entity, sim: Simulation) -> Running:
+        """Plan the profile from the present speed."""
+        limits = completed(self.constraints, actor.performance) if self.smooth else self.constraints
+        speed = actor.speed - (self.reference.speed if self.reference is not None else 0.0)
+        return _Profile(actor, self.reference, plan(speed, self.entries, limits, self.smooth))
+
+
+def _read_entry(node: Node) -> Entry:
+    time = node.finite("time", None)
+    if time is not None and time < 0.0:
+        raise node.invalid(f"time={time:g} must not be negative")
+    return Entry(time, node.finite("speed"))
+
+
+class Piece(NamedTuple):
+    """A stretch of the profile with constant jerk: from `time` (s) on, speed (m/s), acceleration (m/s²), jerk (m/s³)."""
+
+    time: float
+    speed: float
+    acceleration: float
+    jerk: float
+
+    def at(self, time: float) -> float:
+        """Speed at a time (s) of the profile."""
+        past = time - self.time
+        return self.speed + past * (self.acceleration + 0.5 * self.jerk * past)
+
+
+class _Segment(NamedTuple):
+    duration: float
+    slope: float
+
+
+def plan(speed: float, entries: Iterable[Entry], limits: Performance, smooth: bool) -> list[Piece]:
+    """The profile as pieces of constant jerk, the last of which goes on for ever.
+
+    Args:
+        speed: at the start, m/s.
+        entries: the targets.
+        limits: infinite where there are none.
+        smooth: whether corners are rounded with the jerk limits, with no acceleration at the start and the end.
+    """
+    segments, speeds = _segments(speed, entries, limits)
+    if smooth and limits.max_acceleration_rate < math.inf and limits.max_deceleration_rate < math.inf:
+        return _rounded(speed, segments, limits)
+    pieces, time = [Piece(0.0, speed, 0.0, 0.0)], 0.0
+    for segment, reached in zip(segments, speeds, strict=True):
+        pieces.append(Piece(time, reached - segment.slope * segment.duration, segment.slope, 0.0))
+        time += segment.duration
+        pieces.append(Piece(time, reached, 0.0, 0.0))
+    return pieces
+
+
+def _segments(speed: float, entries: Iterable[Entry], limits: Performance) -> tuple[list[_Segment], list[float]]:
+    """Durations and slopes between the targets, and the targets' speeds, within the limits of speed and acceleration."""
+    segments, speeds = [], []
+    for entry in entries:
+        target = min(max(entry.speed, -limits.max_speed), limits.max_speed)
+        change = target - speed
+        limit = limits.max_acceleration if abs(target) > abs(speed) else limits.max_deceleration
+        needed = abs(change) / limit if limit > 0.0 else (math.inf if change else 0.0)
+        duration = max(entry.time or 0.0, needed)
+        segments.append(_Segment(duration, change / duration if 0.0 < duration < math.inf else 0.0))
+        speeds.append(target)
+        if duration == math.inf:
+            break
+        speed = target
+    return segments, speeds
+
+
+def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> list[Piece]:
+    """The linear profile with each corner replaced by a stretch of constant jerk, centred on the corner.
+
+    The first one can't begin before the profile does, so the first line comes half of it late; it is left where it
+    meets the second line, or shifts all that follows where it doesn't.
+    """
+    segments = [s for s in segments if s.duration > 0.0]
+    for _ in range(_STRETCHES):
+        tight = _tight(segments, limits)
+        if not tight:
+            break
+        segments = [_Segment(d * _STRETCH, a / _STRETCH) if i in tight else _Segment(d, a) for i, (d, a) in enumerate(segments)]
+    slopes = [0.0, *(segment.slope for segment in segments), 0.0]
+    corners = _corners(segments, _blend(slopes[0], slopes[1], limits) / 2.0)
+    pieces = [Piece(0.0, speed, 0.0, 0.0)]
+    for corner, before, after in zip(corners, slopes, slopes[1:], strict=False):
+        blend = _blend(before, after, limits)
+        begin = corner - blend / 2.0
+        if blend > 0.0:
+            pieces.append(Piece(begin, pieces[-1].at(begin), before, (after - before) / blend))
+        pieces.append(Piece(begin + blend, pieces[-1].at(begin + blend), after, 0.0))
+    return pieces
+
+
+def _blend(before: float, after: float, limits: Performance) -> float:
+    """Time (s) that the change from one acceleration to another takes."""
+    rate = limits.max_acceleration_rate if after > before else limits.max_deceleration_rate
+    return abs(after - before) / rate if rate > 0.0 else 0.0
+
+
+def _corners(segments: list[_Segment], late: float) -> list[float]:
+    corners, time = [late], 0.0
+    for index, segment in enumerate(segments):
+        time += segment.duration
+        shift = late
+        if index == 0 and len(segments) > 1 and segment.slope != segments[1].slope:
+            meeting = late * segment.slope / (segment.slope - segments[1].slope)
+            if -segment.duration < meeting < segments[1].duration:
+                shift, late = meeting, 0.0
+        corners.append(time + shift)
+    return corners
+
+
+def _tight(segments: list[_Segment], limits: Performance) -> set[int]:
+    """Segments shorter than the halves of the blends at their ends."""
+    slopes = [0.0, *(segment.slope for segment in segments), 0.0]
+    blends = [_blend(before, after, limits) for before, after in pairwise(slopes)]
+    return {
+        index for index, segment in enumerate(segments) if segment.duration + _EPSILON < (blends[index] + blends[index + 1]) / 2.0
+    }
+
+
+class _Profile:
+    """The profile in execution."""
+
+    __slots__ = ("_actor", "_elapsed", "_pieces", "_reference", "_times")
+
+    def __init__(self, actor: Entity, reference: Entity | None, pieces: list[Piece]) -> None:
+        self._actor = actor
+        self._reference = reference
+        self._pieces = pieces
+        self._times = [piece.time for piece in pieces]
+        self._elapsed = 0.0
+
+    def step(self, dt: float) -> bool:
+        """Ask for the profile's speed at the end of the step."""
+        self._elapsed += dt
+        time = self._elapsed + _EPSILON
+        piece = self._pieces[bisect_right(self._times, time) - 1]
+        base = self._reference.speed if self._reference is not None else 0.0
+        self._actor.demand = base + piece.at(self._elapsed)
+        return time >= self._times[-1]
+
+    def stop(self) -> None:
+        """The entity keeps the speed that it has."""
