@@ -423,8 +423,8 @@ class Storyboard:
 def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[Entity | None, ActionElement]]:
     """Initial actions in an order in which every state that one reads has been set.
 
-    Document order, except that an action that refers to another entity waits for that entity's own actions of
-    the same class and for those that place it (relative positions and speeds may precede what they refer to).
+    Document order, except that an action that refers to another entity waits for that entity's own actions in
+    the same control domain and for those that place it (relative positions and speeds may precede what they refer to).
     Circular references keep document order; the position then says that the other entity has no place yet.
     """
     pending, done = list(init), []
@@ -438,10 +438,18 @@ def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[
 def _waits(item: tuple[Entity | None, ActionElement], pending: list[tuple[Entity | None, ActionElement]]) -> bool:
     actor, element = item
     for action in element.actions:
-        needed = {id(entity) for entity in action.references()} if isinstance(action, PrivateAction) else set()
+        if not isinstance(action, PrivateAction):
+            continue
+        needed = {id(entity) for entity in action.references()}
         for other, others in pending:
             if other is None or other is actor or id(other) not in needed:
                 continue
-            if any(type(a) is type(action) or getattr(a, "places", False) for a in others.actions):
+            if any(_prepares(a, action) for a in others.actions):
                 return True
     return False
+
+
+def _prepares(earlier: Action, later: PrivateAction) -> bool:
+    if not isinstance(earlier, PrivateAction):
+        return False
+    return getattr(earlier, "places", False) or not set(earlier.claims()).isdisjoint(later.claims())
