@@ -16,8 +16,8 @@ install: $(STAMP)
 
 demo: install  ## run shipped scenarios on SUMO and leave the results in out/demo
 	rm -rf out/demo
-	$(BIN)/xosc-check examples
-	$(BIN)/xosc-run examples/*.xosc --out out/demo --junit out/demo/junit.xml; status=$$?; \
+	$(BIN)/xosc-check xosc/library xodr/library
+	$(BIN)/xosc-run xosc/library/*.xosc --out out/demo --junit out/demo/junit.xml; status=$$?; \
 	  echo "Results are in out/demo: for each run its trajectories, event log and result."; \
 	  test $$status -le 1
 
