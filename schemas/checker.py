@@ -19,6 +19,9 @@ def check(path: str | PathLike[str]) -> list[Problem]:
     """Every problem of a file, ordered by line; empty for a sound one.
 
     Nothing that can be in a file raises: a file that is missing or no XML is a problem, too.
+
+    Raises:
+        UsageError: XOSC_SCHEMA_DIR names no folder, or an XSD in it cannot be used.
     """
     path = Path(path)
     try:

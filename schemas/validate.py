@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from schemas.errors import InvalidFile
+from schemas.errors import InvalidFile, UsageError
 from schemas.registry import Schema
 from schemas.xml import local_name, parse
 
@@ -42,7 +42,7 @@ def violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
     """What a document breaks of a schema, at most `MAX_VIOLATIONS`; empty for a valid one.
 
     Raises:
-        InvalidFile: the XSD itself cannot be read.
+        UsageError: the XSD itself, which XOSC_SCHEMA_DIR may have supplied, cannot be used.
     """
     compiled = None if schema.xsd_1_1 else _compiled(schema)
     if compiled is not None and compiled.validate(tree):
@@ -58,8 +58,8 @@ def violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
 def _compiled(schema: Schema) -> etree.XMLSchema:
     try:
         return etree.XMLSchema(parse(schema.path))
-    except etree.XMLSchemaParseError as error:
-        raise InvalidFile(f"the XSD cannot be used: {error}", path=schema.path) from None
+    except (etree.XMLSchemaParseError, InvalidFile) as error:
+        raise UsageError(f"the XSD cannot be used: {error}", path=schema.path) from None
 
 
 @cache
@@ -70,7 +70,7 @@ def _explainer(schema: Schema) -> Any:
     try:
         return kind(str(schema.path), allow="local")
     except xmlschema.XMLSchemaException as error:
-        raise InvalidFile(f"the XSD cannot be used: {error}", path=schema.path) from None
+        raise UsageError(f"the XSD cannot be used: {error}", path=schema.path) from None
 
 
 def _explained(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
