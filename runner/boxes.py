@@ -15,11 +15,26 @@ from runner.entities import BoundingBox
 class Boxed(Protocol):
     """Something with a reference point (x, y, z in m), a heading h (rad) and a bounding box about them: an entity."""
 
+    @property
+    def x(self) -> float: ...
+    @property
+    def y(self) -> float: ...
+    @property
+    def z(self) -> float: ...
+    @property
+    def h(self) -> float: ...
+    @property
+    def box(self) -> BoundingBox: ...
+
+
+class Spot(NamedTuple):
+    """A position as a box without extent, so that distances to positions and to entities are one thing."""
+
     x: float
     y: float
     z: float
     h: float
-    box: BoundingBox
+    box: BoundingBox = BoundingBox(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Outlook(NamedTuple):
@@ -95,17 +110,6 @@ def _corner_gap(x: float, y: float, c: float, s: float, other: BoundingBox, box:
         dy = max(abs(y + i * ahead_y + j * aside_y) - half_width, 0.0)
         nearest = min(nearest, dx * dx + dy * dy)
     return nearest
-
-
-def point_gap(a: Boxed, x: float, y: float, z: float) -> float:
-    """Shortest distance from a point (m, world) to a box; 0 inside."""
-    c, s = math.cos(a.h), math.sin(a.h)
-    dx, dy = x - a.x, y - a.y
-    box = a.box
-    ahead = max(abs(dx * c + dy * s - box.x) - box.length / 2, 0.0)
-    aside = max(abs(dy * c - dx * s - box.y) - box.width / 2, 0.0)
-    above = max(abs(z - a.z - box.z) - box.height / 2, 0.0)
-    return math.hypot(ahead, aside, above)
 
 
 def spans(seen: Outlook, box: BoundingBox) -> tuple[float, float, float, float]:

@@ -15,6 +15,7 @@ from runner import registry
 from runner.actions.base import Action
 from runner.conditions.base import ByEntityCondition, Condition
 from runner.entities import BoundingBox, Entities, Entity, Performance
+from runner.signals import TrafficSignals
 from runner.storyboard import Act, ActionElement, Event, Maneuver, ManeuverGroup, Story, Storyboard
 from runner.triggers import Trigger
 from xosc.node import Node
@@ -61,6 +62,7 @@ class Scenario:
     monitors: dict[str, bool] = field(default_factory=dict)
     activated: set[str] = field(default_factory=set)
     """names of entities whose controller the scenario activates or deactivates at some time"""
+    signals: TrafficSignals = field(default_factory=TrafficSignals)
     observers: list[Callable[[Simulation], None]] = field(default_factory=list)
     """called at the end of each step, for conditions that watch what goes on before anybody asks them"""
 
@@ -84,9 +86,10 @@ class Context:
         self.monitors: dict[str, bool] = dict(document.monitors)
         self.parameter_types = {name: p.type for name, p in document.parameters.items()}
         self.variable_types = {name: v.type for name, v in document.variables.items()}
+        self.signals = TrafficSignals.from_xml(document.node.find("RoadNetwork", "TrafficSignals"), network)
         self.storyboard = Storyboard()
         self._late: list[Callable[[], None]] = []
-        self.observers: list[Callable[[Simulation], None]] = []
+        self.observers: list[Callable[[Simulation], None]] = [self.signals.advance] if self.signals.controllers else []
 
     def late(self, check: Callable[[], None]) -> None:
         """Have something done once the whole storyboard stands (references to storyboard elements)."""
@@ -180,6 +183,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         variables=context.variables,
         monitors=context.monitors,
         activated=_activated(context.storyboard),
+        signals=context.signals,
         observers=context.observers,
     )
 

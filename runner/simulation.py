@@ -59,6 +59,7 @@ class Simulation:
         self.variables: dict[str, Any] = dict(scenario.variables)
         self.monitors: dict[str, bool] = dict(scenario.monitors)
         self.environment = Environment()
+        self.signals = scenario.signals
         self.user_values: dict[str, str] = {}
         self.step_index = 0
         self.time = 0.0
@@ -80,6 +81,7 @@ class Simulation:
     def begin(self) -> None:
         """Open the world, run the initial actions, record time 0."""
         self.world.open(self.network, self.dt, self.seed)
+        self.signals.advance(self)
         self.storyboard.begin(self)
         for entity in self.entities.values():
             if entity.active and entity.placed:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from runner.boxes import gap, overlap, point_gap
+from runner.boxes import Spot, gap, overlap
 from runner.collision import Contacts
 from runner.entities import BoundingBox, Entities, Entity
 
@@ -42,8 +42,8 @@ def test_boxes_overlap_where_their_gap_is_zero(a: Entity, b: Entity) -> None:
 
 
 @given(entities, coordinate, coordinate)
-def test_point_gap_is_the_distance_of_a_point_from_the_outline(a: Entity, x: float, y: float) -> None:
-    assert point_gap(a, x, y, 0.75) == pytest.approx(Polygon(a.corners()).distance(Point(x, y)), abs=1e-9)
+def test_a_position_is_a_box_without_extent(a: Entity, x: float, y: float) -> None:
+    assert gap(a, Spot(x, y, 0.75, 0.0)) == pytest.approx(Polygon(a.corners()).distance(Point(x, y)), abs=1e-9)
 
 
 def test_touching_boxes_overlap() -> None:

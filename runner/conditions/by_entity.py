@@ -1,0 +1,270 @@
+"""Conditions on the state of one entity: how it moves, whom it touches, whether it is on the road.
+
+Source: OpenSCENARIO XML 1.3, EntityCondition.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner.closing import velocity
+from runner.conditions.base import EntityCondition
+from runner.conditions.comparison import TOLERANCE, Comparison
+from runner.registry import condition
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.entities import Entity
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+DIRECTIONS = ("longitudinal", "lateral", "vertical")
+OBJECT_TYPES = ("vehicle", "pedestrian", "miscellaneous", "external")
+
+
+class _Lasting(EntityCondition):
+    """A state that has lasted for at least `duration` (s)."""
+
+    def __init__(self, duration: float) -> None:
+        self.duration = duration
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> EntityCondition:
+        """Read the duration."""
+        return cls(node.float("duration"))
+
+    def _lasted(self, since: float) -> bool:
+        return since > 0.0 and since >= self.duration - TOLERANCE
+
+    def _text(self, entity: Entity, state: str, since: float) -> str:
+        return f"{entity.name} {state} for {since:.2f} s ≥ {self.duration:g} s"
+
+
+@condition("EndOfRoadCondition")
+class EndOfRoadCondition(_Lasting):
+    """True once the entity has stood at the end of its road for the duration."""
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the road has ended long enough ago."""
+        return self._lasted(entity.road_end)
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """Time at the end of the road."""
+        return self._text(entity, "at the end of the road", entity.road_end)
+
+
+@condition("StandStillCondition")
+class StandStillCondition(_Lasting):
+    """True once the entity has stood still (below 1 mm/s) for the duration."""
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether it stands long enough."""
+        return self._lasted(entity.standstill)
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """Time of standing still."""
+        return self._text(entity, "standing still", entity.standstill)
+
+
+@condition("OffroadCondition")
+class OffroadCondition(_Lasting):
+    """True once the entity's reference point has been off the road (no lane under it, or one of type none) for the duration."""
+
+    def __init__(self, duration: float) -> None:
+        super().__init__(duration)
+        self._since: dict[str, float] = {}
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> EntityCondition:
+        """Read the duration, and keep time from the beginning of the run."""
+        self = cls(node.float("duration"))
+        triggering = node.parent and node.parent.parent and node.parent.parent.need("TriggeringEntities")
+        entities = context.triggering_entities(triggering) if triggering else []
+        context.each_step(lambda sim: self._observe(entities, sim))
+        return self
+
+    def _observe(self, entities: list[Entity], sim: Simulation) -> None:
+        for entity in entities:
+            off = entity.active and entity.placed and is_off_road(entity, sim)
+            self._since[entity.name] = self._since.get(entity.name, 0.0) + sim.dt if off else 0.0
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether it left the road long enough ago."""
+        return self._lasted(self._since.get(entity.name, 0.0))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """Time off the road."""
+        return self._text(entity, "off the road", self._since.get(entity.name, 0.0))
+
+
+def is_off_road(entity: Entity, sim: Simulation) -> bool:
+    """Whether an entity's reference point is on no lane of the road network; never where there is no road network."""
+    if entity.on_lane and entity.section is not None:
+        lane = entity.section.lanes[entity.lane]
+        if lane.type != "none" and abs(entity.offset) <= lane.width(entity.s) / 2:
+            return False
+    point = sim.road_point(entity)
+    return point is not None and sim.network is not None and not sim.network.on_road(point)
+
+
+@condition("CollisionCondition")
+class CollisionCondition(EntityCondition):
+    """True while the entity touches one of the given entities, or any entity of a type."""
+
+    def __init__(self, others: frozenset[str], what: str) -> None:
+        self.others = others
+        self.what = what
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> CollisionCondition:
+        """Read the EntityRef (an entity or a selection) or ByType."""
+        target = node.only()
+        if target.tag == "EntityRef":
+            return cls(frozenset(e.name for e in context.entities(target)), target.get("entityRef"))
+        if target.tag != "ByType":
+            raise target.invalid("EntityRef or ByType is expected")
+        kind = target.choice("type", OBJECT_TYPES)
+        return cls(frozenset(e.name for e in context.all.values() if e.kind == kind), f"any {kind}")
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether a contact exists now."""
+        return bool(sim.contacts.pairs) and any(other.name in self.others for other in sim.contacts.of(entity))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """Whom it touches."""
+        touched = ", ".join(other.name for other in sim.contacts.of(entity)) or "nobody"
+        return f"{entity.name} touches {touched}, collision with {self.what} expected"
+
+
+@condition("SpeedCondition")
+class SpeedCondition(EntityCondition):
+    """Compares the entity's speed (m/s): signed along its heading, or the projection of its velocity on one of its axes."""
+
+    def __init__(self, comparison: Comparison, direction: str | None) -> None:
+        self.comparison = comparison
+        self.direction = direction
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> SpeedCondition:
+        """Read rule, value and direction (1.2)."""
+        return cls(Comparison.from_xml(node, "m/s"), node.choice("direction", DIRECTIONS, None))
+
+    def _speed(self, entity: Entity) -> float:
+        if self.direction is None:
+            return entity.speed
+        return project(entity, *velocity(entity), self.direction)
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the comparison is true."""
+        return self.comparison.holds(self._speed(entity))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The speed compared."""
+        return self.comparison.describe(_called(self.direction, "speed", entity.name), self._speed(entity))
+
+
+@condition("RelativeSpeedCondition")
+class RelativeSpeedCondition(EntityCondition):
+    """Compares speed of the triggering entity minus that of the reference entity (m/s).
+
+    With a direction both velocities are projected on that axis of the triggering entity.
+    """
+
+    def __init__(self, other: Entity, comparison: Comparison, direction: str | None) -> None:
+        self.other = other
+        self.comparison = comparison
+        self.direction = direction
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RelativeSpeedCondition:
+        """Read entityRef, rule, value and direction (1.2)."""
+        direction = node.choice("direction", DIRECTIONS, None)
+        return cls(context.entity(node), Comparison.from_xml(node, "m/s"), direction)
+
+    def _speed(self, entity: Entity) -> float | None:
+        if not self.other.active:
+            return None
+        if self.direction is None:
+            return entity.speed - self.other.speed
+        (vx, vy), (ox, oy) = velocity(entity), velocity(self.other)
+        return project(entity, vx - ox, vy - oy, self.direction)
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the comparison is true."""
+        return self.comparison.holds(self._speed(entity))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The relative speed compared."""
+        what = _called(self.direction, "relative speed", f"{entity.name}–{self.other.name}")
+        return self.comparison.describe(what, self._speed(entity))
+
+
+@condition("AccelerationCondition")
+class AccelerationCondition(EntityCondition):
+    """Compares the entity's acceleration (m/s²).
+
+    Without a direction it is the rate of change of the speed along the heading, negative when braking, up to version 1.1,
+    which know no direction; from 1.2 on, as the standard says, the total acceleration, the magnitude of the vector.
+    """
+
+    def __init__(self, comparison: Comparison, direction: str | None) -> None:
+        self.comparison = comparison
+        self.direction = direction
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AccelerationCondition:
+        """Read rule, value and direction (1.2)."""
+        direction = node.choice("direction", DIRECTIONS, "longitudinal" if context.version < (1, 2) else None)
+        return cls(Comparison.from_xml(node, "m/s²"), direction)
+
+    def _acceleration(self, entity: Entity) -> float:
+        if self.direction == "longitudinal":
+            return entity.acceleration
+        if self.direction is None:
+            return math.hypot(entity.ax, entity.ay)
+        return project(entity, entity.ax, entity.ay, self.direction)
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the comparison is true."""
+        return self.comparison.holds(self._acceleration(entity))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The acceleration compared."""
+        return self.comparison.describe(_called(self.direction, "acceleration", entity.name), self._acceleration(entity))
+
+
+@condition("TraveledDistanceCondition")
+class TraveledDistanceCondition(EntityCondition):
+    """True once the entity has travelled the distance (m) since the beginning of the run."""
+
+    def __init__(self, distance: float) -> None:
+        self.distance = distance
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TraveledDistanceCondition:
+        """Read the distance."""
+        return cls(node.float("value"))
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether it has gone so far."""
+        return entity.odometer >= self.distance - TOLERANCE
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The distance travelled."""
+        return f"distance travelled by {entity.name} = {entity.odometer:.2f} m ≥ {self.distance:g} m"
+
+
+def project(entity: Entity, x: float, y: float, direction: str) -> float:
+    """Component of a horizontal vector along an entity's axis: positive forward, to the left; 0 vertically.
+
+    Participants move in the plane of the road under them, which has no component along their vertical axis.
+    """
+    if direction == "vertical":
+        return 0.0
+    c, s = math.cos(entity.h), math.sin(entity.h)
+    return x * c + y * s if direction == "longitudinal" else y * c - x * s
+
+
+def _called(direction: str | None, quantity: str, whose: str) -> str:
+    return f"{direction} {quantity} of {whose}" if direction else f"{quantity} of {whose}"

@@ -1,0 +1,249 @@
+"""Conditions on time and on values (OpenSCENARIO XML 1.3, ByValueCondition)."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from runner.conditions.base import Condition
+from runner.conditions.comparison import RULES, Comparison
+from runner.environment import read_date
+from runner.registry import condition
+from xosc.node import Node
+from xosc.values import Value, number, typed
+from xosc.values import holds as compare
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xosc.parameters import Parameter
+
+
+@condition("SimulationTimeCondition")
+class SimulationTimeCondition(Condition):
+    """Compares the simulation time (s)."""
+
+    def __init__(self, comparison: Comparison) -> None:
+        self.comparison = comparison
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> SimulationTimeCondition:
+        """Read rule and value."""
+        return cls(Comparison.from_xml(node, "s"))
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """Whether the comparison is true now."""
+        return self.comparison.holds(sim.time)
+
+    def describe(self, sim: Simulation) -> str:
+        """The simulation time."""
+        return self.comparison.describe("simulation time", sim.time)
+
+
+@condition("TimeOfDayCondition")
+class TimeOfDayCondition(Condition):
+    """Compares the date and time that an EnvironmentAction has set, which moves with the simulation if animated.
+
+    False while none has been set.
+    """
+
+    def __init__(self, rule: str, value: datetime) -> None:
+        self.rule = rule
+        self.value = value
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TimeOfDayCondition:
+        """Read rule and dateTime."""
+        return cls(node.choice("rule", RULES), read_date(node, "dateTime"))
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """Whether the comparison is true now; the tolerance is that of times."""
+        now = sim.environment.time_of_day(sim.time)
+        return now is not None and Comparison(self.rule, 0.0).holds((now - self.value).total_seconds())
+
+    def describe(self, sim: Simulation) -> str:
+        """The time of day."""
+        now = sim.environment.time_of_day(sim.time)
+        seen = now.isoformat(timespec="milliseconds") if now is not None else "undefined"
+        return f"time of day = {seen} {RULES[self.rule].symbol} {self.value.isoformat()}"
+
+
+class _Expected:
+    """`value rule expected` for values of any type: numbers with the tolerance, all else exactly.
+
+    Order between texts is defined only where both are numbers; without it the comparison is false.
+    """
+
+    def __init__(self, rule: str, expected: Value) -> None:
+        self.rule = rule
+        self.expected = expected
+        self._number = _as_number(expected)
+        self._comparison = Comparison(rule, self._number) if self._number is not None else None
+
+    def holds(self, value: Value) -> bool:
+        """Whether the comparison is true."""
+        if self._comparison is not None:
+            seen = _as_number(value)
+            if seen is not None:
+                return self._comparison.holds(seen)
+        try:
+            return compare(self.rule, value, self.expected)
+        except ValueError:
+            return False
+
+    def describe(self, what: str, value: Value | None) -> str:
+        """What is compared."""
+        seen = "undefined" if value is None else value
+        return f"{what} = {seen} {RULES[self.rule].symbol} {self.expected}"
+
+
+def _as_number(value: Value) -> float | None:
+    if isinstance(value, bool | datetime):
+        return None
+    if isinstance(value, str):
+        try:
+            return number(value)
+        except ValueError:
+            return None
+    return value
+
+
+class _NamedValueCondition(Condition):
+    """Compares the present value of something with a name."""
+
+    what = ""
+
+    def __init__(self, name: str, expected: _Expected) -> None:
+        self.name = name
+        self.expected = expected
+
+    @abstractmethod
+    def value(self, sim: Simulation) -> Value | None:
+        """The present value, None where there is none."""
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """Whether the comparison is true; false where there is no value."""
+        value = self.value(sim)
+        return value is not None and self.expected.holds(value)
+
+    def describe(self, sim: Simulation) -> str:
+        """The present value."""
+        return self.expected.describe(f"{self.what} {self.name}", self.value(sim))
+
+
+def _declared(node: Node, attribute: str, declared: Mapping[str, Parameter]) -> tuple[str, _Expected]:
+    """Name of a declared parameter or variable, and the value to compare with, read as its type says."""
+    name = node.get(attribute)
+    if name not in declared:
+        raise node.invalid(f"{attribute}={name!r} is not declared in this scenario")
+    rule, kind = node.choice("rule", RULES), declared[name].type
+    try:
+        expected = typed(kind, node.get("value"))
+        compare(rule, expected, expected)  # complains where the rule has no meaning for the type
+    except ValueError as error:
+        raise node.invalid(f"value: {error}") from None
+    return name, _Expected(rule, expected)
+
+
+@condition("ParameterCondition")
+class ParameterCondition(_NamedValueCondition):
+    """Compares a parameter, by its type."""
+
+    what = "parameter"
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> ParameterCondition:
+        """Read parameterRef, rule and value."""
+        return cls(*_declared(node, "parameterRef", context.document.parameters))
+
+    def value(self, sim: Simulation) -> Value | None:
+        """The parameter as it was set last."""
+        return sim.parameters[self.name]
+
+
+@condition("VariableCondition")
+class VariableCondition(_NamedValueCondition):
+    """Compares a variable, by its type."""
+
+    what = "variable"
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> VariableCondition:
+        """Read variableRef, rule and value."""
+        return cls(*_declared(node, "variableRef", context.document.variables))
+
+    def value(self, sim: Simulation) -> Value | None:
+        """The variable as it was set last."""
+        return sim.variables[self.name]
+
+
+@condition("UserDefinedValueCondition")
+class UserDefinedValueCondition(_NamedValueCondition):
+    """Compares a value that comes from outside the scenario: as numbers where both are, else as texts."""
+
+    what = "user-defined value"
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> UserDefinedValueCondition:
+        """Read name, rule and value."""
+        return cls(node.get("name"), _Expected(node.choice("rule", RULES), node.get("value")))
+
+    def value(self, sim: Simulation) -> Value | None:
+        """The value, None while nobody has given any."""
+        return sim.user_values.get(self.name)
+
+
+class _SignalCondition(Condition):
+    """Compares the state of something about traffic signals with a name."""
+
+    what = ""
+
+    def __init__(self, name: str, expected: str) -> None:
+        self.name = name
+        self.expected = expected
+
+    @abstractmethod
+    def state(self, sim: Simulation) -> str | None:
+        """The present state."""
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """Whether the state is the expected one."""
+        return self.state(sim) == self.expected
+
+    def describe(self, sim: Simulation) -> str:
+        """The present state."""
+        return f"{self.what} {self.name} is {self.state(sim) or 'undefined'}, {self.expected} expected"
+
+
+@condition("TrafficSignalCondition")
+class TrafficSignalCondition(_SignalCondition):
+    """True while a traffic signal of the road network is in the state."""
+
+    what = "traffic signal"
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficSignalCondition:
+        """Read name (the signal's id) and state."""
+        return cls(context.signals.signal(node, "name"), node.get("state"))
+
+    def state(self, sim: Simulation) -> str | None:
+        """The signal's state, None while nothing has set any."""
+        return sim.signals.states.get(self.name)
+
+
+@condition("TrafficSignalControllerCondition")
+class TrafficSignalControllerCondition(_SignalCondition):
+    """True while a traffic signal controller is in the phase."""
+
+    what = "traffic signal controller"
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficSignalControllerCondition:
+        """Read the controller's name and the phase."""
+        return cls(*context.signals.phase(node))
+
+    def state(self, sim: Simulation) -> str | None:
+        """The name of the present phase."""
+        return sim.signals.phases.get(self.name)

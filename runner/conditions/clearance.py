@@ -1,0 +1,164 @@
+"""RelativeClearanceCondition: whether lanes beside an entity are free (OpenSCENARIO XML 1.3)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.conditions.base import EntityCondition
+from runner.distances import Bearing, bearing, facing, footprint
+from runner.entities import Entity
+from runner.registry import condition
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xodr.model import RoadPoint
+    from xodr.road import Road
+
+_NO_WIDTH = 1e-3
+"""Width (m) below which a lane is not there"""
+
+
+class LaneRange(NamedTuple):
+    """Lanes relative to the entity's own, positive to its left; infinite where the file sets no limit."""
+
+    low: float
+    high: float
+
+    @classmethod
+    def from_xml(cls, node: Node) -> LaneRange:
+        """Read the attributes from and to."""
+        low, high = node.int("from", -math.inf), node.int("to", math.inf)
+        if low > high:
+            raise node.invalid(f"from={low:g} must not be greater than to={high:g}")
+        return cls(low, high)
+
+
+@condition("RelativeClearanceCondition")
+class RelativeClearanceCondition(EntityCondition):
+    """True while the lanes checked exist beside the entity and nobody is in them over the distances checked.
+
+    Lanes are counted from the entity's own, positive to its left, the centre lane left out. A lane named by a range that
+    the road does not have makes the condition false; lanes against the entity's direction are left out unless
+    `oppositeLanes`. With `freeSpace` others count with their whole bounding box, without it with their reference point.
+    Distances run from the entity's reference point along its lane, on over the border of the road.
+
+    Args:
+        forward, backward: distances checked, m.
+    """
+
+    def __init__(
+        self,
+        ranges: tuple[LaneRange, ...],
+        others: tuple[Entity, ...],
+        forward: float,
+        backward: float,
+        free_space: bool,
+        opposite: bool,
+    ) -> None:
+        self.ranges = ranges
+        self.others = others
+        self.forward = forward
+        self.backward = backward
+        self.free_space = free_space
+        self.opposite = opposite
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RelativeClearanceCondition:
+        """Read lanes, entities (all where none is named) and distances (0 where absent)."""
+        if context.network is None:
+            raise node.invalid("lanes can't be checked: the scenario names no road network")
+        ranges = tuple(LaneRange.from_xml(part) for part in node.children("RelativeLaneRange"))
+        named = [entity for reference in node.children("EntityRef") for entity in context.entities(reference)]
+        forward, backward = node.float("distanceForward", 0.0), node.float("distanceBackward", 0.0)
+        if min(forward, backward) < 0.0:
+            raise node.invalid("distanceForward and distanceBackward must not be negative")
+        return cls(
+            ranges or (LaneRange(-math.inf, math.inf),),
+            tuple(dict.fromkeys(named)) or tuple(context.all.values()),
+            forward,
+            backward,
+            node.bool("freeSpace"),
+            node.bool("oppositeLanes"),
+        )
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the lanes exist and are free."""
+        lanes = self._lanes(entity, sim)
+        return bool(lanes) and self._first_inside(entity, sim, lanes) is None
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """Which lanes are checked, and who is in them."""
+        lanes = self._lanes(entity, sim)
+        if not lanes:
+            return f"the lanes to be clear beside {entity.name} do not exist"
+        inside = self._first_inside(entity, sim, lanes)
+        named = ", ".join(f"{lane:+d}" if lane else "0" for lane in sorted(lanes))
+        state = "clear" if inside is None else f"occupied by {inside.name}"
+        return f"lanes {named} of {entity.name} from {-self.backward:g} m to {self.forward:g} m are {state}"
+
+    def _lanes(self, entity: Entity, sim: Simulation) -> frozenset[int]:
+        """Relative lanes to be checked; empty where one of them does not exist or none is left."""
+        point = sim.road_point(entity)
+        if point is None or sim.network is None:
+            return frozenset()
+        road = sim.network.roads[point.road_id]
+        existing = _lanes_beside(road, point, facing(entity, road, point.s))
+        wanted: set[int] = set()
+        for low, high in self.ranges:
+            found = {lane for lane in existing if low <= lane <= high}
+            if not math.isinf(high - low) and len(found) != high - low + 1:
+                return frozenset()
+            wanted |= found
+        own = road.direction(point.lane_id, point.s) if point.lane_id else facing(entity, road, point.s)
+        return frozenset(lane for lane in wanted if self.opposite or road.direction(existing[lane], point.s) == own)
+
+    def _first_inside(self, entity: Entity, sim: Simulation, lanes: frozenset[int]) -> Entity | None:
+        """Someone in one of the lanes within the distances."""
+        for other in self.others:
+            if other is not entity and other.active and other.placed and self._inside(entity, other, sim, lanes):
+                return other
+        return None
+
+    def _inside(self, entity: Entity, other: Entity, sim: Simulation, lanes: frozenset[int]) -> bool:
+        seen = bearing(sim, entity, other)
+        if seen is None or sim.network is None:
+            return False
+        side = facing(entity, sim.network.roads[seen.a.road_id], seen.a.s)
+        ahead = side * seen.ds
+        if not self.free_space:
+            return -self.backward <= ahead <= self.forward and side * seen.lanes in lanes
+        road = sim.network.roads[seen.b.road_id]
+        there = footprint(road, seen.b, other.h, other.box)
+        turn = side if seen.aligned else -side
+        rear, front = sorted((turn * there.rear, turn * there.front))
+        if ahead + rear > self.forward or ahead + front < -self.backward:
+            return False
+        return any(turn * relative + side * seen.lanes in lanes for relative in _lanes_under(road, seen, there.right, there.left))
+
+
+def _lanes_beside(road: Road, point: RoadPoint, side: int) -> dict[int, int]:
+    """Lanes of the road at a point: relative lane, positive to the left of who faces `side` (±1 for ±s) → lane id."""
+    ids = [lane for lane in road.lane_ids(point.s) if road.lane_width(point.s, lane) > _NO_WIDTH]
+    own = _rank(point.lane_id)
+    return {side * (_rank(lane) - own): lane for lane in ids}
+
+
+def _lanes_under(road: Road, seen: Bearing, right: float, left: float) -> list[int]:
+    """Lanes that a stretch of t covers, counted from the lane of the reference point towards +t of its road."""
+    s, own = seen.b.s, _rank(seen.b.lane_id)
+    section = road.section(s)
+    found = []
+    for lane_id in road.lane_ids(s):
+        lane = section.lanes[lane_id]
+        low, high = sorted((lane.inner(s), lane.outer(s)))
+        if low < left and high > right:
+            found.append(_rank(lane_id) - own)
+    return found
+
+
+def _rank(lane_id: int) -> int:
+    """Place of a lane across the road, the centre lane left out."""
+    return lane_id - 1 if lane_id > 0 else lane_id

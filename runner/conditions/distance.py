@@ -1,0 +1,263 @@
+"""Conditions on distances and on times derived from them (OpenSCENARIO XML 1.3, EntityCondition and 6.4).
+
+Distances are compared without their sign. How each is measured is said in `runner.distances`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner import closing, distances
+from runner.conditions.base import EntityCondition
+from runner.conditions.comparison import TOLERANCE, Comparison
+from runner.entities import Entity
+from runner.registry import condition
+from schemas.errors import InvalidFile
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.motion import Placement
+    from runner.positions.base import Position
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+_TYPES = {
+    "longitudinal": "longitudinal",
+    "lateral": "lateral",
+    "euclidianDistance": "euclidean",
+    "cartesianDistance": "euclidean",
+}
+_STILL = 1e-6
+"""Speed (m/s) from which a time headway is defined"""
+
+
+class Measure(NamedTuple):
+    """How a condition measures distance.
+
+    Args:
+        kind: longitudinal, lateral or euclidean.
+        system: the coordinate system.
+        freespace: from box to box, not between reference points.
+        routing: the routing algorithm between different roads.
+    """
+
+    kind: str
+    system: str
+    freespace: bool
+    routing: str
+
+    @classmethod
+    def from_xml(cls, node: Node) -> Measure:
+        """Read the attributes of any version.
+
+        `alongRoute` (1.0, deprecated in 1.1) counts only where neither coordinate system nor distance type is given:
+        true means along the road, false straight.
+        """
+        freespace = node.bool("freespace")
+        routing = node.choice("routingAlgorithm", distances.ROUTINGS, "undefined")
+        if not node.has("coordinateSystem") and not node.has("relativeDistanceType") and node.bool("alongRoute", False):
+            return cls("longitudinal", "road", freespace, routing)
+        kind = _TYPES[node.choice("relativeDistanceType", _TYPES, "euclidianDistance")]
+        return cls(kind, node.choice("coordinateSystem", distances.SYSTEMS, "entity"), freespace, routing)
+
+    def between(self, sim: Simulation, a: Entity, b: Entity | Placement) -> float | None:
+        """The distance, signed where it has a direction (see `runner.distances`); None where it is undefined."""
+        if self.kind == "euclidean":
+            return distances.euclidean(a, b, self.freespace)
+        measure = distances.longitudinal if self.kind == "longitudinal" else distances.lateral
+        return measure(sim, a, b, self.system, self.freespace, self.routing)
+
+    def closing(self, sim: Simulation, a: Entity, b: Entity | Placement) -> float | None:
+        """Speed at which the distance shrinks, m/s, in the same coordinate system and dimension."""
+        if self.kind == "euclidean":
+            return closing.euclidean(a, b, self.freespace)
+        rate = closing.longitudinal if self.kind == "longitudinal" else closing.lateral
+        return rate(sim, a, b, self.system, self.routing)
+
+    def named(self, what: str) -> str:
+        """The words for a description."""
+        words = what if self.kind == "euclidean" else f"{self.kind} {what} ({self.system})"
+        return f"{words}, box to box," if self.freespace else words
+
+
+class Target:
+    """The entity or position that a distance is measured to."""
+
+    def __init__(self, entity: Entity | None, position: Position | None) -> None:
+        self.entity = entity
+        self.position = position
+        self.name = entity.name if entity is not None else "position"
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> Target:
+        """Read an element that holds an EntityRef or a Position."""
+        child = node.only()
+        if child.tag == "EntityRef":
+            return cls(context.entity(child), None)
+        return cls(None, context.position(child))
+
+    @classmethod
+    def position_of(cls, node: Node, context: Context) -> Target:
+        """Read the Position inside a condition."""
+        return cls(None, context.position(node.need("Position")))
+
+    def find(self, sim: Simulation, actor: Entity) -> Entity | Placement | None:
+        """Where it is now; None for an entity that is absent, or a position that is relative to one."""
+        if self.entity is not None:
+            return self.entity if self.entity.active and self.entity.placed else None
+        assert self.position is not None
+        if self.position.fixed is not None:
+            return self.position.fixed
+        if not all(entity.active for entity in self.position.references()):
+            return None
+        try:
+            return self.position.resolve(sim, actor)
+        except InvalidFile:  # relative to something that has no such place at the moment: undefined, not wrong
+            return None
+
+
+class _DistanceCondition(EntityCondition):
+    """Compares a distance (m) to a target."""
+
+    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
+        self.target = target
+        self.measure = measure
+        self.comparison = comparison
+
+    def _distance(self, entity: Entity, sim: Simulation) -> float | None:
+        target = self.target.find(sim, entity)
+        distance = self.measure.between(sim, entity, target) if target is not None else None
+        return abs(distance) if distance is not None else None
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the comparison is true; false where the distance is undefined."""
+        return self.comparison.holds(self._distance(entity, sim))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The distance compared."""
+        what = f"{self.measure.named('distance')} {entity.name}–{self.target.name}"
+        return self.comparison.describe(what, self._distance(entity, sim))
+
+
+@condition("DistanceCondition")
+class DistanceCondition(_DistanceCondition):
+    """Compares the distance to a position."""
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> DistanceCondition:
+        """Read the position and how to measure."""
+        return cls(Target.position_of(node, context), Measure.from_xml(node), Comparison.from_xml(node, "m"))
+
+
+@condition("RelativeDistanceCondition")
+class RelativeDistanceCondition(_DistanceCondition):
+    """Compares the distance to another entity."""
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RelativeDistanceCondition:
+        """Read the entity and how to measure."""
+        return cls(Target(context.entity(node), None), Measure.from_xml(node), Comparison.from_xml(node, "m"))
+
+
+@condition("ReachPositionCondition")
+class ReachPositionCondition(EntityCondition):
+    """True while the reference point is within a circle about a position (deprecated by the standard for DistanceCondition)."""
+
+    def __init__(self, target: Target, tolerance: float) -> None:
+        self.target = target
+        self.tolerance = tolerance
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> ReachPositionCondition:
+        """Read the position and the radius of the circle."""
+        return cls(Target.position_of(node, context), node.float("tolerance"))
+
+    def _distance(self, entity: Entity, sim: Simulation) -> float | None:
+        place = self.target.find(sim, entity)
+        return math.hypot(place.x - entity.x, place.y - entity.y) if place is not None else None
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the entity is inside the circle."""
+        distance = self._distance(entity, sim)
+        return distance is not None and distance < self.tolerance + TOLERANCE
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The distance from the circle's centre."""
+        return Comparison("lessOrEqual", self.tolerance, "m").describe(
+            f"distance {entity.name}–position", self._distance(entity, sim)
+        )
+
+
+@condition("TimeHeadwayCondition")
+class TimeHeadwayCondition(EntityCondition):
+    """Compares distance by own speed (s): undefined while the other is behind, or the entity does not drive forward."""
+
+    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
+        self.target = target
+        self.measure = measure
+        self.comparison = comparison
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TimeHeadwayCondition:
+        """Read the entity and how to measure."""
+        return cls(Target(context.entity(node), None), Measure.from_xml(node), Comparison.from_xml(node, "s"))
+
+    def _headway(self, entity: Entity, sim: Simulation) -> float | None:
+        target = self.target.find(sim, entity)
+        if target is None or entity.speed < _STILL:
+            return None
+        distance = self.measure.between(sim, entity, target)
+        if distance is None or self._behind(entity, target, distance, sim):
+            return None
+        return abs(distance) / entity.speed
+
+    def _behind(self, entity: Entity, target: Entity | Placement, distance: float, sim: Simulation) -> bool:
+        if self.measure.kind == "longitudinal" and distance != 0.0:
+            return distance < 0.0
+        return (distances.longitudinal(sim, entity, target, "entity", False) or 0.0) < 0.0
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the comparison is true; false where the headway is undefined."""
+        return self.comparison.holds(self._headway(entity, sim))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The time headway compared."""
+        what = f"{self.measure.named('time headway')} {entity.name}–{self.target.name}"
+        return self.comparison.describe(what, self._headway(entity, sim))
+
+
+@condition("TimeToCollisionCondition")
+class TimeToCollisionCondition(EntityCondition):
+    """Compares distance by closing speed (s): undefined while the distance does not shrink.
+
+    The closing speed is the rate at which the measured distance shrinks with the present velocities.
+    """
+
+    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
+        self.target = target
+        self.measure = measure
+        self.comparison = comparison
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TimeToCollisionCondition:
+        """Read the target (entity or position) and how to measure."""
+        target = Target.from_xml(node.need("TimeToCollisionConditionTarget"), context)
+        return cls(target, Measure.from_xml(node), Comparison.from_xml(node, "s"))
+
+    def _time(self, entity: Entity, sim: Simulation) -> float | None:
+        target = self.target.find(sim, entity)
+        distance = self.measure.between(sim, entity, target) if target is not None else None
+        if target is None or distance is None:
+            return None
+        speed = self.measure.closing(sim, entity, target)
+        return abs(distance) / speed if speed is not None and speed > _STILL else None
+
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the comparison is true; false where the time is undefined."""
+        return self.comparison.holds(self._time(entity, sim))
+
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The time to collision compared."""
+        what = f"{self.measure.named('time to collision')} {entity.name}–{self.target.name}"
+        return self.comparison.describe(what, self._time(entity, sim))

@@ -1,0 +1,85 @@
+"""StoryboardElementStateCondition: conditions on the storyboard itself (OpenSCENARIO XML 1.3)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from runner.conditions.base import Condition
+from runner.registry import condition
+from runner.storyboard import Element, State, Transition
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from runner.storyboard import Storyboard
+
+_KINDS = ("story", "act", "maneuverGroup", "maneuver", "event", "action")
+_STATES = tuple(state.value for state in State)
+_TRANSITIONS = tuple(transition.value for transition in Transition)
+
+
+@condition("StoryboardElementStateCondition")
+class StoryboardElementStateCondition(Condition):
+    """True while a storyboard element is in a state, or in the step after it made a transition.
+
+    The element is named by its name, or by the end of its path (`Act::Group::Maneuver::Event`) where that alone is not
+    unique among the elements of its type.
+    """
+
+    element: Element
+
+    def __init__(self, state: str) -> None:
+        self.state = state
+        self._is_state = state in _STATES
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> StoryboardElementStateCondition:
+        """Read reference, type and state; the element is looked up once the storyboard is complete."""
+        kind = node.choice("storyboardElementType", _KINDS)
+        name = node.get("storyboardElementRef")
+        self = cls(node.choice("state", _STATES + _TRANSITIONS))
+
+        def find() -> None:
+            self.element = find_element(node, name, kind, context.storyboard)
+
+        context.late(find)
+        return self
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """Whether the element was seen in the state, or making the transition, when this step began."""
+        if self._is_state:
+            return self.element.seen_state == self.state
+        return self.state in self.element.seen_transitions
+
+    def describe(self, sim: Simulation) -> str:
+        """The element's state and transitions."""
+        element = self.element
+        seen = ", ".join((str(element.seen_state), *element.seen_transitions))
+        return f"{element.kind} {element.path} is in {seen}, {self.state} expected"
+
+
+def find_element(node: Node, name: str, kind: str, storyboard: Storyboard) -> Element:
+    """The one storyboard element of a type that a name or the end of a path refers to.
+
+    Raises:
+        InvalidFile: there is none, or more than one.
+    """
+    parts = name.split("::")
+    named = [e for e in storyboard.elements() if e.kind == kind and _path(e)[-len(parts) :] == parts]
+    whole = [e for e in named if len(_path(e)) == len(parts)]  # a complete path is never ambiguous with a longer one
+    found = whole if len(whole) == 1 else named
+    if len(found) == 1:
+        return found[0]
+    if found:
+        paths = ", ".join(e.path for e in found[:4])
+        raise node.invalid(f"storyboardElementRef={name!r} is ambiguous: {paths}; name it with those around it, as a path")
+    raise node.invalid(f"storyboardElementRef={name!r} is no {kind} of this storyboard")
+
+
+def _path(element: Element) -> list[str]:
+    names = [element.name]
+    while element.parent is not None:
+        element = element.parent
+        names.append(element.name)
+    return names[::-1]
