@@ -1,0 +1,24 @@
+"""Builders for the maps of the field: each returns a `RoadMap` that writes itself as OpenDRIVE 1.7.
+
+`straight_highway`, `on_ramp`, `off_ramp`, `sharp_curve`, `narrow_road`, `four_way_intersection`,
+`t_junction` and `roundabout`. Lengths in m, speeds in m/s, angles in rad; `rule` is RHT or LHT.
+The same arguments give the same bytes.
+"""
+
+from xodr.builders.elements import RoadMap
+from xodr.builders.intersections import four_way_intersection, t_junction
+from xodr.builders.ramps import off_ramp, on_ramp
+from xodr.builders.roads import narrow_road, sharp_curve, straight_highway
+from xodr.builders.roundabouts import roundabout
+
+__all__ = [
+    "RoadMap",
+    "four_way_intersection",
+    "narrow_road",
+    "off_ramp",
+    "on_ramp",
+    "roundabout",
+    "sharp_curve",
+    "straight_highway",
+    "t_junction",
+]

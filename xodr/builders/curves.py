@@ -1,0 +1,64 @@
+"""Plane curves of the builders: every piece is a clothoid, of which lines and arcs are special cases."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Pose(NamedTuple):
+    """Position in m and heading in rad."""
+
+    x: float
+    y: float
+    heading: float
+
+    def shifted(self, t: float) -> Pose:
+        """The pose `t` metres to the left, same heading."""
+        return Pose(self.x - t * math.sin(self.heading), self.y + t * math.cos(self.heading), self.heading)
+
+    def turned(self, angle: float) -> Pose:
+        """The pose turned on the spot, counterclockwise."""
+        return Pose(self.x, self.y, self.heading + angle)
+
+
+class Segment(NamedTuple):
+    """Piece of a reference line: its length in m and its curvatures at start and end in 1/m, linear between."""
+
+    length: float
+    start: float = 0.0
+    end: float = 0.0
+
+
+def line(length: float) -> Segment:
+    """A straight piece."""
+    return Segment(length)
+
+
+def arc(length: float, curvature: float) -> Segment:
+    """A circular piece; curvature positive to the left."""
+    return Segment(length, curvature, curvature)
+
+
+def advance(pose: Pose, segment: Segment) -> Pose:
+    """The pose at the end of a segment that starts at `pose`."""
+    from pyclothoids import Clothoid
+
+    rate = (segment.end - segment.start) / segment.length
+    curve = Clothoid.StandardParams(*pose, segment.start, rate, segment.length)
+    turn = segment.length * (segment.start + segment.end) / 2
+    return Pose(curve.XEnd, curve.YEnd, pose.heading + turn)
+
+
+def connect(start: Pose, end: Pose) -> Segment:
+    """The one clothoid that leads from `start` to `end` with both headings kept.
+
+    Source: Bertolazzi and Frego, G1 fitting with clothoids, 2015.
+    """
+    from pyclothoids import Clothoid
+
+    curve = Clothoid.G1Hermite(*start, *end)
+    first, last = curve.KappaStart, curve.KappaEnd
+    if abs(first - last) * curve.length < 1e-9:
+        first = last = (first + last) / 2 if abs(first + last) * curve.length > 1e-9 else 0.0
+    return Segment(curve.length, first, last)

@@ -1,0 +1,73 @@
+"""The SUMO network of an OpenDRIVE file, and which SUMO lane is which lane of the road network."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Track(NamedTuple):
+    """A SUMO lane in the road network: s at the SUMO lane's beginning and at its end, in the direction of travel."""
+
+    road_id: str
+    lane_id: int
+    start: float
+    end: float
+
+
+class SignalLink(NamedTuple):
+    """A signal in SUMO: traffic light and number of the link in its state string."""
+
+    traffic_light: str
+    link: int
+
+
+class SumoNet:
+    """A SUMO network in the coordinates of its OpenDRIVE file.
+
+    Attributes:
+        path: the network file. The edge `xodr.sumo_net.DOCK` in it lies far from all roads and is open to every kind of
+            participant: they are inserted there before they are moved to where they belong (libsumo's moveToXY).
+        left_hand: whether it is a network of left-hand traffic.
+        signals: by OpenDRIVE signal id, what the signal holds in SUMO.
+        fallback: None; or why netconvert refused the roads, and then the network has nothing but the dock.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        left_hand: bool,
+        tracks: Iterable[tuple[str, Track]],
+        signals: Mapping[str, tuple[SignalLink, ...]],
+        fallback: str | None = None,
+    ) -> None:
+        self.path = path
+        self.left_hand = left_hand
+        self.signals = dict(signals)
+        self.fallback = fallback
+        self._tracks: dict[str, Track] = {}
+        self._lanes: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
+        for sumo_lane, track in tracks:
+            self._tracks.setdefault(sumo_lane, track)
+            self._lanes[track.road_id, track.lane_id].append((min(track.start, track.end), sumo_lane))
+        for places in self._lanes.values():
+            places.sort()
+
+    @property
+    def sumo_lanes(self) -> Mapping[str, Track]:
+        """Every SUMO lane that stands for a lane of the road network. In junctions it may pass several: the longest is named."""
+        return self._tracks
+
+    def sumo_lane(self, road_id: str, lane_id: int, s: float) -> str | None:
+        """The SUMO lane of a lane at s; None where SUMO has none: closed roads, lanes without width."""
+        places = self._lanes.get((road_id, lane_id))
+        if not places:
+            return None
+        return places[max(bisect_right(places, s, key=lambda place: place[0]) - 1, 0)][1]
+
+    def track(self, sumo_lane: str) -> Track | None:
+        """What a SUMO lane is in the road network; None for SUMO's own, such as the dock."""
+        return self._tracks.get(sumo_lane)

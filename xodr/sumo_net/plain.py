@@ -1,0 +1,246 @@
+"""A road network in SUMO's plain XML, from which netconvert builds the network that SUMO runs on.
+
+netconvert also reads OpenDRIVE itself, but it gives every lane one width and a displaced centre line where widths change,
+ignores the traffic rule, shortens roads at every lane section and refuses files for small faults. Here the exact lane
+centre lines are handed to it instead:
+
+- A road becomes a chain of edges, cut at lane sections and at traffic lights; for each direction of travel one edge.
+- A connecting road becomes the shape of SUMO's own lanes inside a junction.
+- Lanes are numbered from the kerb inwards: from the right in right-hand traffic, from the left in left-hand traffic.
+- Elevation is left out: SUMO moves in the plane, heights come from the road itself.
+
+Source: SUMO documentation, "PlainXML" (nodes, edges, connections, custom lane shapes).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+from urllib.parse import quote
+
+from lxml import etree
+
+from xodr.model import Lane, LaneLink, LaneSection
+from xodr.network import RoadNetwork
+from xodr.road import Road
+from xodr.sumo_net.lights import lights
+from xodr.sumo_net.net import Track
+from xodr.sumo_net.nodes import Nodes
+from xodr.sumo_net.shapes import Point, centre_line, middle, mouth, outline, text
+from xodr.sumo_net.uses import CLOSED, SPEED_LIMITS, USUAL_SPEED_LIMIT, use_of
+from xodr.sumo_net.ways import Way, next_lane, stretches, ways
+
+NARROW = 0.1
+"""A lane that nowhere in its section is wider than this is left out, in m."""
+DOCK = "dock"
+"""Edge far from all roads that every kind of participant may use: where they can be inserted before being moved."""
+_DOCK_DISTANCE, _DOCK_LENGTH = 2000.0, 1000.0
+
+
+class Place(NamedTuple):
+    """A lane of an edge, counted from 0."""
+
+    edge: str
+    lane: int
+
+
+@dataclass(slots=True)
+class PlainNetwork:
+    """netconvert's input, and what its names mean.
+
+    lanes: by SUMO lane id. inside: the connecting lanes of each way from place to place. signals: ids that hold each way.
+    outlines: of the junctions, by node.
+    """
+
+    left_hand: bool
+    nodes: etree._Element = field(default_factory=lambda: etree.Element("nodes"))
+    edges: etree._Element = field(default_factory=lambda: etree.Element("edges"))
+    connections: etree._Element = field(default_factory=lambda: etree.Element("connections"))
+    lanes: dict[str, Track] = field(default_factory=dict)
+    inside: dict[tuple[Place, Place], tuple[Track, ...]] = field(default_factory=dict)
+    signals: dict[tuple[Place, Place], tuple[str, ...]] = field(default_factory=dict)
+    outlines: dict[str, list[Point]] = field(default_factory=dict)
+
+
+def plain_network(network: RoadNetwork | None) -> PlainNetwork:
+    """All roads, and the dock; the dock alone where there is no network."""
+    roads = network.roads.values() if network else ()
+    poses = [road.pose(s) for road in roads for s in (0.0, road.length)]
+    x = min((pose.x for pose in poses), default=0.0) - _DOCK_DISTANCE
+    y = min((pose.y for pose in poses), default=0.0) - _DOCK_DISTANCE
+    plain = _Writer(network, (x, y)).write() if network else PlainNetwork(left_hand=False)
+    for name, end in (("dock/start", x - _DOCK_LENGTH), ("dock/end", x)):
+        _element(plain.nodes, "node", id=name, x=f"{end:.4f}", y=f"{y:.4f}")
+    ends = {"from": "dock/start", "to": "dock/end"}
+    _element(plain.edges, "edge", id=DOCK, **ends, numLanes="1", speed="100", width="4")
+    return plain
+
+
+class _Piece(NamedTuple):
+    """A stretch of a road between two nodes, within one lane section."""
+
+    section: LaneSection
+    start: float
+    end: float
+
+
+_Row = dict[int, Place]
+"""Where the lanes of a piece are in SUMO."""
+
+
+class _Writer:
+    """Writes the roads; `nowhere` is a place that no lane comes near."""
+
+    def __init__(self, network: RoadNetwork, nowhere: Point) -> None:
+        self.network = network
+        rules = [road.rule for road in network.roads.values()]
+        self.plain = PlainNetwork(rules.count("LHT") > len(rules) / 2)
+        self.ways = ways(network)
+        inner = {link.road_id for way in self.ways for link in way.via}
+        self.roads = [road for road in network.roads.values() if road.id not in inner]
+        self.nodes = Nodes(self.roads, self.ways)
+        self.lights = lights(network)
+        self.mouths: dict[LaneLink, Place] = {}
+        self.end_nodes: dict[str, str] = {}
+        self.shapes: dict[tuple[Place, Place], list[Point]] = {}
+        x, y = nowhere
+        self.nowhere = text([(x, y), (x + 1.0, y), (x + 1.0, y + 1.0)])
+
+    def write(self) -> PlainNetwork:
+        for road in self.roads:
+            self._road(road)
+        for way in self.ways:
+            self._way(way)
+        self._connections()
+        return self.plain
+
+    # roads ----------------------------------------------------------------------------------
+
+    def _road(self, road: Road) -> None:
+        """The edges of one road and the ways between them; remembers which SUMO lanes lie at the road's ends."""
+        pieces = self._pieces(road)
+        prefix = quote(road.id, safe="")
+        inner = [self.nodes.inner_name(road, number) for number in range(1, len(pieces))]
+        names = [self.nodes.name(road, True), *inner, self.nodes.name(road, False)]
+        rows: list[_Row] = []
+        for number, piece in enumerate(pieces):
+            begin, end = names[number], names[number + 1]
+            forward = self._edge(road, piece, f"{prefix}/{number}+", 1, (begin, end))
+            rows.append(forward | self._edge(road, piece, f"{prefix}/{number}-", -1, (end, begin)))
+        for number, (before, after) in enumerate(pairwise(pieces)):
+            self._seam(road, (before, after), (rows[number], rows[number + 1]))
+            self.nodes.corners[inner[number]] += mouth(road, after.start)
+        for at_start, row in ((True, rows[0]), (False, rows[-1])):
+            self.mouths |= {LaneLink(road.id, lane_id, at_start): place for lane_id, place in row.items()}
+
+    def _pieces(self, road: Road) -> list[_Piece]:
+        """The road cut at lane sections and traffic lights, and once more where SUMO would have an edge from a node to itself."""
+        cuts = {light.s for light in self.lights[road.id] if light.s is not None}
+        if len(road.sections) == 1 and self.nodes.name(road, True) == self.nodes.name(road, False):
+            cuts.add(road.length / 2)
+        pieces = []
+        for section in road.sections:
+            borders = [section.s, *sorted(s for s in cuts if section.s < s < section.end), section.end]
+            pieces += [_Piece(section, start, end) for start, end in pairwise(borders)]
+        return pieces
+
+    def _edge(self, road: Road, piece: _Piece, edge: str, direction: int, nodes: tuple[str, str]) -> _Row:
+        """The edge with all lanes of one direction, none where nobody may use any of them; says where each lane is in SUMO."""
+        middle = (piece.start + piece.end) / 2
+        there = [piece.section.lanes[lane_id] for lane_id in (*reversed(piece.section.right), *piece.section.left)]
+        lanes = [lane for lane in there if road.direction(lane.id, middle) == direction and _width(lane, piece) > NARROW]
+        if (direction < 0) != self.plain.left_hand:
+            lanes.reverse()
+        if all(use_of(lane.type) is CLOSED for lane in lanes):
+            return {}
+        start, end = (piece.start, piece.end) if direction > 0 else (piece.end, piece.start)
+        attributes = {"id": edge, "from": nodes[0], "to": nodes[1], "numLanes": str(len(lanes)), "spreadType": "center"}
+        shape = text(centre_line(road, piece.section.lanes[0], start, end))
+        element = _element(self.plain.edges, "edge", **attributes, shape=shape)
+        for index, lane in enumerate(lanes):
+            usual = SPEED_LIMITS.get(road.road_type(middle), USUAL_SPEED_LIMIT)
+            use = use_of(lane.type)
+            child = _element(
+                element, "lane", index=str(index), type=lane.type, speed=f"{road.speed_limit(middle, lane.id) or usual:.4f}",
+                width=f"{_width(lane, piece):.4f}", shape=text(centre_line(road, lane, start, end)),
+            )  # fmt: skip
+            child.set(use.attribute, use.classes)
+            _element(child, "param", key="origId", value=f"{road.id}_{lane.id}")
+            self.plain.lanes[f"{edge}_{index}"] = Track(road.id, lane.id, start, end)
+        self.end_nodes[edge] = nodes[1]
+        return {lane.id: Place(edge, index) for index, lane in enumerate(lanes)}
+
+    def _seam(self, road: Road, pieces: tuple[_Piece, _Piece], rows: tuple[_Row, _Row]) -> None:
+        """The ways between two pieces of a road that follow each other towards +s."""
+        before, after = pieces
+        for lane_id, place in rows[0].items():
+            lane = before.section.lanes[lane_id]
+            following = lane_id if before.section is after.section else next_lane(lane, after.section, True)
+            if following not in rows[1] or use_of(lane.type).kind != use_of(after.section.lanes[following].type).kind:
+                continue
+            direction = road.direction(lane_id, before.start)
+            if direction > 0:
+                way, entered = (place, rows[1][following]), lane_id
+            else:
+                way, entered = (rows[1][following], place), following
+            self.shapes[way] = []
+            standing = [light for light in self.lights[road.id] if light.s == after.start and light.holds(entered, direction)]
+            self.plain.signals[way] = tuple(light.signal_id for light in standing)
+
+    # junctions ------------------------------------------------------------------------------
+
+    def _way(self, way: Way) -> None:
+        """The connection for one way from road to road. SUMO has only one from a lane to a lane: the first shapes it."""
+        source, target = self.mouths.get(way.source), self.mouths.get(way.target)
+        if source is None or target is None:
+            return
+        tracks: list[Track] = []
+        shape: list[Point] = []
+        for link in way.via:
+            road = self.network.roads[link.road_id]
+            for section, lane_id in stretches(road, link):
+                start, end = (section.s, section.end) if link.at_start else (section.end, section.s)
+                tracks.append(Track(road.id, lane_id, start, end))
+                shape += centre_line(road, section.lanes[lane_id], start, end)
+        self.shapes.setdefault((source, target), shape)
+        self.plain.inside[source, target] = (*self.plain.inside.get((source, target), ()), *tracks)
+        passed = [(way.source, -1 if way.source.at_start else 1), *((link, 1 if link.at_start else -1) for link in way.via)]
+        held = [
+            light.signal_id for link, direction in passed for light in self.lights[link.road_id]
+            if light.holds(link.lane_id, direction) and (light.s is None or link is not way.source)
+        ]  # fmt: skip
+        self.plain.signals[source, target] = (*self.plain.signals.get((source, target), ()), *held)
+
+    # the rest -------------------------------------------------------------------------------
+
+    def _connections(self) -> None:
+        """All connections and nodes; where a light holds one connection, the others of its node are marked as free."""
+        lit = {self.end_nodes[source.edge] for (source, _), held in self.plain.signals.items() if held}
+        for name, corners in self.nodes.corners.items():
+            self._node(name, corners, "traffic_light" if name in lit else "priority")
+        for edge in sorted(self.end_nodes.keys() - {source.edge for source, _ in self.shapes}):
+            _element(self.plain.connections, "connection", **{"from": edge})  # none leads on: netconvert shall not guess any
+        for (source, target), shape in self.shapes.items():
+            ends = {"from": source.edge, "to": target.edge, "fromLane": str(source.lane), "toLane": str(target.lane)}
+            element = _element(self.plain.connections, "connection", **ends)
+            if len(shape) > 1:
+                element.set("shape", text(shape))
+            if self.end_nodes[source.edge] in lit and not self.plain.signals[source, target]:
+                element.set("uncontrolled", "true")
+
+    def _node(self, name: str, corners: list[Point], kind: str) -> None:
+        """A node with no outline of its own: netconvert would cut the lanes back, or draw them on, to where they meet it."""
+        x, y = middle(corners)
+        _element(self.plain.nodes, "node", id=name, x=f"{x:.4f}", y=f"{y:.4f}", type=kind, shape=self.nowhere)
+        self.plain.outlines[name] = outline(corners)
+
+
+def _element(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
+    return etree.SubElement(parent, tag, attributes)
+
+
+def _width(lane: Lane, piece: _Piece) -> float:
+    """Mean width of a lane on a piece, 0 where it is nowhere wider than NARROW."""
+    widths = [lane.width(piece.start + (piece.end - piece.start) * share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    return sum(max(width, 0.0) for width in widths) / len(widths) if max(widths) > NARROW else 0.0
