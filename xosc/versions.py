@@ -46,7 +46,10 @@ def convert(document: Document, to: Version) -> Document:
     _refuse_expressions(top, document.version, to)
     for change, tag in _changes(document.version, to):
         for element in list(top.element.iter(tag)):
-            change(element)
+            try:
+                change(element)
+            except UsageError as error:
+                raise _nearest(element, document).unsupported(error.message) from None
     top.need("FileHeader").element.set("revMinor", str(to[1]))
     for problem in _violations(tree, to):
         node = _nearest(problem.element, document)
@@ -110,14 +113,21 @@ def _changes(source: Version, to: Version) -> Iterator[tuple[Change, str]]:
 # changes -------------------------------------------------------------------------------------
 
 
-def _word(attribute: str, old: str, new: str) -> Change:
+def _word(version: Version, tag: str, attribute: str, old: str, new: str) -> Rule:
     """A word of an enumeration that got another name."""
 
-    def change(element: etree._Element) -> None:
+    def up(element: etree._Element) -> None:
         if element.get(attribute) == old:
             element.set(attribute, new)
 
-    return change
+    def down(element: etree._Element) -> None:
+        value = element.get(attribute, "")
+        if value.startswith("$"):
+            raise UsageError(f"{attribute}={value!r} may stand for {new!r}, which is {old!r} before {version[0]}.{version[1]}")
+        if value == new:
+            element.set(attribute, old)
+
+    return Rule(version, tag, up, down)
 
 
 def _attribute(old: str, new: str) -> Change:
@@ -266,12 +276,7 @@ _ROUTED = (*_ALONG_ROUTE, "RelativeDistanceCondition")
 
 RULES: tuple[Rule, ...] = (
     # 1.1
-    Rule(
-        (1, 1),
-        "RelativeDistanceCondition",
-        up=_word("relativeDistanceType", "cartesianDistance", "euclidianDistance"),
-        down=_word("relativeDistanceType", "euclidianDistance", "cartesianDistance"),
-    ),
+    _word((1, 1), "RelativeDistanceCondition", "relativeDistanceType", "cartesianDistance", "euclidianDistance"),
     Rule((1, 1), "RelativeDistanceCondition", down=_implied("coordinateSystem", "entity")),
     *(Rule((1, 1), tag, down=_straight_line) for tag in _ALONG_ROUTE),
     Rule((1, 1), "LongitudinalDistanceAction", down=_implied("coordinateSystem", "entity")),
@@ -286,8 +291,8 @@ RULES: tuple[Rule, ...] = (
     Rule((1, 1), "Event", down=_child(_at_once)),
     *(Rule((1, 1), tag, down=_without_white_space) for tag in ("FileHeader", "ParameterDeclaration")),
     # 1.2
-    Rule((1, 2), "Event", _word("priority", "overwrite", "override"), _word("priority", "override", "overwrite")),
-    Rule((1, 2), "ParameterDeclaration", _word("parameterType", "integer", "int"), _word("parameterType", "int", "integer")),
+    _word((1, 2), "Event", "priority", "overwrite", "override"),
+    _word((1, 2), "ParameterDeclaration", "parameterType", "integer", "int"),
     *(Rule((1, 2), tag, down=_implied("routingAlgorithm", "undefined")) for tag in _ROUTED),
     *(Rule((1, 2), tag, down=_implied("role", "none")) for tag in ("Vehicle", "Pedestrian")),
     *(

@@ -36,6 +36,7 @@ from xosc.distributions import (
     UniformDistribution,
     UserDefinedDistribution,
     sample,
+    space,
     user,
     variations,
     write_distribution,
@@ -188,13 +189,13 @@ def test_combinations_outside_the_constraints_are_left_out_and_counted(written) 
 def test_an_astronomic_space_is_counted_and_reached_into_but_never_enumerated(written) -> None:
     many = steps("0", "1e10", "1e-5")
     path = written(f"<Deterministic>{single('Speed', many)}{single('Limit', many)}{single('Lane', values('1'))}</Deterministic>")
-    space = ParameterSpace(path)
-    assert space.size == (10**15 + 1) ** 2
-    assert space.variation(space.size - 1)[1] == {"Speed": "10000000000", "Limit": "10000000000", "Lane": "1"}
+    wide = ParameterSpace(path)
+    assert wide.size == (10**15 + 1) ** 2
+    assert wide.variation(wide.size - 1)[1] == {"Speed": "10000000000", "Limit": "10000000000", "Lane": "1"}
     assert [each["Limit"] for _, each in islice(variations(path, False), 2)] == ["0", "0.00001"]
     assert len(list(sample(path, 3, enforce_constraints=False))) == 3
     with pytest.raises(UsageError, match="no variation"):
-        space.variation(space.size)
+        wide.variation(wide.size)
 
 
 def test_samples_of_a_deterministic_space_repeat_with_their_seed(written) -> None:
@@ -211,6 +212,13 @@ def test_a_search_for_samples_inside_impossible_constraints_ends(written) -> Non
     path = written(f"<Deterministic>{single('Speed', values('99'))}</Deterministic>")
     with pytest.raises(UsageError, match="none keeps the constraints"):
         next(sample(path, 1))
+
+
+def test_an_enumeration_without_end_inside_impossible_constraints_ends(written, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(space, "MAX_EXCLUDED", 100)
+    path = written(f"<Deterministic>{single('Speed', steps('99', '1e12', '1'))}</Deterministic>")
+    with pytest.raises(UsageError, match="100 variations in a row"):
+        next(variations(path))
 
 
 def test_test_runs_are_reproducible_and_streams_are_independent(written) -> None:
@@ -315,6 +323,8 @@ class Twice:
     """A plug-in, as another package would install it."""
 
     def __init__(self, content: str) -> None:
+        if "?" in content:
+            raise ValueError("question marks mean nothing")
         self.content = content
 
     def values(self) -> list[str]:
@@ -363,6 +373,13 @@ def test_a_plugin_gives_user_defined_values(written, plugin) -> None:
         "1212"
     )
     assert {each["Lane"] for each in parameters(written(stochastic(drawn("Lane", content), runs="20")))} == {"1", "2"}
+
+
+@pytest.mark.parametrize(("content", "message"), [("?", "question marks mean nothing"), ("", "lists no value")])
+def test_content_that_a_plugin_cannot_use_is_refused_at_its_line(written, plugin, content: str, message: str) -> None:
+    distribution = f'<UserDefinedDistribution type="twice">{content}</UserDefinedDistribution>'
+    with pytest.raises(InvalidFile, match=rf"variation\.xosc:3: UserDefinedDistribution: .*{message}"):
+        variations(written(f"<Deterministic>{single('Lane', distribution)}</Deterministic>"))
 
 
 def test_a_user_defined_distribution_without_plugin_is_refused_by_name(written) -> None:
@@ -467,6 +484,6 @@ def test_public_variation_files_have_the_sizes_of_the_reference_runs(corpora: Pa
                 last[row["file"]] = max(last.get(row["file"], 0), int(row["permutation"]))
     assert len(last) > 50
     for name, index in last.items():
-        space = ParameterSpace(corpora / name)
-        assert space.size == index + 1, name
-        assert space.variation(index)[0].is_file()
+        public = ParameterSpace(corpora / name)
+        assert public.size == index + 1, name
+        assert public.variation(index)[0].is_file()

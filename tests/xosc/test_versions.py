@@ -251,6 +251,7 @@ REFUSED = {
         "SimulationTimeCondition: .*rule=",
     ),
     "route": ((1, 0), {"content": condition_of("TimeHeadwayCondition", 'coordinateSystem="road"')}, "TimeHeadwayCondition: "),
+    "word": ((1, 1), {"content": event(priority="$P")}, r"Event: priority='\$P' may stand for 'override'"),
     "license": ((1, 0), {"header": '<License name="MIT"/>'}, "License"),
     "expression": (
         (1, 0),

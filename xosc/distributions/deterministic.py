@@ -127,7 +127,10 @@ class DeterministicSingleParameterDistribution:
         child = node.only()
         if child.tag not in _SINGLE:
             raise child.invalid("not a deterministic distribution of the standard")
-        return cls(node.get("parameterName"), _SINGLE[child.tag].read(child))
+        created = cls(node.get("parameterName"), _SINGLE[child.tag].read(child))
+        if not created.size:
+            raise child.invalid("the distribution lists no value")
+        return created
 
     def write(self) -> etree._Element:
         """As its element."""

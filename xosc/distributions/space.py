@@ -26,6 +26,9 @@ from xosc.values import quoted
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""
 
+MAX_EXCLUDED = 1_000_000
+"""So many variations in a row outside the constraints end an enumeration, which could go on for years."""
+
 Variation = tuple[Path, dict[str, str]]
 """A scenario and values of its parameters."""
 
@@ -132,13 +135,15 @@ class Variations(Iterator[Variation]):
         self._next = 0
 
     def __next__(self) -> Variation:
-        while self._next < self._space.size:
+        for _ in range(MAX_EXCLUDED):
+            if self._next >= self._space.size:
+                raise StopIteration
             variation = self._space.variation(self._next)
             self._next += 1
             if not self._enforce or self._space.admits(variation[1]):
                 return variation
             self.excluded += 1
-        raise StopIteration
+        raise UsageError(f"{MAX_EXCLUDED} variations in a row violate the constraints of {self._space.scenario}")
 
 
 def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -> Variations:
@@ -154,6 +159,7 @@ def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -
     Raises:
         InvalidFile: a file is malformed, or the scenario does not declare a distribution's parameter.
         Unsupported: a user-defined distribution has no plug-in.
+        UsageError: while iterating, practically nothing in the space keeps the constraints.
     """
     return Variations(ParameterSpace(path), enforce_constraints)
 

@@ -10,8 +10,8 @@ from typing import Protocol
 
 from lxml import etree
 
-from schemas.errors import Unsupported
-from xosc.distributions.values import element
+from schemas.errors import Unsupported, UsageError
+from xosc.distributions.values import element, located
 from xosc.node import Node
 
 GROUP = "xosc.distribution"
@@ -19,7 +19,10 @@ GROUP = "xosc.distribution"
 
 
 class UserDistribution(Protocol):
-    """A plug-in, created with the element's text content. It need have only the method for its use."""
+    """A plug-in, created with the element's text content (ValueError where that makes no sense to it).
+
+    It need have only the method for its use.
+    """
 
     def values(self) -> Sequence[str]:
         """Listed values, where it stands in a Deterministic."""
@@ -57,10 +60,8 @@ class UserDefinedDistribution:
     def read(cls, node: Node) -> UserDefinedDistribution:
         """From its element."""
         created = cls(node.get("type"), node.text())
-        try:
+        with located(node):
             created.plugin  # noqa: B018 - an unknown type is refused at its line, before anything is varied
-        except Unsupported as error:
-            raise node.unsupported(error.message) from None
         return created
 
     def write(self) -> etree._Element:
@@ -73,6 +74,9 @@ class UserDefinedDistribution:
 @cache
 def _plugin(kind: str, content: str) -> UserDistribution:
     for entry in entry_points(group=GROUP, name=kind):
-        return entry.load()(content)
+        try:
+            return entry.load()(content)
+        except ValueError as error:
+            raise UsageError(f"the plug-in {kind!r} does not understand the content: {error}") from None
     known = ", ".join(sorted(entry_points(group=GROUP).names)) or "none is installed"
     raise Unsupported(f"no plug-in for the user-defined distribution type {kind!r} (entry point group {GROUP}: {known})")

@@ -10,7 +10,7 @@ from decimal import Decimal
 
 from lxml import etree
 
-from schemas.errors import UsageError
+from schemas.errors import Unsupported, UsageError
 from xosc.node import Node
 
 
@@ -43,11 +43,13 @@ class Range:
 
 @contextmanager
 def located(node: Node) -> Iterator[None]:
-    """Turn what is wrong with a value into an InvalidFile at the element that it was read from."""
+    """Say where in a file it was read what is wrong with a value: an InvalidFile or Unsupported at that element."""
     try:
         yield
     except UsageError as error:
         raise node.invalid(error.message) from None
+    except Unsupported as error:
+        raise node.unsupported(error.message) from None
 
 
 def finite(name: str, value: float) -> None:
