@@ -21,7 +21,7 @@ _MOST_CHORDS = 400_000
 _TOO_LONG = "the roads are too long or wind too much to be indexed"
 _LONGEST_CHORD = 100.0
 _FANOUT = 8
-_CONVERGED = 1e-5
+_CONVERGED = 1e-6
 _ON_SURFACE = 1e-6
 _OTHER_LEVEL = 2.0
 """Height difference [m] from which a road is taken to be on another level."""
@@ -108,17 +108,17 @@ class Locator:
 
 def follow(road: Road, x: float, y: float, s: float) -> RoadPoint | None:
     """The road point near an s known before; None where the point has left the road's surface."""
-    hit = project(road, x, y, s, 0.0, road.length)
+    hit = project(road, x, y, s, max(s - _LONGEST_CHORD, 0.0), min(s + _LONGEST_CHORD, road.length))
     return road.point(hit.s, hit.t) if hit.gap == 0.0 else None
 
 
 def project(road: Road, x: float, y: float, s: float, low: float, high: float) -> _Hit:
-    """Foot of the perpendicular onto the reference line between two s, by Newton's method from s, else by bisection."""
-    for _ in range(8):
+    """Foot of the perpendicular onto the reference line, by Newton's method from s, else by bisection between two s."""
+    for _ in range(12):
         ahead, aside = _local(road, x, y, s)
         # d(ahead)/ds is 1 − κ·aside; kept away from 0 at the centre of a curve
         wanted = s + ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
-        before, s = s, min(max(wanted, low), high)
+        before, s = s, min(max(wanted, 0.0), road.length)
         if abs(s - before) < _CONVERGED:
             if s == wanted:
                 ahead = 0.0  # what is left is the square of the last step, far below a micrometre
@@ -128,6 +128,8 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
         ahead, aside = _local(road, x, y, s)
     t = road.t_of(s, aside)
     right, left = road.edges(s)
+    if ahead * (s - 0.5 * road.length) > 0.0 and s in (0.0, road.length):
+        s += ahead  # beyond the road's end, on the straight line that continues it
     beside = max(right - t, 0.0, t - left)
     gap = math.hypot(beside, ahead) if abs(ahead) > _ON_SURFACE else beside
     return _Hit(road, s, t, gap if gap > _ON_SURFACE else 0.0)

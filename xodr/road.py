@@ -198,9 +198,10 @@ class Road:
         return ids[index] if 0 <= index < len(ids) else None
 
     def point(self, s: float, t: float) -> RoadPoint:
-        """The road point at (s, t) with the lane that it lies on."""
-        lane_id = self.lane_at(s, t)
-        return RoadPoint(self.id, s, t, lane_id, t - self.section(s).lanes[lane_id].center(s))
+        """The road point at (s, t) with the lane that it lies on; before and beyond the road with the lane at its end."""
+        inside = min(max(s, 0.0), self.length)
+        lane_id = self.lane_at(inside, t)
+        return RoadPoint(self.id, s, t, lane_id, t - self.section(inside).lanes[lane_id].center(inside))
 
     def lane_point(self, s: float, lane_id: int, offset: float = 0.0) -> RoadPoint:
         """The road point at a lane's centre, `offset` [m] towards +t; the lane id is kept however large the offset."""

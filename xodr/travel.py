@@ -59,12 +59,13 @@ class Traveller:
         for _ in range(_MOST_BORDERS):
             section = road.sections[index]
             lane = section.lanes[lane_id]
-            s, distance = _along(road, lane, offset, s, section.end if forward else section.s, distance)
-            inside = s < section.end if forward else distance <= 0.0
+            border, step = (section.end, 1) if forward else (section.s, -1)
+            s, distance = _along(road, lane, offset, s, border, step, distance)
+            inside = s < border if forward else distance <= 0.0
             here = RoadPoint(road.id, s, lane.center(s) + offset, lane_id, offset)
             if inside:
                 return Travel(here, forward, 0.0)
-            if 0 <= index + (1 if forward else -1) < len(road.sections):
+            if 0 <= index + step < len(road.sections):
                 index, lane_id, offset = _next_section(road, index, lane_id, offset, forward)
                 continue
             link = self._next_road(here, forward, choose) if distance > 0.0 else None
@@ -97,27 +98,30 @@ class Traveller:
         return turn
 
 
-def _along(road: Road, lane: Lane, offset: float, s: float, border: float, distance: float) -> tuple[float, float]:
+def _along(road: Road, lane: Lane, offset: float, s: float, border: float, sign: float, distance: float) -> tuple[float, float]:
     """Go on from s towards the section's border: the s reached, and the distance left where the border stops it.
 
     The way of a point at t is |1 − κt| ds long where the road curves, and longer where the lane drifts sideways (dt/ds).
+    A point that is beyond the border already (it left the road) stays there.
     """
-    room = abs(border - s)
+    room = (border - s) * sign
+    if room <= 0.0:
+        return s, distance
     if road.line.straight and lane.center.constant is not None:
-        return (border, distance - room) if distance >= room else (s + math.copysign(distance, border - s), 0.0)
+        return (border, distance - room) if distance >= room else (s + sign * distance, 0.0)
     longest = max(_STEP, distance / _MOST_STEPS)
     while True:
-        room = abs(border - s)
+        room = (border - s) * sign
         limit = min(room, longest)
         half = 0.5 * min(distance / _way_per_s(road, lane, offset, s), limit)
-        rate = _way_per_s(road, lane, offset, s + math.copysign(half, border - s))
+        rate = _way_per_s(road, lane, offset, s + sign * half)
         ds = distance / rate
         if ds < limit:
-            return s + math.copysign(ds, border - s), 0.0
+            return s + sign * ds, 0.0
         distance = max(distance - limit * rate, 0.0)
         if limit == room:
             return border, distance
-        s += math.copysign(limit, border - s)
+        s += sign * limit
 
 
 def _way_per_s(road: Road, lane: Lane, offset: float, s: float) -> float:

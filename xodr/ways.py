@@ -6,7 +6,7 @@ free. Two graphs are told apart: ways along which traffic drives, and all ways (
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -14,8 +14,11 @@ from xodr.links import LinkTable
 from xodr.road import Road
 
 DRIVABLE = frozenset(
-    "driving entry exit onRamp offRamp connectingRamp slipLane shared bidirectional bus taxi HOV mwyEntry mwyExit roadWorks"
-    " special1 special2 special3 stop restricted parking".split()
+    {
+        *("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "shared", "restricted", "stop"),
+        *("bidirectional", "bus", "taxi", "HOV", "mwyEntry", "mwyExit", "roadWorks", "special1", "special2", "special3"),
+        "parking",
+    }
 )
 """Lane types on which vehicles travel (OpenDRIVE 1.8, annex D.1, without borders, with parking and the types of 1.4)."""
 
