@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from runner.result import RunResult as RunResult
-    from runner.run import run as run
+    from runner.execution import run as run
 
 __all__ = ["RunResult", "run"]
 
@@ -14,7 +14,7 @@ __all__ = ["RunResult", "run"]
 def __getattr__(name: str) -> Any:
     """Import on first use: the command line must answer `--help` at once."""
     if name == "run":
-        from runner.run import run
+        from runner.execution import run
 
         return run
     if name == "RunResult":

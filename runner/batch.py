@@ -117,7 +117,7 @@ def _error(job: Job, error: Exception) -> Outcome:
 
 def rehearse(job: Job, options: Options) -> Outcome:
     """Load, resolve and compile a scenario without running it."""
-    from runner.run import prepare
+    from runner.execution import prepare
 
     try:
         prepare(job.scenario, job.parameters, options.ego, options.enforce_constraints)
@@ -128,7 +128,7 @@ def rehearse(job: Job, options: Options) -> Outcome:
 
 def execute(job: Job, options: Options, out: Path | None = None) -> Outcome:
     """Do one run and write its results; errors become outcomes."""
-    from runner.run import run
+    from runner.execution import run
 
     try:
         result = run(job.scenario, parameters=job.parameters, **asdict(options))
