@@ -64,10 +64,11 @@ SHAPES: dict[str, Shape] = {
 
 
 class TransitionDynamics(NamedTuple):
-    """TransitionDynamics: shape, what its value means, and whether limits of the entity may soften it.
+    """TransitionDynamics: shape, what its value means, and whether the entity's Performance bounds it.
 
     `value` is a time (s), a rate (unit of the changing value per second) or a distance (m), not negative.
-    `strict` is followingMode `position`: the shape is kept whatever the entity's Performance says.
+    `strict` is followingMode `position`: the transition takes the time that it says whatever the Performance. From
+    version 1.2 on this is the default; earlier versions have no followingMode, and a vehicle stays what it is.
     """
 
     shape: Shape
@@ -76,7 +77,7 @@ class TransitionDynamics(NamedTuple):
     strict: bool
 
     @classmethod
-    def from_xml(cls, node: Node) -> TransitionDynamics:
+    def from_xml(cls, node: Node, version: tuple[int, int]) -> TransitionDynamics:
         """Read a SpeedActionDynamics or LaneChangeActionDynamics element.
 
         A rate's sign says nothing (the target does) and is dropped: files write decelerations as negative rates.
@@ -88,7 +89,8 @@ class TransitionDynamics(NamedTuple):
         if value < 0.0:
             raise node.invalid(f"value={value:g} must not be negative")
         shape = SHAPES[node.choice("dynamicsShape", SHAPES)]
-        return cls(shape, dimension, value, node.choice("followingMode", FOLLOWING_MODES, "position") == "position")
+        mode = node.choice("followingMode", FOLLOWING_MODES, "position" if version >= (1, 2) else "follow")
+        return cls(shape, dimension, value, mode == "position")
 
     def extent(self, change: float) -> float:
         """How long a transition by `change` takes: s, or m where the dimension is distance; 0 at once, infinite never."""
@@ -98,16 +100,20 @@ class TransitionDynamics(NamedTuple):
             return self.shape.slope * abs(change) / self.value if self.value > 0.0 else math.inf
         return self.value
 
-    def speed_duration(self, start: float, target: float) -> float:
+    def speed_duration(self, start: float, target: float, performance: Performance) -> float:
         """Seconds that a change of speed from `start` to `target` (m/s) takes.
 
         A change over a distance is run over the time in which the entity covers that distance, so that it also
-        leaves standstill; backward and forward motion both count.
+        leaves standstill; backward and forward motion both count. Where the Performance bounds the transition, it
+        takes as long as keeps the steepest slope within the greatest acceleration or deceleration.
         """
-        extent = self.extent(target - start)
-        if self.dimension != "distance" or extent == 0.0:
-            return extent
-        return extent / self._mean_speed(start, target)
+        duration = self.extent(target - start)
+        if self.dimension == "distance" and duration > 0.0:
+            duration /= self._mean_speed(start, target)
+        if self.strict or duration == 0.0:
+            return duration
+        limit = performance.max_acceleration if abs(target) > abs(start) else performance.max_deceleration
+        return max(duration, self.shape.slope * abs(target - start) / limit) if limit > 0.0 else math.inf
 
     def _mean_speed(self, start: float, target: float) -> float:
         if start * target >= 0.0:  # the shapes are symmetric
@@ -133,20 +139,18 @@ def completed(constraints: Performance, performance: Performance) -> Performance
 
 
 def within(speed: float, wanted: float, limits: Performance, dt: float) -> float:
-    """The speed (m/s) nearest to `wanted` that an entity of that speed may have dt (s) later."""
-    faster = limits.max_acceleration if speed >= 0.0 else limits.max_deceleration
-    slower = limits.max_deceleration if speed > 0.0 else limits.max_acceleration
-    wanted = min(max(wanted, speed - slower * dt), speed + faster * dt)
-    return min(max(wanted, -limits.max_speed), limits.max_speed)
+    """The speed (m/s, not negative) nearest to `wanted` that an entity of that speed may have dt (s) later."""
+    wanted = min(max(wanted, speed - limits.max_deceleration * dt), speed + limits.max_acceleration * dt)
+    return min(max(wanted, 0.0), limits.max_speed)
 
 
 class GapController:
     """Closes a gap within limits of acceleration, deceleration and jerk, without overshoot.
 
-    Near the goal it is a critically damped spring of stiffness k = 0.4 · limit, a = k · gap − 2 √k · closing speed;
-    far from it, the closing speed is held to what the limits can still brake: u(gap) = √((b/λ)² + 2 b gap) − b/λ,
-    whose slope at 0 is the spring's λ = √k / 2 and whose braking never needs more than b. A jerk limit j bounds the
-    bandwidth, √k ≤ j / limit.
+    It steers the closing speed to u(gap) by a = 2 √k (u − closing speed). Near the goal u = λ · gap with λ = √k / 2,
+    which makes it a critically damped spring of stiffness k = 0.4 · limit; from gap = b / λ² on, where following that
+    line would need more than the braking limit b, u = √(2 b gap − (b / λ)²). A jerk limit j bounds the bandwidth,
+    √k ≤ j / limit.
     """
 
     __slots__ = ("_acceleration", "limits")
@@ -181,7 +185,7 @@ class GapController:
 
 
 def _safe_closing(gap: float, brake: float, slope: float) -> float:
-    if slope == 0.0 or brake == math.inf:
+    far = abs(gap)
+    if slope * slope * far <= brake:
         return slope * gap
-    knee = brake / slope
-    return math.copysign(math.sqrt(knee * knee + 2.0 * brake * abs(gap)) - knee, gap)
+    return math.copysign(math.sqrt(2.0 * brake * far - (brake / slope) ** 2), gap)

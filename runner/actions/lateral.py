@@ -47,7 +47,7 @@ class LaneChangeAction(PrivateAction):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> LaneChangeAction:
         """Build from a LaneChangeAction element."""
-        dynamics = TransitionDynamics.from_xml(node.need("LaneChangeActionDynamics"))
+        dynamics = TransitionDynamics.from_xml(node.need("LaneChangeActionDynamics"), context.version)
         target = node.need("LaneChangeTarget").only()
         reference = context.entity(target) if target.tag == "RelativeTargetLane" else None
         value = target.int("value")
