@@ -61,9 +61,9 @@ class Registry:
     def load(self) -> None:
         """Import the family's modules, so that the tables are complete."""
         if not self._loaded:
-            self._loaded = True
             for module in self._modules:
                 importlib.import_module(module)
+            self._loaded = True
 
     def find(self, node: Node, parent: str | None = None) -> type[FromXml]:
         """The class for an element.
@@ -94,6 +94,7 @@ action = Registry(
         "runner.actions.lateral_distance",
         "runner.actions.synchronize",
         "runner.actions.routing",
+        "runner.actions.follow_trajectory",
         "runner.actions.teleport",
         "runner.actions.controller",
         "runner.actions.appearance",
