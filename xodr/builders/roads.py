@@ -60,8 +60,8 @@ def sharp_curve(
     for name, value in (("lane_width", lane_width), ("approach", approach), ("speed_limit", speed_limit)):
         require(name, value, 0.1)
     require("angle", angle, 0.05, 1.75 * math.pi)
-    require("transition", transition, 0.0, 0.999 * radius * angle)
     require("radius", radius, 1.0 + max(lanes, opposite_lanes) * lane_width + shoulder)
+    require("transition", transition, 0.0, 0.999 * radius * angle)
     if turn not in ("left", "right"):
         raise UsageError(f"turn={turn!r} must be left or right")
     curvature = (1 if turn == "left" else -1) / radius
