@@ -15,7 +15,8 @@ def expand(arguments: Iterable[str]) -> list[Path]:
     """The files meant by command line arguments: each once, in the order of the arguments and sorted within each.
 
     A file is taken as it is, whatever its name, and also where it does not exist; a folder stands for the scenario and
-    road files in it and below it; a glob (`**` for any depth) for what it matches, files and folders alike.
+    road files in it and below it; a glob (`**` for any depth) for the scenario and road files that it matches, and for
+    those in the folders that it matches.
 
     Raises:
         UsageError: a folder or a glob stands for no file.
@@ -26,22 +27,18 @@ def expand(arguments: Iterable[str]) -> list[Path]:
 def _expand(argument: str) -> list[Path]:
     path = Path(argument)
     try:
-        if path.is_dir():
-            return _below(path)
-        if not has_magic(argument) or path.exists():
+        is_glob = has_magic(argument) and not path.exists()
+        if not is_glob and not path.is_dir():
             return [path]
     except (OSError, ValueError):
-        return [path]
-    matches = [Path(match) for match in sorted(glob(argument, recursive=True))]
-    files = [match for match in matches if match.is_file() and (match.suffix.lower() in SUFFIXES or not argument.endswith("*"))]
-    found = files or [file for match in matches if match.is_dir() for file in _below(match)]
+        return [path]  # no such name can be; the check says so
+    matches = [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
+    found = [file for match in matches for file in _files(match)]
     if not found:
-        raise UsageError(f"no file matches {argument!r}")
+        raise UsageError(f"{argument!r} stands for no {' or '.join(SUFFIXES)} file")
     return found
 
 
-def _below(folder: Path) -> list[Path]:
-    found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
-    if not found:
-        raise UsageError(f"the folder {str(folder)!r} holds no {' or '.join(SUFFIXES)} file")
-    return found
+def _files(path: Path) -> list[Path]:
+    candidates = sorted(path.rglob("*")) if path.is_dir() else [path]
+    return [candidate for candidate in candidates if candidate.suffix.lower() in SUFFIXES and candidate.is_file()]

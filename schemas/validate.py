@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from itertools import islice
 from typing import Any, NamedTuple
 
 from lxml import etree
@@ -12,9 +11,6 @@ from lxml import etree
 from schemas.errors import InvalidFile, UsageError
 from schemas.registry import Schema
 from schemas.xml import local_name, parse
-
-MAX_VIOLATIONS = 100
-"""Violations reported a file: one wrong habit of an exporter can break a rule ten thousand times."""
 
 _MEANINGS = {
     "expression": "an expression ${…}",
@@ -38,20 +34,22 @@ class Violation(NamedTuple):
     message: str
 
 
-def violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
-    """What a document breaks of a schema, at most `MAX_VIOLATIONS`; empty for a valid one.
+def violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
+    """What a document breaks of a schema, as it is found; nothing for a valid one.
 
     Raises:
         UsageError: the XSD itself, which XOSC_SCHEMA_DIR may have supplied, cannot be used.
     """
     compiled = None if schema.xsd_1_1 else _compiled(schema)
     if compiled is not None and compiled.validate(tree):
-        return []
-    found = list(islice(_explained(tree, schema), MAX_VIOLATIONS))
-    if found or compiled is None:
-        return found
-    entries = list(compiled.error_log)[:MAX_VIOLATIONS]  # type: ignore[call-overload]  # the stubs forget that it iterates
-    return [Violation(_at(tree, entry.path), entry.message) for entry in entries]
+        return
+    explained = False
+    for violation in _explained(tree, schema):
+        explained = True
+        yield violation
+    if compiled is not None and not explained:
+        for entry in compiled.error_log:  # type: ignore[attr-defined]  # the stubs forget that it iterates
+            yield Violation(_at(tree, entry.path), entry.message)
 
 
 @cache

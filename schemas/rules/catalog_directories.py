@@ -17,4 +17,4 @@ def check(document: Document) -> Iterator[Finding]:
         name = document.value(element, "path")
         if name is not None and not document.has_folder(name):
             location = local_name(element.getparent())  # type: ignore[arg-type]  # a Directory is in a location
-            yield Finding(element, f"{location}: there is no folder {name!r} (looked for {document.file(name)})")
+            yield Finding(element, f"{location}: there is no folder {name!r}")

@@ -32,6 +32,8 @@ class Document:
         self.tree = tree
         self.root = tree.getroot()
         self.path = path
+        self._defaults: dict[etree._Element, expressions.Value | None] = {}
+        self._pending: set[etree._Element] = set()
 
     @property
     def standard(self) -> str:
@@ -117,16 +119,31 @@ class Document:
     def lookup(self, element: etree._Element) -> expressions.Lookup:
         """Values that parameters have at an element: the defaults of the declarations in scope there."""
 
-        def find(name: str, scope: etree._Element = element, depth: int = 0) -> expressions.Value:
-            declaration = self.declaration(scope, name)
-            if declaration is None or depth > _MAX_INDIRECTIONS:
+        def find(name: str) -> expressions.Value:
+            declaration = self.declaration(element, name)
+            value = None if declaration is None else self._default(declaration)
+            if value is None:
                 raise KeyError(name)
-            text = declaration.get("value") or ""
-            if "$" in text:
-                text = expressions.substitute(text, lambda inner: find(inner, declaration, depth + 1))
-            return typed(text, declaration.get("parameterType") or "string")
+            return value
 
         return find
+
+    def _default(self, declaration: etree._Element) -> expressions.Value | None:
+        """The typed default of a parameter; None where it has none: malformed, cyclic or too deep.
+
+        Each is worked out once, or a file of a few lines could ask for a billion evaluations.
+        """
+        if declaration in self._pending or len(self._pending) > _MAX_INDIRECTIONS:
+            return None
+        if declaration not in self._defaults:
+            self._pending.add(declaration)
+            try:
+                text = expressions.substitute(declaration.get("value") or "", self.lookup(declaration))
+                self._defaults[declaration] = typed(text, declaration.get("parameterType") or "string")
+            except ToolchainError:
+                self._defaults[declaration] = None
+            self._pending.discard(declaration)
+        return self._defaults[declaration]
 
     def declaration(self, element: etree._Element, name: str) -> etree._Element | None:
         """The ParameterDeclaration of that name in scope at an element, the innermost first."""

@@ -31,6 +31,6 @@ def check(document: Document) -> Iterator[Finding]:
 def _has_value(document: Document, element: etree._Element, name: str) -> bool:
     try:
         document.lookup(element)(name)
-    except (KeyError, ExpressionError):
+    except KeyError:
         return False
     return True

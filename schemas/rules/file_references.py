@@ -21,5 +21,5 @@ def check(document: Document) -> Iterator[Finding]:
             name = document.value(element, "filepath")
             if name and not document.has_file(name):
                 absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute()
-                message = f"{tag}: there is no file {name!r} (looked for {document.file(name)})"
-                yield Finding(element, message, "warning" if absolute else level)
+                place = "" if absolute else f" in {document.path.parent}"
+                yield Finding(element, f"{tag}: there is no file {name!r}{place}", "warning" if absolute else level)

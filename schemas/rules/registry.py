@@ -31,6 +31,9 @@ class Finding(NamedTuple):
 
 Check = Callable[[Document], Iterator[Finding]]
 
+MAX_FINDINGS = 100
+"""Problems reported per rule and file: one wrong habit of an exporter can break a rule ten thousand times."""
+
 _STANDARDS = {"xosc": OPENSCENARIO, "xodr": OPENDRIVE}
 
 
@@ -71,7 +74,10 @@ class Rule:
 
     def problems(self, document: Document) -> Iterator[Problem]:
         """Its problems in a document."""
-        for element, message, level in self.check(document):
+        for number, (element, message, level) in enumerate(self.check(document)):
+            if number == MAX_FINDINGS:
+                yield document.problem(self.uid, "info", f"more problems of this kind than the {MAX_FINDINGS} listed", element)
+                return
             yield document.problem(self.uid, level or self.level, message, element)
 
 

@@ -47,7 +47,7 @@ def _walk(
     """Element name and chain of names of the storyboard elements below one, those from catalogues included."""
     for child in parent.iterchildren(etree.Element):
         tag = local_name(child)
-        if tag == "CatalogReference" and local_name(parent) == "ManeuverGroup":
+        if tag == "CatalogReference" and local_name(parent) == "ManeuverGroup" and source is document:
             entry = document.catalogs.entry(document, child)
             if entry is not None:
                 yield from _named(document, entry.document, entry.element, chain)

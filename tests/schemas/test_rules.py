@@ -352,6 +352,23 @@ def test_reference_through_an_undeclared_parameter_is_reported_once(project):
     assert [problem.rule.rpartition(".")[2] for problem in project.check("scenario")] == ["parameter_declaration_parameter_scope"]
 
 
+def test_parameters_that_double_each_other_cost_nothing(project):
+    declared = "".join(
+        f'<ParameterDeclaration name="p{n}" parameterType="double" value="${{$p{n - 1} + $p{n - 1}}}"/>' for n in range(1, 200)
+    )
+    first = '<ParameterDeclaration name="p0" parameterType="double" value="1"/>'
+    project.edit("scenario", ("<ParameterDeclarations>", f"<ParameterDeclarations>{first}{declared}"))
+    assert project.check("scenario") == []
+
+
+def test_catalogue_entry_that_contains_itself_ends(project):
+    itself = '<CatalogReference catalogName="Vehicles" entryName="m"/>'
+    entry = f'<Maneuver name="m"><ManeuverGroup>{itself}</ManeuverGroup></Maneuver>'
+    project.edit("catalog", ('<Vehicle name="van"', entry + '<Vehicle name="van"'))
+    project.edit("scenario", ('<Maneuver name="maneuver">', itself + '<Maneuver name="maneuver">'))
+    assert project.check("scenario")
+
+
 def test_names_are_text_and_not_expressions(project):
     project.edit("scenario", ('<Condition name="later"', '<Condition name="${not + an expression}"'))
     assert project.check("scenario") == []
