@@ -24,8 +24,6 @@ FOLLOWING_MODES = ("position", "follow")
 
 _SAMPLES = 1000
 """Intervals for the mean of a speed that changes its sign."""
-_FIRMEST = 4.0
-"""Stiffness (1/s²) of the gap controller where no acceleration limit bounds it."""
 
 
 def _linear(p: float) -> float:
@@ -145,43 +143,51 @@ def within(speed: float, wanted: float, limits: Performance, dt: float) -> float
 
 
 class GapController:
-    """Closes a gap within limits of acceleration, deceleration and jerk, without overshoot.
+    """Closes a gap within limits of speed, acceleration, deceleration and jerk, without overshoot.
 
     It steers the closing speed to u(gap) by a = 2 √k (u − closing speed). Near the goal u = λ · gap with λ = √k / 2,
-    which makes it a critically damped spring of stiffness k = 0.4 · limit; from gap = b / λ² on, where following that
-    line would need more than the braking limit b, u = √(2 b gap − (b / λ)²). A jerk limit j bounds the bandwidth,
-    √k ≤ j / limit.
+    which makes it a critically damped spring of stiffness k = 0.4 · b, where b is the limit for braking into the goal;
+    from gap = b / λ² on, where following that line would need more than b, u = √(2 b gap − (b / λ)²). A jerk limit j
+    bounds the bandwidth, √k ≤ j / limit. Without any limit but that of speed, the gap is closed as fast as that allows.
+
+    Args:
+        limits: infinite where there are none.
     """
 
-    __slots__ = ("_acceleration", "limits")
+    __slots__ = ("_acceleration", "_ahead", "_back", "_jerk", "_limits")
 
     def __init__(self, limits: Performance) -> None:
-        self.limits = limits
+        self._limits = limits
+        self._jerk = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
+        either = min(limits.max_acceleration, limits.max_deceleration, self._jerk)
+        self._ahead = limits.max_acceleration if limits.max_acceleration < math.inf else either
+        self._back = limits.max_deceleration if limits.max_deceleration < math.inf else either
         self._acceleration = 0.0
 
-    def acceleration(self, gap: float, closing: float, dt: float) -> float:
-        """Acceleration (m/s²) for the coming dt (s).
+    def speed(self, gap: float, speed: float, goal_speed: float, dt: float) -> float:
+        """Speed (m/s) to have after dt (s).
 
         Args:
             gap: way still to go, m; positive ahead.
-            closing: speed at which the gap becomes smaller, m/s.
+            speed: own speed, m/s.
+            goal_speed: at which the goal itself moves, m/s.
         """
-        limits = self.limits
-        ahead, back = limits.max_acceleration, limits.max_deceleration
-        drive, brake = (ahead, back) if gap > 0.0 else (back, ahead)
-        root = self._bandwidth(drive)
-        wanted = 2.0 * root * (_safe_closing(gap, brake, root / 2.0) - closing)
-        wanted = min(max(wanted, -back), ahead)
-        wanted = max(wanted, self._acceleration - limits.max_deceleration_rate * dt)
-        self._acceleration = min(wanted, self._acceleration + limits.max_acceleration_rate * dt)
-        return self._acceleration
+        if self._ahead == math.inf:
+            wanted = goal_speed + gap / dt
+        else:
+            wanted = speed + self._steer(gap, speed - goal_speed, dt) * dt
+        return min(max(wanted, -self._limits.max_speed), self._limits.max_speed)
 
-    def _bandwidth(self, drive: float) -> float:
-        limits = self.limits
-        root = math.sqrt(min(0.4 * drive, _FIRMEST))
-        jerk = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
-        strongest = max(limits.max_acceleration, limits.max_deceleration)
-        return min(root, jerk / strongest) if jerk < math.inf and 0.0 < strongest < math.inf else root
+    def _steer(self, gap: float, closing: float, dt: float) -> float:
+        drive, brake = (self._ahead, self._back) if gap > 0.0 else (self._back, self._ahead)
+        root = math.sqrt(0.4 * brake)
+        if self._jerk < math.inf and (strongest := max(drive, brake)) > 0.0:
+            root = min(root, self._jerk / strongest)
+        wanted = 2.0 * root * (_safe_closing(gap, brake, root / 2.0) - closing)
+        wanted = min(max(wanted, -self._back), self._ahead)
+        wanted = max(wanted, self._acceleration - self._limits.max_deceleration_rate * dt)
+        self._acceleration = min(wanted, self._acceleration + self._limits.max_acceleration_rate * dt)
+        return self._acceleration
 
 
 def _safe_closing(gap: float, brake: float, slope: float) -> float:

@@ -91,7 +91,7 @@ def _both_ways(limits: Performance | None) -> Performance | None:
 class _Sidestep:
     """The distance is reached, and kept."""
 
-    __slots__ = ("_action", "_actor", "_before", "_controller", "_distance", "_side", "_sim")
+    __slots__ = ("_action", "_actor", "_before", "_controller", "_distance", "_side", "_sim", "_speed")
 
     def __init__(self, action: LateralDistanceAction, actor: Entity, sim: Simulation) -> None:
         self._action = action
@@ -99,6 +99,7 @@ class _Sidestep:
         self._sim = sim
         self._controller = GapController(action.constraints) if action.constraints is not None else None
         self._before: float | None = None
+        self._speed = 0.0
         left = self._left() or 0.0
         self._side = action.side or (1 if left >= 0.0 else -1)
         self._distance = action.distance
@@ -138,16 +139,15 @@ class _Sidestep:
             return False
         step = error if self._controller is None else self._limited(self._controller, error, dt)
         actor.next_offset = actor.offset + actor.along * step
-        actor.path_compensated = False
+        actor.path_compensated = self._controller is not None
         return not self._action.continuous and abs(error) < _REACHED
 
     def _limited(self, controller: GapController, error: float, dt: float) -> float:
-        """Sideways step (m) of a controlled motion; its present speed is that at which the error has changed."""
-        closing = (self._before - error) / dt if self._before is not None else 0.0
+        """Sideways step (m) of a controlled motion; the reference's own is seen in how the error has changed."""
+        closing = (self._before - error) / dt if self._before is not None else self._speed
         self._before = error
-        speed = closing + controller.acceleration(error, closing, dt) * dt
-        limit = controller.limits.max_speed
-        return min(max(speed, -limit), limit) * dt
+        self._speed = controller.speed(error, self._speed, self._speed - closing, dt)
+        return self._speed * dt
 
     def stop(self) -> None:
         """The entity belongs to the lane that it is on."""

@@ -162,23 +162,21 @@ class _Rigid:
 class _Approach:
     """The distance is reached, and kept, within limits."""
 
-    __slots__ = ("_continuous", "_controller", "_gap", "_limits")
+    __slots__ = ("_continuous", "_controller", "_gap")
 
     def __init__(self, gap: _Gap, limits: Performance, continuous: bool) -> None:
         self._gap = gap
-        self._limits = limits
         self._controller = GapController(limits)
         self._continuous = continuous
 
     def step(self, dt: float) -> bool:
         """Ask for the controller's speed; without a way to the reference the speed stays."""
-        gap, limits = self._gap, self._limits
+        gap = self._gap
         error = gap.error()
         if error is None:
             return False
         actor, reference = gap.actor, gap.action.reference
-        acceleration = self._controller.acceleration(error, actor.speed - reference.speed, dt)
-        actor.demand = min(max(actor.speed + acceleration * dt, 0.0), limits.max_speed)
+        actor.demand = max(self._controller.speed(error, actor.speed, reference.speed, dt), 0.0)
         return not self._continuous and abs(error) < _REACHED
 
     def stop(self) -> None:
