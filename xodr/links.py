@@ -7,7 +7,7 @@ roads declares is still a link.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from xodr.model import Connection, Junction, LaneLink, RoadLink
 from xodr.road import Road
@@ -42,22 +42,40 @@ def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Ite
 def _road_joints(roads: Mapping[str, Road], road: Road, at_start: bool, link: RoadLink) -> Iterator[_Joint]:
     other = roads[link.element_id]
     other_at_start = link.contact == "start" if link.contact else _nearer_start(other, road, at_start)
-    there = other.sections[0 if other_at_start else -1].lanes
-    for lane in road.sections[0 if at_start else -1].lanes.values():
-        linked = lane.predecessor if at_start else lane.successor
-        if lane.id and linked and linked in there:
-            yield LaneLink(road.id, lane.id, at_start), LaneLink(other.id, linked, other_at_start)
+    pairs = [(lane, linked) for lane, linked in _lane_links(road, at_start).items() if linked]
+    if not pairs and not any(_lane_links(other, other_at_start).values()):
+        pairs = _same_lanes(road, at_start, other_at_start)
+    yield from _pairs(road, at_start, other, other_at_start, pairs)
 
 
 def _connection_joints(roads: Mapping[str, Road], junction: Junction, connection: Connection) -> Iterator[_Joint]:
     incoming, connecting = roads[connection.incoming_road], roads[connection.connecting_road]
     contact_start = connection.contact == "start"
     incoming_start = _incoming_start(incoming, connecting, contact_start, junction.id)
-    here = incoming.sections[0 if incoming_start else -1].lanes
-    there = connecting.sections[0 if contact_start else -1].lanes
-    for lane, target in connection.lane_links:
-        if lane and target and lane in here and target in there:
-            yield LaneLink(incoming.id, lane, incoming_start), LaneLink(connecting.id, target, contact_start)
+    pairs = list(connection.lane_links)
+    if not pairs and not any(_lane_links(connecting, contact_start).values()):
+        pairs = _same_lanes(incoming, incoming_start, contact_start)
+    yield from _pairs(incoming, incoming_start, connecting, contact_start, pairs)
+
+
+def _lane_links(road: Road, at_start: bool) -> dict[int, int | None]:
+    """What each lane at one end of a road links to beyond it."""
+    lanes = road.sections[0 if at_start else -1].lanes
+    return {lane.id: lane.predecessor if at_start else lane.successor for lane in lanes.values() if lane.id}
+
+
+def _same_lanes(road: Road, at_start: bool, other_at_start: bool) -> list[tuple[int, int]]:
+    """Where a file links roads but none of their lanes, each lane goes on in the one at the same place."""
+    sign = -1 if at_start == other_at_start else 1
+    return [(lane, sign * lane) for lane in _lane_links(road, at_start)]
+
+
+def _pairs(road: Road, at_start: bool, other: Road, other_at_start: bool, pairs: Iterable[tuple[int, int]]) -> Iterator[_Joint]:
+    """Joints of the lane pairs that exist."""
+    here, there = _lane_links(road, at_start), _lane_links(other, other_at_start)
+    for lane, target in pairs:
+        if lane in here and target in there:
+            yield LaneLink(road.id, lane, at_start), LaneLink(other.id, target, other_at_start)
 
 
 def _incoming_start(incoming: Road, connecting: Road, contact_start: bool, junction_id: str) -> bool:

@@ -128,10 +128,12 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
         ahead, aside = _local(road, x, y, s)
     t = road.t_of(s, aside)
     right, left = road.edges(s)
-    if ahead * (s - 0.5 * road.length) > 0.0 and s in (0.0, road.length):
-        s += ahead  # beyond the road's end, on the straight line that continues it
     beside = max(right - t, 0.0, t - left)
-    gap = math.hypot(beside, ahead) if abs(ahead) > _ON_SURFACE else beside
+    gap = beside
+    if abs(ahead) > _ON_SURFACE:
+        gap = math.hypot(beside, ahead)
+        if s in (0.0, road.length) and ahead * (s - 0.5 * road.length) > 0.0:
+            s += ahead  # beyond the road's end, on the straight line that continues it
     return _Hit(road, s, t, gap if gap > _ON_SURFACE else 0.0)
 
 

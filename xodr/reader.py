@@ -151,7 +151,7 @@ def _road(path: Path, element: etree._Element) -> Road:
 
 
 def _road_link(element: etree._Element | None) -> RoadLink | None:
-    if element is None:
+    if element is None or element.get("elementS") is not None:  # the latter joins the middle of a road: a virtual junction
         return None
     kind = text(element, "elementType")
     if kind not in ("road", "junction"):

@@ -17,6 +17,7 @@ _STEP = 1.0
 """Longest stretch [m] over which curvature and lane slope are taken as constant, at their value in its middle."""
 _MOST_STEPS = 1000
 _MOST_BORDERS = 10_000
+_NARROWED = 0.1
 _SHARPEST = 1e-3
 """Lower limit of d(way)/ds beyond the centre of a curve, where the reference line cannot be followed any more."""
 
@@ -130,18 +131,18 @@ def _way_per_s(road: Road, lane: Lane, offset: float, s: float) -> float:
 
 
 def _next_section(road: Road, index: int, lane_id: int, offset: float, forward: bool) -> tuple[int, int, float]:
-    """Section, lane and offset beyond a section's border.
+    """Section, lane and offset beyond a section's border: the linked lane, at the same offset.
 
-    A lane that the file does not continue is left at its end: the point goes on at the same t, on the lane that is there.
+    A lane that the file does not continue, or that has narrowed to nothing, is left without a jump: t stays the same.
     """
     section = road.sections[index]
     lane = section.lanes[lane_id]
     following = index + (1 if forward else -1)
     lanes = road.sections[following].lanes
-    linked = lane.successor if forward else lane.predecessor
-    if lane_id == 0 or (linked and linked in lanes):
-        return following, linked or 0, offset
     border = section.end if forward else section.s
-    t = lane.center(border) + offset
-    found = lane_in(road.sections[following], border, t)
-    return following, found, t - lanes[found].center(border)
+    linked = (lane.successor if forward else lane.predecessor) if lane_id else 0
+    if linked not in lanes:
+        linked = lane_in(road.sections[following], border, lane.center(border) + offset)
+    elif lane_id == 0 or lane.width(border) > _NARROWED:
+        return following, linked, offset
+    return following, linked, lane.center(border) + offset - lanes[linked].center(border)
