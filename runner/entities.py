@@ -120,6 +120,10 @@ class Entity:
     """controller inputs that OverrideControllerValueAction holds"""
     lights: dict[str, str] = field(default_factory=dict)
     animations: dict[str, str] = field(default_factory=dict)
+    hitch: float | None = None
+    """x of the hitch that a trailer can be put on, m; None where there is none"""
+    coupler: float | None = None
+    """x of the coupler by which this vehicle can be towed, m; None where there is none"""
     trailer: Entity | None = None
     tractor: Entity | None = None
 

@@ -14,6 +14,7 @@ from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.entities import Entity
+    from runner.simulation import Simulation
     from xodr.network import RoadNetwork
 
 _SHARPEST = 1e-3
@@ -39,13 +40,17 @@ class Placement(NamedTuple):
 
 
 class Motion(Protocol):
-    """A way of moving; shared between entities, the state is the entity's."""
+    """A way of moving."""
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move the entity for dt (s) at a speed (m/s, signed), pose and road coordinates included.
 
-        Returns the speed that it really had: less at the end of the road, the path's own where that is timed.
+        Returns the speed that it really had: less at the end of the road.
         """
+        ...
+
+    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+        """Distance (m) along the entity's own path to a place, negative once passed; None where none leads there."""
         ...
 
 
@@ -63,6 +68,11 @@ class FreeMotion:
         entity.x += distance * math.cos(entity.h)
         entity.y += distance * math.sin(entity.h)
         return speed
+
+    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+        """How far ahead the place is."""
+        dx, dy = placement.x - entity.x, placement.y - entity.y
+        return dx * math.cos(entity.h) + dy * math.sin(entity.h)
 
 
 class LaneMotion:
@@ -116,7 +126,8 @@ class LaneMotion:
         assert entity.road is not None
         backwards = distance < 0.0
         point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
-        reached, forward, left = self.network.travel(point, abs(distance), (entity.along > 0) != backwards)
+        choose = entity.route.choose if entity.route is not None else None
+        reached, forward, left = self.network.travel(point, abs(distance), (entity.along > 0) != backwards, choose)
         entity.road = self.network.road(reached.road_id)
         entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
         entity.section = entity.road.section(entity.s)
@@ -138,4 +149,16 @@ class LaneMotion:
             drift = -drift
         if drift and abs(distance) > abs(drift):
             h += math.atan2(drift, distance) if distance > 0.0 else -math.atan2(drift, -distance)
-        entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = pose.x, pose.y, pose.z, h, pose.pitch, pose.roll
+        entity.x, entity.y, entity.z, entity.h = pose.x, pose.y, pose.z, h
+        entity.pitch, entity.roll = entity.along * pose.pitch, entity.along * pose.roll
+
+    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+        """Distance (m, in s) along the entity's route, or else the shortest way, to a place; negative once passed."""
+        here = sim.road_point(entity)
+        assert here is not None
+        there = placement.point or self.network.locate(placement.x, placement.y, placement.z)
+        distance = entity.route.distance(here, there) if entity.route is not None else None
+        if distance is not None:
+            return float(distance)
+        relative = self.network.relative(here, there)
+        return entity.along * relative.ds if relative is not None else None

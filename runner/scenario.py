@@ -17,6 +17,7 @@ from runner.conditions.base import ByEntityCondition, Condition
 from runner.entities import BoundingBox, Entities, Entity, Performance
 from runner.signals import TrafficSignals
 from runner.storyboard import Act, ActionElement, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.towing import train
 from runner.triggers import Trigger
 from xosc.node import Node
 
@@ -208,15 +209,12 @@ _KINDS = {"Vehicle": "vehicle", "Pedestrian": "pedestrian", "MiscObject": "misce
 
 def _read_entities(node: Node, context: Context) -> None:
     for scenario_object in node.children("ScenarioObject"):
-        entity = _read_scenario_object(scenario_object)
-        if entity.name in context.all:
-            raise scenario_object.invalid(f"the entity name {entity.name!r} is used twice")
-        context.all[entity.name] = entity
+        _read_scenario_object(scenario_object, scenario_object.get("name"), context)
     for selection in node.children("EntitySelection"):
         context.selections[selection.get("name")] = _read_selection(selection, context)
 
 
-def _read_scenario_object(node: Node) -> Entity:
+def _read_scenario_object(node: Node, name: str, context: Context) -> Entity:
     described = next((child for child in node.children() if child.tag in _KINDS), None)
     if described is None:
         external = node.find("ExternalObjectReference")
@@ -225,7 +223,7 @@ def _read_scenario_object(node: Node) -> Entity:
         raise node.invalid("a Vehicle, Pedestrian, MiscObject or CatalogReference is expected")
     kind = _KINDS[described.tag]
     entity = Entity(
-        name=node.get("name"),
+        name=name,
         kind=kind,
         category=described.get(f"{kind}Category", "") if kind != "miscellaneous" else described.get("miscObjectCategory", ""),
         box=_read_box(described),
@@ -233,12 +231,58 @@ def _read_scenario_object(node: Node) -> Entity:
         front_axle=_read_front_axle(described),
         model=described.get("model3d", "") or described.get("name", ""),
         mass=described.finite("mass", 0.0),
-        properties={p.get("name"): p.get("value") for p in described.iter("Property")},
+        properties=_read_properties(described),
+        hitch=_read_coupling(described, "TrailerHitch"),
+        coupler=_read_coupling(described, "TrailerCoupler"),
     )
-    for controller in node.iter("Controller"):
-        name = controller.get("name")
-        entity.controllers[name] = {p.get("name"): p.get("value") for p in controller.iter("Property")}
+    for holder in node.children("ObjectController"):
+        for controller in holder.children("Controller"):
+            entity.controllers[controller.get("name")] = _read_properties(controller)
+    if name in context.all:
+        raise node.invalid(f"the entity name {name!r} is used twice")
+    context.all[name] = entity
+    _read_trailer(described, entity, context)
     return entity
+
+
+def _read_properties(node: Node) -> dict[str, str]:
+    properties = node.find("Properties")
+    return {p.get("name"): p.get("value") for p in properties.children("Property")} if properties is not None else {}
+
+
+def _read_coupling(node: Node, tag: str) -> float | None:
+    coupling = node.find(tag)
+    return float(coupling.finite("dx")) if coupling is not None else None
+
+
+def _read_trailer(vehicle: Node, tractor: Entity, context: Context) -> None:
+    """The Trailer of a vehicle: an entity of its own, or a reference to one of the scenario's.
+
+    A trailer that is part of a catalogue entry would have the same name wherever the entry is used; it is called after its
+    tractor, with a `+`. An empty reference, which entries leave to a parameter, means none.
+    """
+    holder = vehicle.find("Trailer")
+    if holder is None:
+        return
+    described = holder.only()
+    if described.tag == "Trailer":
+        ours = described.path == context.document.path
+        trailer = _read_scenario_object(described, described.get("name") if ours else f"{tractor.name}+", context)
+        _couple(described, tractor, trailer)
+    elif described.get("entityRef"):
+        context.late(lambda: _couple(described, tractor, context.entity(described)))
+
+
+def _couple(node: Node, tractor: Entity, trailer: Entity) -> None:
+    if tractor.hitch is None:
+        raise node.invalid(f"{tractor.name!r} has a trailer, but no TrailerHitch")
+    if trailer.coupler is None:
+        raise node.invalid(f"{trailer.name!r} has no TrailerCoupler, so it can't be towed")
+    if trailer.tractor is not None:
+        raise node.invalid(f"{trailer.name!r} is already the trailer of {trailer.tractor.name!r}")
+    if tractor in train(trailer):
+        raise node.invalid(f"{trailer.name!r} can't be the trailer of {tractor.name!r}, which it tows itself")
+    tractor.trailer, trailer.tractor = trailer, tractor
 
 
 def _read_box(node: Node) -> BoundingBox:

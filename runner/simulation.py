@@ -14,6 +14,7 @@ from runner.collision import Contacts
 from runner.environment import Environment
 from runner.motion import FreeMotion, LaneMotion, Placement, wrap
 from runner.recording import Recorder
+from runner.towing import disconnect, line_up, tow, train
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class Simulation:
             if process.running.step(dt):
                 process.element.finished(self, process)
         for entity in self.entities.values():
-            if entity.active and not entity.driven:
+            if entity.active and not entity.driven and entity.tractor is None:
                 self._move(entity, dt)
         self.step_index += 1
         self.time = self.step_index * dt
@@ -137,6 +138,8 @@ class Simulation:
             entity.standstill += dt
         else:
             entity.standstill = 0.0
+        if entity.trailer is not None:
+            tow(self, entity, dt)
 
     def _read(self, entity: Entity) -> None:
         reading = self.world.read(entity)
@@ -154,6 +157,8 @@ class Simulation:
         entity.x, entity.y, entity.z, entity.h, entity.speed = reading
         entity.demand = reading.speed
         entity.on_lane = False
+        if entity.trailer is not None:
+            tow(self, entity, dt)
 
     # for storyboard elements ----------------------------------------------------------------
 
@@ -192,6 +197,8 @@ class Simulation:
             self.leave_lane(entity)
         else:
             self.follow_lane(entity, placement.point, placement.along, placement.heading_offset)
+        if entity.trailer is not None:
+            line_up(self, entity)
 
     def follow_lane(self, entity: Entity, point: RoadPoint, along: int, heading_offset: float = 0.0) -> None:
         """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
@@ -219,15 +226,20 @@ class Simulation:
         return entity.located
 
     def activate(self, entity: Entity, placement: Placement) -> None:
-        """Bring an entity into the world, standing (AddEntityAction)."""
-        entity.active = True
-        entity.speed = entity.demand = entity.acceleration = 0.0
+        """Bring an entity into the world, standing (AddEntityAction), its trailers with it."""
         self.place(entity, placement)
-        self.world.add(entity)
+        for member in train(entity):
+            if member is entity or not member.active:
+                member.active = True
+                member.speed = member.demand = member.acceleration = 0.0
+                self.world.add(member)
 
     def deactivate(self, entity: Entity) -> None:
         """Take an entity out of the world (DeleteEntityAction): its running actions end."""
         for process in [p for p in self.processes if p.actor is entity]:
             process.element.override(self, process, f"{entity.name} has left the scenario")
+        for tractor in (entity, entity.tractor):
+            if tractor is not None and tractor.trailer is not None:
+                disconnect(self, tractor)
         entity.active = False
         self.world.remove(entity)

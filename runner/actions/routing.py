@@ -1,0 +1,108 @@
+"""Routes for lane following (OpenSCENARIO XML 1.3, class RoutingAction).
+
+A route (`Entity.route`) decides at junctions; it holds until another one is assigned.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from runner import registry
+from runner.actions.base import PrivateAction, Running
+from runner.positions.base import network_of
+from runner.routes import AssignedRoute, RandomRoute, Route
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from runner.entities import Entity
+    from runner.positions import Position
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xodr.network import RoadNetwork
+    from xosc.node import Node
+
+_REACHED = 1e-6
+
+
+@registry.action("AssignRouteAction")
+class AssignRouteAction(PrivateAction):
+    """Gives the actor a route to follow at junctions; complete at once."""
+
+    def __init__(self, route: Route) -> None:
+        self.route = route
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AssignRouteAction:
+        """Read the route."""
+        return cls(Route.from_xml(node.need("Route"), context))
+
+    def references(self) -> Iterable[Entity]:
+        """Entities that the waypoints are relative to."""
+        return self.route.references()
+
+    def start(self, actor: Entity, sim: Simulation) -> None:
+        """Assign."""
+        actor.route = AssignedRoute(self.route.path(sim, actor), self.route.closed)
+
+
+@registry.action("RandomRouteAction")
+class RandomRouteAction(PrivateAction):
+    """Lets the actor choose its way at random at every junction; complete at once."""
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RandomRouteAction:
+        """Nothing to read."""
+        network_of(node, context)
+        return cls()
+
+    def start(self, actor: Entity, sim: Simulation) -> None:
+        """Assign."""
+        actor.route = RandomRoute(sim.random)
+
+
+@registry.action("AcquirePositionAction")
+class AcquirePositionAction(PrivateAction):
+    """Leads the actor to a position by the shortest way; complete when it is there, or has got another route."""
+
+    def __init__(self, node: Node, position: Position, network: RoadNetwork) -> None:
+        self.node, self.position, self.network = node, position, network
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AcquirePositionAction:
+        """Read the position."""
+        return cls(node, context.position(node.need("Position")), network_of(node, context))
+
+    def references(self) -> Iterable[Entity]:
+        """Entities that the position is relative to."""
+        return self.position.references()
+
+    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+        """Find the way and assign it."""
+        here = sim.road_point(actor)
+        place = self.position.resolve(sim, actor)
+        there = place.point or self.network.locate(place.x, place.y, place.z)
+        path = self.network.route([here, there]) if here is not None else None
+        if path is None:
+            raise self.node.invalid(f"no way leads {actor.name!r} to the position")
+        actor.route = AssignedRoute(path)
+        return _Acquiring(actor, sim, path.length)
+
+
+class _Acquiring:
+    """On the way to a position."""
+
+    def __init__(self, actor: Entity, sim: Simulation, length: float) -> None:
+        self.actor, self.sim, self.length = actor, sim, length
+        self.route = actor.route
+
+    def step(self, dt: float) -> bool:
+        """Nothing to do but to see whether this step leads to the end of the route."""
+        if self.actor.route is not self.route:
+            return True
+        point = self.sim.road_point(self.actor)
+        gone = self.route.path.position(point, self.length) if point is not None else None
+        return gone is not None and gone + abs(self.actor.demand) * dt >= self.length - _REACHED
+
+    def stop(self) -> None:
+        """The route stays assigned."""

@@ -1,0 +1,72 @@
+"""Connecting and disconnecting trailers (OpenSCENARIO XML 1.3, class TrailerAction)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from runner import registry
+from runner.actions.base import PrivateAction
+from runner.towing import connect, disconnect, train
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from runner.entities import Entity
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xosc.node import Node
+
+
+@registry.action("ConnectTrailerAction")
+class ConnectTrailerAction(PrivateAction):
+    """Puts a trailer's coupler on the actor's hitch; the trailer is moved there where it stands elsewhere."""
+
+    def __init__(self, node: Node, trailer: Entity) -> None:
+        self.node, self.trailer = node, trailer
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> ConnectTrailerAction:
+        """Read the reference."""
+        trailer = context.entity(node, "trailerRef")
+        if trailer.coupler is None:
+            raise node.invalid(f"{trailer.name!r} has no TrailerCoupler, so it can't be towed")
+        return cls(node, trailer)
+
+    def references(self) -> Iterable[Entity]:
+        """The trailer."""
+        return (self.trailer,)
+
+    def start(self, actor: Entity, sim: Simulation) -> None:
+        """Connect."""
+        trailer = self.trailer
+        if actor.hitch is None:
+            raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
+        if actor.trailer is trailer:
+            return
+        if actor.trailer is not None:
+            raise self.node.invalid(f"{actor.name!r} tows {actor.trailer.name!r} already")
+        if trailer.tractor is not None:
+            raise self.node.invalid(f"{trailer.name!r} is towed by {trailer.tractor.name!r} already")
+        if actor in train(trailer):
+            raise self.node.invalid(f"{trailer.name!r} can't be towed by {actor.name!r}, which it tows itself")
+        connect(sim, actor, trailer)
+
+
+@registry.action("DisconnectTrailerAction")
+class DisconnectTrailerAction(PrivateAction):
+    """Takes the actor's trailer off its hitch; the trailer stays where it is, standing."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> DisconnectTrailerAction:
+        """Nothing to read."""
+        return cls(node)
+
+    def start(self, actor: Entity, sim: Simulation) -> None:
+        """Disconnect."""
+        if actor.trailer is None:
+            sim.note("trailer", actor.name, "has no trailer to disconnect")
+            return
+        disconnect(sim, actor)

@@ -1,0 +1,217 @@
+"""Positions in road and lane coordinates, absolute and relative to an entity.
+
+Road coordinates (s, t) and lane ids are those of OpenDRIVE: they do not depend on the direction of traffic. Only the
+heading does: a lane position faces the way that the lane's traffic drives.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner import registry
+from runner.motion import Placement
+from runner.positions.base import FixedPosition, Orientation, Position, network_of, on_road
+from xodr.model import RoadError, RoadPoint
+
+if TYPE_CHECKING:
+    from runner.entities import Entity
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xodr.network import RoadNetwork
+    from xodr.road import Road
+    from xodr.travel import Choose
+    from xosc.node import Node
+
+_TOLERANCE = 1e-3
+"""How far (m) beyond the end of its road an s may lie: files round."""
+
+
+def lane_placement(network: RoadNetwork, point: RoadPoint, orientation: Orientation) -> Placement:
+    """A placement that faces the direction of the lane's traffic, unless the orientation says otherwise."""
+    road = network.road(point.road_id)
+    h = road.heading(point.s)
+    if point.lane_id and road.direction(point.lane_id, point.s) < 0:
+        h += math.pi
+    return on_road(network, point, h, orientation)
+
+
+def read_lane_id(node: Node) -> int:
+    """The attribute laneId, an OpenDRIVE lane id."""
+    return int(node.int("laneId"))
+
+
+def _road_and_s(node: Node, network: RoadNetwork) -> tuple[Road, float]:
+    s = float(node.finite("s"))
+    try:
+        road = network.road(node.get("roadId"))
+    except RoadError as error:
+        raise node.invalid(error.message) from None
+    if not -_TOLERANCE <= s <= road.length + _TOLERANCE:
+        raise node.invalid(f"s={s:g} is not on road {road.id!r}, which is {road.length:.3f} m long")
+    return road, min(max(s, 0.0), road.length)
+
+
+@registry.position("RoadPosition")
+class RoadPosition(FixedPosition):
+    """s and t on a road."""
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RoadPosition:
+        """Read the attributes and check them against the road network."""
+        network = network_of(node, context)
+        road, s = _road_and_s(node, network)
+        point = road.point(s, node.finite("t"))
+        return cls(node, on_road(network, point, road.heading(s), Orientation.from_xml(node)))
+
+
+@registry.position("LanePosition")
+class LanePosition(FixedPosition):
+    """s on a lane of a road, at an offset from the lane's centre (positive towards +t)."""
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> LanePosition:
+        """Read the attributes and check them against the road network."""
+        network = network_of(node, context)
+        road, s = _road_and_s(node, network)
+        try:
+            point = road.lane_point(s, read_lane_id(node), node.finite("offset", 0.0))
+        except RoadError as error:
+            raise node.invalid(error.message) from None
+        return cls(node, lane_placement(network, point, Orientation.from_xml(node)))
+
+
+class _RelativeRoadPosition(Position):
+    """Base of the positions relative to an entity's place on the road."""
+
+    def __init__(self, node: Node, context: Context) -> None:
+        super().__init__(node)
+        self.network = network_of(node, context)
+        self.entity = context.entity(node)
+        self.orientation = Orientation.from_xml(node)
+
+    def references(self) -> tuple[Entity, ...]:
+        """The entity referred to."""
+        return (self.entity,)
+
+    def origin(self, sim: Simulation | None) -> RoadPoint:
+        """Where the entity referred to is on the road network."""
+        assert sim is not None
+        point = sim.road_point(self.current(self.entity))
+        assert point is not None
+        return point
+
+    def along(self, origin: RoadPoint, ds: float) -> tuple[RoadPoint, bool]:
+        """The point on the same lane ds further in s, and whether +s is the same direction there."""
+        route = self.entity.route
+        found = travel_s(self.network, origin, ds, route.choose if route is not None else self.network.straightest)
+        if found is None:
+            raise self.node.invalid(
+                f"the road ends less than {abs(ds):g} m {'after' if ds > 0.0 else 'before'} {self.entity.name!r}"
+                f" (road {origin.road_id!r}, s = {origin.s:.2f} m)"
+            )
+        return found
+
+
+@registry.position("RelativeRoadPosition")
+class RelativeRoadPosition(_RelativeRoadPosition):
+    """ds and dt in road coordinates from an entity's reference point."""
+
+    def __init__(self, node: Node, context: Context) -> None:
+        super().__init__(node, context)
+        self.ds, self.dt = node.finite("ds"), node.finite("dt")
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RelativeRoadPosition:
+        """Read the attributes."""
+        return cls(node, context)
+
+    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+        """Where that is now."""
+        origin = self.origin(sim)
+        reached, aligned = self.along(origin, self.ds)
+        t = origin.t + self.dt
+        road = self.network.road(reached.road_id)
+        point = road.point(reached.s, t if aligned else -t)
+        return on_road(self.network, point, road.heading(reached.s) + (0.0 if aligned else math.pi), self.orientation)
+
+
+@registry.position("RelativeLanePosition")
+class RelativeLanePosition(_RelativeRoadPosition):
+    """dLane lanes towards +t from an entity's lane (the centre lane not counted), and ds in s or dsLane along its lane.
+
+    ds counts towards +s, dsLane in the direction that the entity faces.
+    """
+
+    def __init__(self, node: Node, context: Context) -> None:
+        super().__init__(node, context)
+        self.lanes = int(node.int("dLane"))
+        self.offset = node.finite("offset", 0.0)
+        self.ds, self.ds_lane = node.finite("ds", None), node.finite("dsLane", None)
+        if (self.ds is None) == (self.ds_lane is None):
+            raise node.invalid("one of the attributes ds and dsLane is expected, and only one")
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RelativeLanePosition:
+        """Read the attributes."""
+        return cls(node, context)
+
+    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+        """Where that is now."""
+        origin = self.origin(sim)
+        reached, aligned = self.along(origin, self.ds) if self.ds is not None else self._along_lane(origin)
+        side = 1 if aligned else -1
+        road = self.network.road(reached.road_id)
+        lane = road.lane_beside(reached.s, reached.lane_id, side * self.lanes)
+        if lane is None:
+            raise self.node.invalid(
+                f"road {road.id!r} has no lane {self.lanes} beside lane {reached.lane_id} of {self.entity.name!r}"
+                f" at s = {reached.s:.2f} m"
+            )
+        return lane_placement(self.network, road.lane_point(reached.s, lane, side * self.offset), self.orientation)
+
+    def _along_lane(self, origin: RoadPoint) -> tuple[RoadPoint, bool]:
+        route, entity = self.entity.route, self.entity
+        ahead = math.cos(entity.h - self.network.road(origin.road_id).heading(origin.s)) >= 0.0
+        center = self.network.lane_point(origin.road_id, origin.lane_id, origin.s)
+        point, forward, left = self.network.travel(center, self.ds_lane, ahead, route.choose if route is not None else None)
+        if left > _TOLERANCE:
+            raise self.node.invalid(f"the lane of {entity.name!r} ends {left:.2f} m before dsLane={self.ds_lane:g}")
+        return point, forward == ahead
+
+
+def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose) -> tuple[RoadPoint, bool] | None:
+    """Go ds (m) along the reference lines, following the lane over road borders.
+
+    Returns the centre of the lane there and whether +s is the direction it was at the origin; None where the road ends.
+    """
+    road, s, lane = network.road(origin.road_id), origin.s, origin.lane_id
+    began = forward = ds >= 0.0
+    left = abs(ds)
+    for _ in range(len(network.roads) + 1):
+        room = road.length - s if forward else s
+        reached = s + left if forward else s - left
+        if left <= room + _TOLERANCE:
+            reached = min(max(reached, 0.0), road.length)
+            return road.lane_point(reached, _lane_at(road, s, reached, lane)), forward == began
+        end = road.length if forward else 0.0
+        lane = _lane_at(road, s, end, lane)
+        link = choose(road.lane_point(end, lane), forward, network.links(road.id, lane, forward))
+        if link is None:
+            return None
+        left -= room
+        road, lane, forward = network.road(link.road_id), link.lane_id, link.at_start
+        s = 0.0 if forward else road.length
+    return None
+
+
+def _lane_at(road: Road, start: float, end: float, lane: int) -> int:
+    """The lane at `end` that a lane at `start` of the same road leads to."""
+    here, there = road.section_index(start), road.section_index(end)
+    step = 1 if there > here else -1
+    for index in range(here, there, step):
+        linked = road.sections[index].lanes[lane].successor if step > 0 else road.sections[index].lanes[lane].predecessor
+        if linked is None or linked not in road.sections[index + step].lanes:
+            return road.lane_at(end, road.lane_t(start, lane))
+        lane = linked
+    return lane

@@ -1,0 +1,123 @@
+"""Positions on routes and trajectories."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner import registry
+from runner.motion import Placement
+from runner.positions.base import Orientation, Position, in_world, network_of, on_road
+from runner.routes import Route
+from runner.trajectories import Trajectory
+from xodr.model import Pose, RoadError
+
+if TYPE_CHECKING:
+    from runner.entities import Entity
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xodr.model import RoadPoint
+    from xodr.routes import RoadPath
+    from xosc.node import Node
+
+_TOLERANCE = 1e-3
+"""How far (m) beyond the end of a route or trajectory a position may lie: files round."""
+
+
+@registry.position("RoutePosition")
+class RoutePosition(Position):
+    """A distance along a route, with a t or a lane of the road there; or where an entity is on the route.
+
+    pathS counts in s from the first waypoint; t, laneId and laneOffset are in the road's own coordinates. Relative
+    orientations count from the route's direction of travel.
+    """
+
+    def __init__(self, node: Node, context: Context) -> None:
+        super().__init__(node)
+        self.network = network_of(node, context)
+        self.route = Route.from_xml(node.need("RouteRef", "Route"), context)
+        self.orientation = Orientation.from_xml(node)
+        self.where = node.need("InRoutePosition").only()
+        self.entity = context.entity(self.where) if self.where.tag == "FromCurrentEntity" else None
+        if self.route.fixed and self.entity is None:
+            self.fixed = self._on(self.route.path(None))
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RoutePosition:
+        """Read the route and the place on it."""
+        return cls(node, context)
+
+    def references(self) -> tuple[Entity, ...]:
+        """The entities that the route or the place refer to."""
+        return (*self.route.references(), *([self.entity] if self.entity is not None else []))
+
+    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+        """Where that is now."""
+        if self.fixed is not None:
+            return self.fixed
+        path = self.route.path(sim, actor)
+        return self._on(path) if self.entity is None else self._at_entity(path, self.current(self.entity), sim)
+
+    def _at_entity(self, path: RoadPath, entity: Entity, sim: Simulation | None) -> Placement:
+        point = sim.road_point(entity) if sim is not None else None
+        distance = path.position(point) if point is not None else None
+        if point is None or distance is None:
+            raise self.node.invalid(f"{entity.name!r} is not on the route {self.route.name!r}")
+        return self._placement(point, path.at(distance)[2])
+
+    def _on(self, path: RoadPath) -> Placement:
+        where = self.where
+        distance = where.finite("pathS")
+        if not -_TOLERANCE <= distance <= path.length + _TOLERANCE:
+            raise where.invalid(f"pathS={distance:g} is not on the route {self.route.name!r}, which is {path.length:.2f} m long")
+        road_id, s, forward = path.at(distance)
+        road = self.network.road(road_id)
+        if where.tag == "FromRoadCoordinates":
+            return self._placement(road.point(s, where.finite("t")), forward)
+        try:
+            return self._placement(road.lane_point(s, int(where.int("laneId")), where.finite("laneOffset", 0.0)), forward)
+        except RoadError as error:
+            raise where.invalid(error.message) from None
+
+    def _placement(self, point: RoadPoint, forward: bool) -> Placement:
+        heading = self.network.road(point.road_id).heading(point.s)
+        return on_road(self.network, point, heading if forward else heading + math.pi, self.orientation)
+
+
+@registry.position("TrajectoryPosition")
+class TrajectoryPosition(Position):
+    """s along a trajectory and t to its left; relative orientations count from its tangent."""
+
+    def __init__(self, node: Node, context: Context) -> None:
+        super().__init__(node)
+        self.context = context
+        self.trajectory = Trajectory.from_xml(node.need("TrajectoryRef", "Trajectory"), context)
+        self.s, self.t = node.finite("s"), node.finite("t", 0.0)
+        self.orientation = Orientation.from_xml(node)
+        if self.trajectory.fixed is not None:
+            self.fixed = self.resolve(None)
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrajectoryPosition:
+        """Read the trajectory and the place on it."""
+        return cls(node, context)
+
+    def references(self) -> tuple[Entity, ...]:
+        """The entities that the trajectory refers to."""
+        return self.trajectory.references()
+
+    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+        """Where that is now."""
+        if self.fixed is not None:
+            return self.fixed
+        track = self.trajectory.track(sim, actor)
+        path = track.path
+        if not -_TOLERANCE <= self.s <= path.length + _TOLERANCE:
+            raise self.node.invalid(
+                f"s={self.s:g} is not on the trajectory {self.trajectory.name!r}, which is {path.length:.2f} m long"
+            )
+        pose = path.at(self.s)
+        x, y = pose.x - self.t * math.sin(pose.h), pose.y + self.t * math.cos(pose.h)
+        orientation = self.orientation
+        pose = Pose(x, y, pose.z, orientation.heading(pose.h), pose.pitch + orientation.pitch, pose.roll + orientation.roll)
+        return in_world(self.context.network, pose, z_known=not track.grounded)

@@ -1,0 +1,150 @@
+"""Routes: waypoints joined through the road network, and the choice at junctions that follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from runner.positions.base import Position, network_of
+
+if TYPE_CHECKING:
+    from random import Random
+
+    from runner.entities import Entity
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xodr.model import LaneLink, RoadPoint
+    from xodr.network import RoadNetwork
+    from xodr.routes import RoadPath
+    from xosc.node import Node
+
+STRATEGIES = ("shortest", "fastest", "leastIntersections", "random")
+"""Values of RouteStrategy."""
+
+
+class Waypoint(NamedTuple):
+    """A place to pass, and the strategy of the way to the next one."""
+
+    position: Position
+    strategy: str
+    node: Node
+
+
+class Route:
+    """A Route of the standard.
+
+    Attributes:
+        name: its name.
+        closed: whether the last waypoint leads back to the first.
+        fixed: whether it is the same throughout every run.
+    """
+
+    def __init__(self, node: Node, network: RoadNetwork, waypoints: Sequence[Waypoint], closed: bool) -> None:
+        self.node, self.network, self.closed = node, network, closed
+        self.name: str = node.get("name", "")
+        self.waypoints = waypoints
+        self.fixed = all(w.position.fixed is not None and w.strategy != "random" for w in waypoints)
+        self._path: RoadPath | None = None
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> Route:
+        """Read the waypoints; a route of fixed waypoints is found, or complained about, here."""
+        network = network_of(node, context)
+        waypoints = [
+            Waypoint(context.position(child.need("Position")), child.choice("routeStrategy", STRATEGIES), child)
+            for child in node.children("Waypoint")
+        ]
+        if len(waypoints) < 2:
+            raise node.invalid("a route needs two waypoints or more")
+        route = cls(node, network, waypoints, node.bool("closed"))
+        if route.fixed:
+            route.path(None)
+        return route
+
+    def references(self) -> tuple[Entity, ...]:
+        """Entities that the waypoints refer to."""
+        return tuple(entity for waypoint in self.waypoints for entity in waypoint.position.references())
+
+    def path(self, sim: Simulation | None, actor: Entity | None = None) -> RoadPath:
+        """The way through the road network.
+
+        Raises:
+            InvalidFile: a waypoint is not on a road, or no way leads to it.
+        """
+        if self._path is not None:
+            return self._path
+        waypoints = [*self.waypoints, self.waypoints[0]] if self.closed else self.waypoints
+        points = [_road_point(w.position, self.network, sim, actor) for w in waypoints]
+        path = self.network.route(points, [w.strategy for w in waypoints[:-1]], sim.random if sim is not None else None)
+        if path is None:
+            raise self._unreachable(waypoints, points)
+        if self.fixed:
+            self._path = path
+        return path
+
+    def _unreachable(self, waypoints: Sequence[Waypoint], points: Sequence[RoadPoint]) -> Exception:
+        for (_, waypoint), pair in zip(pairwise(waypoints), pairwise(points), strict=True):
+            if self.network.route(pair) is None:
+                here, there = (f"road {p.road_id!r} lane {p.lane_id} s={p.s:.1f}" for p in pair)
+                return waypoint.node.invalid(f"no way leads from {here} to {there}")
+        return self.node.invalid(f"no way leads along all waypoints of the route {self.name!r}")
+
+
+def _road_point(position: Position, network: RoadNetwork, sim: Simulation | None, actor: Entity | None) -> RoadPoint:
+    placement = position.resolve(sim, actor)
+    return placement.point or network.locate(placement.x, placement.y, placement.z, placement.h)
+
+
+class Guide(Protocol):
+    """What an entity follows at junctions (`Entity.route`)."""
+
+    def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """The way on at the end of a road: one of the lanes reached; None to stop there."""
+        ...
+
+    def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
+        """Distance (m, in s) along the route from one point to another, negative backwards; None where it says nothing."""
+        ...
+
+
+class AssignedRoute:
+    """Following a route: at junctions its roads, elsewhere and off the route the straightest way.
+
+    Args:
+        path: the way through the road network.
+        closed: whether it starts again at its end.
+    """
+
+    def __init__(self, path: RoadPath, closed: bool = False) -> None:
+        self.path, self.closed = path, closed
+        self.choose = path.choose
+
+    def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
+        """Distance along the route."""
+        start = self.path.position(here)
+        end = self.path.position(there, start or 0.0)
+        if start is None or end is None:
+            return None
+        if self.closed and end < start:
+            end += self.path.length
+        return end - start
+
+
+class RandomRoute:
+    """A way chosen at random at every junction.
+
+    Args:
+        rng: the run's source of random numbers.
+    """
+
+    def __init__(self, rng: Random) -> None:
+        self.rng = rng
+
+    def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """Any of the ways on."""
+        return self.rng.choice(links) if links else None
+
+    def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
+        """Unknown."""
+        return None

@@ -1,0 +1,108 @@
+"""How trailers move: the coupler stays on the tractor's hitch, the trailer's axle rolls along the trailer's own heading.
+
+The axle's path is the tractrix of the hitch's: in each step the trailer turns to the line from where its axle was to where
+its hitch point is now. The tractor is not influenced; its trailer may have a trailer of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner.following import back_to_lane
+from runner.positions.base import surface
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from runner.entities import Entity
+    from runner.simulation import Simulation
+
+_ON_AXLE = 1e-6
+"""Distance (m) of coupler or axle from the hitch at which no direction follows from them."""
+
+
+def train(entity: Entity) -> Iterator[Entity]:
+    """A vehicle and the trailers behind it."""
+    current: Entity | None = entity
+    while current is not None:
+        yield current
+        current = current.trailer
+
+
+def connect(sim: Simulation, tractor: Entity, trailer: Entity) -> None:
+    """Put a trailer on a tractor's hitch; what it was doing itself ends."""
+    for process in [process for process in sim.processes if process.actor is trailer]:
+        process.element.override(sim, process, f"{trailer.name} is towed by {tractor.name}")
+    tractor.trailer, trailer.tractor = trailer, tractor
+    if not trailer.placed:
+        line_up(sim, tractor)
+    else:
+        _place(tractor, trailer, _turned(tractor, trailer))
+        _follow(sim, trailer)
+
+
+def disconnect(sim: Simulation, tractor: Entity) -> None:
+    """Leave a tractor's trailer standing where it is."""
+    trailer = tractor.trailer
+    assert trailer is not None
+    tractor.trailer = trailer.tractor = None
+    for member in train(trailer):
+        member.speed = member.demand = member.acceleration = 0.0
+    back_to_lane(sim, trailer)
+
+
+def line_up(sim: Simulation, tractor: Entity) -> None:
+    """Put the trailers of an entity that has been placed straight behind it."""
+    trailer = tractor.trailer
+    if trailer is not None:
+        _place(tractor, trailer, tractor.h)
+        trailer.placed = True
+        _follow(sim, trailer)
+        line_up(sim, trailer)
+
+
+def tow(sim: Simulation, tractor: Entity, dt: float) -> None:
+    """Move the trailers of an entity that has moved for dt (s)."""
+    trailer = tractor.trailer
+    if trailer is None or not trailer.active:
+        return
+    x, y = trailer.x, trailer.y
+    _place(tractor, trailer, _turned(tractor, trailer))
+    trailer.vx, trailer.vy = (trailer.x - x) / dt, (trailer.y - y) / dt
+    trailer.speed = trailer.demand = tractor.speed
+    trailer.acceleration = tractor.acceleration
+    trailer.odometer += math.hypot(trailer.x - x, trailer.y - y)
+    trailer.standstill = tractor.standstill
+    _follow(sim, trailer)
+    tow(sim, trailer, dt)
+
+
+def _hitch_point(tractor: Entity) -> tuple[float, float]:
+    reach = tractor.hitch or 0.0
+    return tractor.x + reach * math.cos(tractor.h), tractor.y + reach * math.sin(tractor.h)
+
+
+def _turned(tractor: Entity, trailer: Entity) -> float:
+    """Heading from the trailer's axle to the tractor's hitch; that of the tractor where the two coincide."""
+    x, y = _hitch_point(tractor)
+    dx, dy = x - trailer.x, y - trailer.y
+    return math.atan2(dy, dx) if math.hypot(dx, dy) > _ON_AXLE and trailer.coupler else tractor.h
+
+
+def _place(tractor: Entity, trailer: Entity, h: float) -> None:
+    x, y = _hitch_point(tractor)
+    reach = trailer.coupler or 0.0
+    trailer.h = h
+    trailer.x, trailer.y = x - reach * math.cos(h), y - reach * math.sin(h)
+    trailer.z, trailer.pitch, trailer.roll = tractor.z, tractor.pitch, tractor.roll
+    trailer.on_lane = False
+
+
+def _follow(sim: Simulation, trailer: Entity) -> None:
+    """Give a trailer the height and tilt of the road below its axle."""
+    network = sim.network
+    point = sim.road_point(trailer)
+    if network is None or point is None or network.roads[point.road_id].flat or not network.on_road(point):
+        return
+    trailer.z, trailer.pitch, trailer.roll = surface(network, point, trailer.h)
