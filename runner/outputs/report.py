@@ -34,7 +34,7 @@ def summary(result: RunResult) -> dict[str, Any]:
             track.name: {"kind": track.kind, "category": track.category, "box": track.box._asdict()}
             for track in result.recording.tracks.values()
         },
-        "criticality": result.criticality.summary if result.ego is not None else None,
+        "criticality": result.criticality.summary if result.criticality is not None else None,
         "version": version("xosc-toolchain"),
     }
 

@@ -26,7 +26,9 @@ def scene(*names: str, road: str | None = "straight", version: tuple[int, int] =
     return Simulation(Scenario(Path("test.xosc"), version, network, entities, Storyboard()), KinematicWorld(), 0.1, 0)
 
 
-def put(sim: Simulation, name: str, lane: int, s: float, offset: float = 0.0, speed: float = 0.0, backwards: bool = False) -> Entity:
+def put(
+    sim: Simulation, name: str, lane: int, s: float, offset: float = 0.0, speed: float = 0.0, backwards: bool = False
+) -> Entity:
     """Put a car on a lane of road 1, facing its traffic's direction or against it, with a speed."""
     entity = sim.entities[name]
     assert sim.network is not None

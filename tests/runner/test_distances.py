@@ -17,7 +17,7 @@ from runner.simulation import Simulation
 from tests.runner.scene import CAR, put, put_free, scene
 
 SIDES = [("straight", -1), ("straight", 1), ("straight_lht", 1), ("straight_lht", -1)]
-"""{RHT, LHT} × {traffic with s, against s} (lanes −1 and 1 of RHT roads drive with and against s, of LHT roads against and with)"""
+"""{RHT, LHT} × {lane of traffic with s, against s}: lanes −1 and 1 drive with and against s, on LHT roads against and with."""
 
 
 @pytest.mark.parametrize("system", ["entity", "road", "lane"])

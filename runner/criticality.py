@@ -1,0 +1,254 @@
+"""How critical an encounter was: measures of the ego against everyone else, per step and over a run.
+
+All functions work on arrays over time. A measure that is not defined at an instant is marked so: `Measure.valid` is false
+there and its value 0, never NaN. Distances are in m, times in s, speeds in m/s, accelerations in m/s².
+
+Gaps are those of the bounding boxes; how they are measured is said in `runner.relations`.
+
+Sources: time to collision, Hayward (1972); time headway and deceleration rate to avoid a crash as in Mahmud et al.,
+"Application of proximal surrogate indicators for safety evaluation" (2017); post-encroachment time, Allen, Shin and
+Cooper (1978); RSS as in `runner.rss`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runner import rss
+from runner.relations import Flags, Floats, Motion, Rows, View, boxes_overlap, reach, relation
+
+if TYPE_CHECKING:
+    from runner.result import RunResult
+
+LONGEST_PET = 10.0
+"""Post-encroachment times above this (s) are no encounter"""
+_PET_STEP = 0.05
+"""Least time (s) between the footprints compared for the post-encroachment time"""
+_STILL = 1e-3
+"""Speeds below this (m/s) count as standing, slower closing as not closing"""
+
+
+class Measure(NamedTuple):
+    """A measure over time, and where it is defined; its value is 0 elsewhere."""
+
+    value: Floats
+    valid: Flags
+
+
+class Extreme(NamedTuple):
+    """The extreme of a measure over a run: its value, when (s) and with whom."""
+
+    value: float
+    time: float
+    other: str
+
+
+# measures -----------------------------------------------------------------------------------
+
+
+def time_to_collision(gap: Floats, closing: Floats) -> Measure:
+    """gap / closing speed, where the gap is closing; 0 where the boxes overlap."""
+    return _quotient(gap, closing, (closing > _STILL) | (gap <= 0.0))
+
+
+def time_headway(gap: Floats, speed: Floats) -> Measure:
+    """gap / own speed, while driving: the time after which the ego's front is where the lead's rear is now."""
+    return _quotient(gap, speed, speed > _STILL)
+
+
+def deceleration_to_avoid_crash(gap: Floats, closing: Floats) -> Measure:
+    """closing² / (2 gap): the constant deceleration that just avoids the collision with a lead that keeps its speed."""
+    return _quotient(closing**2, 2.0 * gap, (closing > _STILL) & (gap > 0.0))
+
+
+def _quotient(numerator: Floats, denominator: Floats, valid: Flags) -> Measure:
+    value = np.zeros_like(numerator)
+    np.divide(numerator, denominator, out=value, where=valid & (np.abs(denominator) > 0.0) & (numerator != 0.0))
+    return Measure(value, valid)
+
+
+def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> Flags:
+    """Where the longitudinal gap is below RSS's safe distance; boxes side by side count."""
+    behind = replace(parameters, response=parameters.response_other)
+    following = rss.longitudinal_distance(np.maximum(seen.speed, 0.0), seen.other_speed, parameters)
+    followed = rss.longitudinal_distance(np.maximum(seen.other_speed, 0.0), seen.speed, behind)
+    needed = np.where(seen.ahead >= 0.0, following, followed)
+    return (seen.ahead == 0.0) | (np.abs(seen.ahead) < needed)
+
+
+def lateral_violation(seen: View, parameters: rss.RssParameters) -> Flags:
+    """Where the lateral gap is below RSS's safe distance; boxes one behind the other count."""
+    own, other = parameters.response, parameters.response_other
+    ego_left = rss.lateral_distance(-seen.sideways, -seen.other_sideways, own, other, parameters)
+    ego_right = rss.lateral_distance(-seen.other_sideways, -seen.sideways, other, own, parameters)
+    needed = np.where(seen.aside <= 0.0, ego_left, ego_right)
+    return (seen.aside == 0.0) | (np.abs(seen.aside) < needed)
+
+
+def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_PET) -> Extreme | None:
+    """Least time between one participant leaving a place and the other one reaching it; 0 for a collision, None for no encounter.
+
+    Footprints of both at different times are compared, with the time between them growing until two of them overlap. For
+    crossing paths this is the time from the first one leaving the conflict area until the second one enters it, for
+    vehicles one behind the other the time gap.
+
+    Args:
+        longest: the time above which there is no encounter, s.
+    """
+    step = max(_PET_STEP, float(np.min(np.diff(ego.time), initial=_PET_STEP)))
+    mine, theirs = _ticks(ego, step), _ticks(other, step)
+    if not _paths_meet(ego, other):
+        return None
+    for lag in range(int(longest / step) + 1):
+        for shift in {lag, -lag}:
+            _, rows, others = np.intersect1d(mine[0] + shift, theirs[0], assume_unique=True, return_indices=True)
+            hits = boxes_overlap(ego.at(mine[1][rows]), other.at(theirs[1][others]))
+            if hits.any():
+                return Extreme(lag * step, float(ego.time[mine[1][rows[hits.argmax()]]]), other.name)
+    return None
+
+
+def _ticks(m: Motion, step: float) -> tuple[Rows, Rows]:
+    """Instants on a time grid of this step (s), as multiples of it, and their rows."""
+    multiples = np.round(m.time / step).astype(np.int64)
+    ticks, rows = np.unique(multiples, return_index=True)
+    return ticks, rows
+
+
+def _paths_meet(ego: Motion, other: Motion) -> bool:
+    """Whether the areas that two participants pass through come near each other at all."""
+    if ego.time.size == 0 or other.time.size == 0:
+        return False
+    near = reach(ego.box) + reach(other.box)
+    return bool(
+        ego.x.min() <= other.x.max() + near
+        and other.x.min() <= ego.x.max() + near
+        and ego.y.min() <= other.y.max() + near
+        and other.y.min() <= ego.y.max() + near
+    )
+
+
+# a run --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Criticality:
+    """The measures of one ego over a run.
+
+    Args:
+        time: instants of the ego, s.
+        ttc, thw, drac: time to collision, time headway and deceleration to avoid the crash with the lead: the nearest one
+            ahead whose box overlaps the ego's laterally.
+        distance: shortest distance of boxes to anyone.
+        lead: name of the lead, empty where there is none.
+        violation: by RSS parameter set, where the ego and somebody else are closer than safe in both directions.
+        active: instants that count for the shares: somebody else is there, and no collision has happened before.
+        pet: post-encroachment time, its least value over all others.
+    """
+
+    time: Floats
+    ttc: Measure
+    thw: Measure
+    drac: Measure
+    distance: Measure
+    lead: NDArray[np.object_]
+    violation: dict[str, Flags]
+    active: Flags
+    pet: Extreme | None
+    nearest: NDArray[np.object_] = field(repr=False)
+
+    def table(self) -> dict[str, Any]:
+        """One column for each measure over time; `<measure>_valid` says where it is defined."""
+        columns: dict[str, Any] = {"time": self.time, "lead": self.lead}
+        for name in ("ttc", "thw", "drac", "distance"):
+            measure: Measure = getattr(self, name)
+            columns[name], columns[f"{name}_valid"] = measure
+        columns["active"] = self.active
+        return columns | {f"rss_violation_{_column(name)}": flags for name, flags in self.violation.items()}
+
+    def risk(self, parameters: str) -> float | None:
+        """R_risk: share of the active instants at which RSS is violated, by parameter set; None without active instants."""
+        return float(self.violation[parameters][self.active].mean()) if self.active.any() else None
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The extremes of the run as `Extreme._asdict`, and the shares of RSS violations; None for what is not defined."""
+        extremes = {
+            "min_ttc": _extreme(self.ttc, self.lead, self.time, np.argmin),
+            "min_thw": _extreme(self.thw, self.lead, self.time, np.argmin),
+            "max_drac": _extreme(self.drac, self.lead, self.time, np.argmax),
+            "min_distance": _extreme(self.distance, self.nearest, self.time, np.argmin),
+            "pet": self.pet,
+        }
+        risks = {f"rss_risk_{_column(name)}": self.risk(name) for name in self.violation}
+        return {name: extreme._asdict() if extreme else None for name, extreme in extremes.items()} | risks
+
+
+def _extreme(measure: Measure, whom: NDArray[np.object_], time: Floats, pick: Callable[[Floats], Any]) -> Extreme | None:
+    rows = np.flatnonzero(measure.valid)
+    if rows.size == 0:
+        return None
+    row = rows[pick(measure.value[rows])]
+    return Extreme(float(measure.value[row]), float(time[row]), str(whom[row]))
+
+
+def _column(name: str) -> str:
+    return name.replace("-", "_")
+
+
+def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
+    """All measures of an ego against everyone else."""
+    count = len(ego.time)
+    gap, closing = np.full(count, np.inf), np.zeros(count)
+    distance, collided = np.full(count, np.inf), np.zeros(count, bool)
+    lead, nearest = np.full(count, "", object), np.full(count, "", object)
+    violation = {name: np.zeros(count, bool) for name in rss.PARAMETERS}
+    for other in others:
+        rows, apart, view = relation(ego, other)
+        collided[rows] |= apart == 0.0
+        for name, parameters in rss.PARAMETERS.items():
+            violation[name][rows] |= longitudinal_violation(view, parameters) & lateral_violation(view, parameters)
+        nearer = apart < distance[rows]
+        distance[rows[nearer]], nearest[rows[nearer]] = apart[nearer], other.name
+        ahead = (view.aside == 0.0) & ((view.ahead > 0.0) | (apart == 0.0)) & (view.ahead < gap[rows])
+        gap[rows[ahead]], lead[rows[ahead]] = view.ahead[ahead], other.name
+        closing[rows[ahead]] = (view.speed - view.other_speed)[ahead]
+    led, present = np.isfinite(gap), np.isfinite(distance)
+    gap[~led] = 0.0
+    encounters = [pet for other in others if (pet := post_encroachment_time(ego, other)) is not None]
+    return Criticality(
+        time=ego.time,
+        ttc=_where(led, time_to_collision(gap, closing)),
+        thw=_where(led, time_headway(gap, ego.speed)),
+        drac=_where(led, deceleration_to_avoid_crash(gap, closing)),
+        distance=Measure(np.where(present, distance, 0.0), present),
+        lead=lead,
+        violation=violation,
+        active=present & ~_earlier(collided),
+        pet=min(encounters, default=None),
+        nearest=nearest,
+    )
+
+
+def _earlier(happened: Flags) -> Flags:
+    """Where something has happened at an earlier instant."""
+    return np.logical_or.accumulate(np.concatenate(([False], happened)))[:-1]
+
+
+def _where(defined: Flags, measure: Measure) -> Measure:
+    valid = measure.valid & defined
+    return Measure(np.where(valid, measure.value, 0.0), valid)
+
+
+def of_run(result: RunResult) -> Criticality | None:
+    """The measures of a run's ego; None where the scenario has none, or the ego never appeared."""
+    tracks = result.recording.locate().tracks
+    motions = {name: Motion.from_columns(name, track.box, track.columns) for name, track in tracks.items()}
+    ego = motions.pop(result.ego, None) if result.ego is not None else None
+    return criticality(ego, list(motions.values())) if ego is not None else None
