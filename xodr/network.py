@@ -42,7 +42,7 @@ class RoadNetwork:
         self._links = link_table(self.roads, self.junctions)
         self._locator = Locator(self.roads.values())
         self._traveller = Traveller(self.roads, self._links)
-        self._router = Router(Ways(self.roads, self._links), self._traveller.straightest)
+        self._router = Router(Ways(self.roads, self._links), self._traveller)
 
     @property
     def name(self) -> str:
@@ -148,6 +148,13 @@ class RoadNetwork:
             strategy: "shortest", "fastest" or "leastIntersections", as in the standard's RoutingAlgorithm.
         """
         return self._router.relative(origin, target, strategy)
+
+    def relative_in_lane(self, origin: RoadPoint, target: RoadPoint, strategy: str = "shortest") -> Relative | None:
+        """Like `relative`, in lane coordinates: along the centre of the origin's lane, which goes on by lane links.
+
+        ds is then a length on that lane, dt the difference of the distances from its centre, and lanes counts from it.
+        """
+        return self._router.relative_in_lane(origin, target, strategy)
 
 
 def _listed(names: Mapping[str, object]) -> str:

@@ -82,6 +82,19 @@ class Traveller:
         links = self._links.get((here.road_id, here.lane_id, forward))
         return choose(here, forward, links) if links else None
 
+    def length(self, road: Road, lane_id: int, start: float, end: float) -> tuple[float, int]:
+        """Length [m ≥ 0] of a lane's centre line between two s, and the id that the lane has at the end."""
+        forward = end >= start
+        total, index, last = 0.0, road.section_index(start), road.section_index(end)
+        while True:
+            section = road.sections[index]
+            border = end if index == last else section.end if forward else section.s
+            total += _lane_length(road, section.lanes.get(lane_id) or road.lane(section.s, lane_id), start, border)
+            if index == last:
+                return total, lane_id
+            start = border
+            index, lane_id, _ = _next_section(road, index, lane_id, 0.0, forward)
+
     def straightest(self, _point: RoadPoint, _forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The way on that turns least; the first in the file where several turn equally."""
         return min(links, key=self.turn) if links else None
@@ -123,6 +136,16 @@ def _along(road: Road, lane: Lane, offset: float, s: float, border: float, sign:
         if limit == room:
             return border, distance
         s += sign * limit
+
+
+def _lane_length(road: Road, lane: Lane, start: float, end: float) -> float:
+    """Length of a lane's centre line between two s of one lane section."""
+    span = end - start
+    if road.line.straight and lane.center.constant is not None:
+        return abs(span)
+    count = max(1, min(math.ceil(abs(span) / _STEP), _MOST_STEPS))
+    rates = (_way_per_s(road, lane, 0.0, start + span * (index + 0.5) / count) for index in range(count))
+    return abs(span) / count * sum(rates)
 
 
 def _way_per_s(road: Road, lane: Lane, offset: float, s: float) -> float:

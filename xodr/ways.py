@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from heapq import heappop, heappush
+from itertools import count
 from typing import NamedTuple
 
 from xodr.links import LinkTable
@@ -40,14 +41,22 @@ Price = Callable[[Road, float], Cost]
 """Cost of travelling a length [m] on a road."""
 
 
+class Reached(NamedTuple):
+    """How a way can be reached: cost and length [m] up to its beginning, and the way before it (None: the first)."""
+
+    cost: Cost
+    length: float
+    before: Way | None
+
+
 class Ways:
     """Neighbourhood and distances of the ways of one road network."""
 
     def __init__(self, roads: Mapping[str, Road], links: LinkTable) -> None:
-        self.roads = roads
+        self.roads, self._links = roads, links
         self._all: dict[Way, dict[Way, tuple[int, ...]]] = {}
         self._driven: dict[Way, dict[Way, tuple[int, ...]]] = {}
-        self._reach: dict[tuple[Way, str], dict[Way, tuple[Cost, float]]] = {}
+        self._reach: dict[tuple[Way, str], dict[Way, Reached]] = {}
         for (road_id, lane_id, forward), reached in links.items():
             way = Way(road_id, forward)
             for link in reached:
@@ -60,27 +69,30 @@ class Ways:
         """The ways that follow, each with the lanes that lead there; with `driven` only where traffic drives so."""
         return (self._driven if driven else self._all).get(way, {})
 
-    def reach(self, way: Way, strategy: str) -> dict[Way, tuple[Cost, float]]:
-        """Cost and length [m] from the end of a way to the beginning of every other one that can be reached."""
+    def reach(self, way: Way, strategy: str) -> dict[Way, Reached]:
+        """Every way that can be reached from the end of a way, with cost and length from there to its beginning."""
         found = self._reach.get((way, strategy))
         if found is None:
             found = self._reach[way, strategy] = self._spread(way, PRICES[strategy])
         return found
 
-    def _spread(self, way: Way, price: Price) -> dict[Way, tuple[Cost, float]]:
+    def _spread(self, way: Way, price: Price) -> dict[Way, Reached]:
         """Dijkstra's algorithm over all ways."""
-        done: dict[Way, tuple[Cost, float]] = {}
-        queue = [((0.0, 0.0), 0.0, following) for following in self.following(way, driven=False)]
+        done: dict[Way, Reached] = {}
+        number = count()
+        queue: list[tuple[Cost, int, float, Way, Way | None]] = [
+            ((0.0, 0.0), next(number), 0.0, following, None) for following in self.following(way, driven=False)
+        ]
         while queue:
-            cost, length, current = heappop(queue)
+            cost, _, length, current, before = heappop(queue)
             if current in done:
                 continue
-            done[current] = (cost, length)
+            done[current] = Reached(cost, length, before)
             road = self.roads[current.road_id]
             more = add(cost, price(road, road.length))
             for following in self.following(current, driven=False):
                 if following not in done:
-                    heappush(queue, (more, length + road.length, following))
+                    heappush(queue, (more, next(number), length + road.length, following, current))
         return done
 
     def _drives(self, way: Way, lane_id: int, entering: bool = False) -> bool:
@@ -93,6 +105,13 @@ class Ways:
     def lanes_towards(self, way: Way, following: Way) -> tuple[int, ...]:
         """Lanes at the end of a way that lead on to another: those of its traffic, or any where there are none."""
         return self.following(way, True).get(following) or self.following(way, False).get(following, ())
+
+    def lane_after(self, way: Way, lane_id: int, following: Way) -> int:
+        """The lane on the following way that a lane leads to; where it leads elsewhere, that of the nearest lane that does."""
+        lanes = self.following(way, driven=False)[following]
+        leading = min(lanes, key=lambda lane: abs(lane - lane_id))
+        links = self._links[way.road_id, leading, way.forward]
+        return next(link.lane_id for link in links if (link.road_id, link.at_start) == following)
 
 
 def add(one: Cost, other: Cost) -> Cost:
