@@ -24,12 +24,19 @@ class Contacts:
 
     def __init__(self, sim: Simulation) -> None:
         self._sim = sim
-        self._reach = {entity.name: reach(entity.box) for entity in sim.entities.values()}
-        self._widest = max(self._reach.values(), default=0.0)
+        self._reach: dict[str, float] = {}
+        self._widest = 0.0
+        for entity in sim.entities.values():
+            self.enter(entity)
         self._partners: dict[str, list[Entity]] = {}
         self.pairs: set[tuple[str, str]] = set()
         self.history: list[tuple[float, str, str]] = []
         """Beginnings of contacts: time (s) and the two names in alphabetical order."""
+
+    def enter(self, entity: Entity) -> None:
+        """Take a participant into account that was not there at the beginning."""
+        self._reach[entity.name] = reach(entity.box)
+        self._widest = max(self._widest, self._reach[entity.name])
 
     def update(self) -> None:
         """Look at all present entities once a step."""

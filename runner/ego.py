@@ -21,8 +21,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from runner.actions.base import LATERAL, LONGITUDINAL, PrivateAction
 from runner.motion import wrap
-from runner.sut.base import Control, Observation, SystemUnderTest
+from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
+from runner.world import Wish
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -56,14 +58,105 @@ def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
     return next((entity for entity in candidates if _EGO_NAME.fullmatch(entity.name)), None)
 
 
-def drive_ego(sim: Simulation, ego: Entity | None, system: SystemUnderTest | None) -> None:
+def drive_ego(sim: Simulation, ego: Entity | None, system: SystemUnderTest | WorldDriven | None) -> None:
     """Let a system under test drive the ego for this run."""
     if ego is not None and system is not None:
         system.reset(ego, sim.dt, sim.seed)
-        ego.system = Driver(system, handed_over=ego.name not in sim.scenario.activated)
+        handed_over = ego.name not in sim.scenario.activated
+        if isinstance(system, WorldDriven):
+            ego.system = WorldDriver(handed_over, _scripted_at_start(sim.scenario, ego))
+        else:
+            ego.system = Driver(system, handed_over)
 
 
-class Driver:
+def _scripted_at_start(scenario: Scenario, ego: Entity) -> bool:
+    """Whether an initial action says how fast the ego is."""
+    elements = [element for actor, element in scenario.storyboard.init if actor is ego]
+    private = [action for element in elements for action in element.actions if isinstance(action, PrivateAction)]
+    return any(LONGITUDINAL in action.claims() for action in private)
+
+
+class _HandedOver:
+    """Which control domains of the ego a system under test has.
+
+    Args:
+        handed_over: whether it drives from the beginning.
+    """
+
+    def __init__(self, handed_over: bool) -> None:
+        self.longitudinal = handed_over
+        self.lateral = handed_over
+
+    def hand_over(self, domains: Mapping[str, bool]) -> None:
+        """Let the system drive, or no longer drive, in control domains (ActivateControllerAction)."""
+        self.longitudinal = domains.get("longitudinal", self.longitudinal)
+        self.lateral = domains.get("lateral", self.lateral)
+
+
+class WorldDriver(_HandedOver):
+    """Lets the world's own driver drive the ego, as far as the scenario leaves it to it.
+
+    A scripted lateral action takes the ego back for as long as it runs. The scripted speed, once there is any, is what the
+    driver wants, and may exceed speed limits; before, the driver goes by the limits. With the longitudinal domain alone, it
+    keeps its lane; with the lateral domain alone, it has exactly the scripted speed. Where the world lets go of the ego, at
+    the end of its roads, the ego goes on as scripted.
+
+    Args:
+        handed_over: whether it drives from the beginning.
+        scripted: whether the scenario says from the beginning how fast the ego is.
+    """
+
+    def __init__(self, handed_over: bool, scripted: bool) -> None:
+        super().__init__(handed_over)
+        self._scripted = scripted
+        self._returning = False
+        self._refused = False
+        self._wish: Wish | None = None
+
+    def speed(self, ego: Entity, demand: float, sim: Simulation) -> float:
+        """Hand the ego over where it is the driver's; else its speed (m/s) at the end of this step."""
+        if not self._wanted(ego):
+            self._refused = False
+        elif not self._refused:
+            if sim.drive(ego):
+                self._wish = None
+                self._returning = True
+                self.guide(ego, sim)
+                return demand
+            self._refused = True
+        if self._returning:
+            speed = returning(ego, demand, sim.dt)
+            self._returning = abs(speed - demand) >= _SAME
+            return speed
+        return demand
+
+    def guide(self, ego: Entity, sim: Simulation) -> None:
+        """Tell the world's driver what the scenario asks of the ego, or take it back."""
+        if not self._wanted(ego):
+            self._take_back(ego, sim)
+            return
+        self._scripted = self._scripted or ego.demand != 0.0 or LONGITUDINAL in ego.controls
+        wish = Wish(ego.demand if self._scripted else None, not self.longitudinal, self.lateral)
+        if wish != self._wish:
+            self._wish = wish
+            sim.world.ask(ego, wish)
+
+    def lost(self, ego: Entity, sim: Simulation) -> None:
+        """The world has let go of the ego."""
+        self._refused = True
+        self._take_back(ego, sim)
+        sim.world.add(ego)
+
+    def _wanted(self, ego: Entity) -> bool:
+        return (self.longitudinal or self.lateral) and LATERAL not in ego.controls
+
+    def _take_back(self, ego: Entity, sim: Simulation) -> None:
+        sim.take_back(ego)
+        if not self._scripted:
+            ego.demand = ego.speed
+
+
+class Driver(_HandedOver):
     """Turns the controls of a system under test into the ego's motion.
 
     Args:
@@ -72,16 +165,10 @@ class Driver:
     """
 
     def __init__(self, system: SystemUnderTest, handed_over: bool) -> None:
+        super().__init__(handed_over)
         self.system = system
-        self.longitudinal = handed_over
-        self.lateral = handed_over
         self._intervening = False
         self._steering = False
-
-    def hand_over(self, domains: Mapping[str, bool]) -> None:
-        """Let the system drive, or no longer drive, in control domains (ActivateControllerAction)."""
-        self.longitudinal = domains.get("longitudinal", self.longitudinal)
-        self.lateral = domains.get("lateral", self.lateral)
 
     def speed(self, ego: Entity, demand: float, sim: Simulation) -> float:
         """Speed of the ego at the end of this step, m/s; turns the ego where the system steers."""
@@ -100,8 +187,7 @@ class Driver:
         control = _overridden(control, ego)
         if control.acceleration is None:
             if self._intervening:
-                most = min(_RETURN, limits.max_acceleration)
-                speed = ego.speed + max(-limits.max_deceleration * sim.dt, min(most * sim.dt, demand - ego.speed))
+                speed = returning(ego, demand, sim.dt)
                 if abs(speed - demand) < _SAME:
                     self._note(False, "back at the scripted speed", ego, sim)
                 return speed
@@ -123,6 +209,13 @@ class Driver:
             sim.leave_lane(ego)
         wheelbase = ego.front_axle or ego.box.length * 0.6
         ego.h = wrap(ego.h + ego.speed * math.tan(steering) / wheelbase * sim.dt)
+
+
+def returning(ego: Entity, demand: float, dt: float) -> float:
+    """Speed (m/s) after dt (s) on the way back to the scripted speed, when something else has driven the ego."""
+    limits = ego.performance
+    most = min(_RETURN, limits.max_acceleration)
+    return ego.speed + max(-limits.max_deceleration * dt, min(most * dt, demand - ego.speed))
 
 
 def _overridden(control: Control, ego: Entity) -> Control:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from runner.entities import Entity
-from runner.world import Reading
+from runner.world import Reading, Wish
 from schemas.errors import Unsupported
 from xodr.network import RoadNetwork
 
@@ -15,8 +15,9 @@ class KinematicWorld:
 
     name = "kinematic"
 
-    def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> None:
+    def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
         """Nothing to load."""
+        return ""
 
     def add(self, entity: Entity) -> None:
         """Nothing to add."""
@@ -24,18 +25,22 @@ class KinematicWorld:
     def remove(self, entity: Entity) -> None:
         """Nothing to remove."""
 
-    def drive(self, entity: Entity) -> None:
+    def drive(self, entity: Entity) -> bool:
         """Refused: there is no driver here."""
         raise Unsupported(f"the kinematic world has no driver of its own for {entity.name!r}; run on SUMO")
 
     def release(self, entity: Entity) -> None:
         """Nothing to release."""
 
-    def set_speed(self, entity: Entity, speed: float | None) -> None:
+    def ask(self, entity: Entity, wish: Wish) -> None:
         """Nobody is driven here."""
 
     def show(self, entity: Entity, visible: bool) -> None:
         """Nobody looks."""
+
+    def signal(self, signal_id: str, state: str) -> bool:
+        """Nobody looks."""
+        return True
 
     def mirror(self, entities: Iterable[Entity]) -> None:
         """Nobody looks."""

@@ -125,7 +125,8 @@ class TrafficSignals:
         """Put a signal into a state."""
         if self.states.get(signal) != state:
             self.states[signal] = state
-            sim.note("trafficSignal", signal, state)
+            understood = sim.world.signal(signal, state)
+            sim.note("trafficSignal", signal, state if understood else f"{state} (not understood by {sim.world.name}'s traffic)")
 
     def set_phase(self, sim: Simulation, controller: str, phase: str) -> None:
         """Let a controller go on from a phase; the signals of that phase are set even if it was in it already."""

@@ -10,8 +10,10 @@ import random
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from runner.actions.base import LATERAL
 from runner.collision import Contacts
 from runner.environment import Environment
+from runner.following import back_to_lane
 from runner.motion import FreeMotion, LaneMotion, Placement, wrap
 from runner.recording import Recorder
 from runner.towing import disconnect, line_up, tow, train
@@ -81,7 +83,9 @@ class Simulation:
 
     def begin(self) -> None:
         """Open the world, run the initial actions, record time 0."""
-        self.world.open(self.network, self.dt, self.seed)
+        told = self.world.open(self.network, self.dt, self.seed)
+        if told:
+            self.note("world", self.world.name, told)
         self.signals.advance(self)
         self.storyboard.begin(self)
         for entity in self.entities.values():
@@ -106,15 +110,17 @@ class Simulation:
             if process.running.step(dt):
                 process.element.finished(self, process)
         for entity in self.entities.values():
-            if entity.active and not entity.driven and entity.tractor is None:
-                self._move(entity, dt)
+            if entity.active and entity.tractor is None:
+                if entity.driven and entity.system is not None:
+                    entity.system.guide(entity, self)
+                if not entity.driven:
+                    self._move(entity, dt)
         self.step_index += 1
         self.time = self.step_index * dt
         self.world.mirror(entity for entity in self.entities.values() if entity.active and not entity.driven)
         self.world.step()
-        for entity in self.entities.values():
-            if entity.driven and entity.active:
-                self._read(entity)
+        for entity in [entity for entity in self.entities.values() if entity.driven]:
+            self._read(entity)
         self.contacts.update()
         for observe in self.scenario.observers:
             observe(self)
@@ -125,6 +131,8 @@ class Simulation:
         speed = entity.demand
         if entity.system is not None:
             speed = entity.system.speed(entity, speed, self)
+            if entity.driven:
+                return
         x, y = entity.x, entity.y
         speed = entity.motion.advance(entity, speed, dt)
         vx, vy = (entity.x - x) / dt, (entity.y - y) / dt
@@ -144,8 +152,7 @@ class Simulation:
     def _read(self, entity: Entity) -> None:
         reading = self.world.read(entity)
         if reading is None:
-            self.note("left", entity.name, "left the road network")
-            self.deactivate(entity)
+            self._left(entity)
             return
         dt = self.dt
         vx, vy = (reading.x - entity.x) / dt, (reading.y - entity.y) / dt
@@ -154,11 +161,28 @@ class Simulation:
         entity.acceleration = (reading.speed - entity.speed) / dt
         entity.odometer += abs(reading.speed) * dt
         entity.standstill = entity.standstill + dt if abs(reading.speed) < _STANDSTILL else 0.0
-        entity.x, entity.y, entity.z, entity.h, entity.speed = reading
-        entity.demand = reading.speed
+        entity.x, entity.y, entity.h, entity.speed = reading
         entity.on_lane = False
+        self._lift(entity)
         if entity.trailer is not None:
             tow(self, entity, dt)
+
+    def _lift(self, entity: Entity) -> None:
+        """Put an entity that moves in the plane onto the road's surface."""
+        point = self.road_point(entity)
+        if point is None or self.network is None or self.network.roads[point.road_id].flat:
+            return
+        pose = self.network.pose(point)
+        along = 1.0 if math.cos(entity.h - pose.h) >= 0.0 else -1.0
+        entity.z, entity.pitch, entity.roll = pose.z, along * pose.pitch, along * pose.roll
+
+    def _left(self, entity: Entity) -> None:
+        """The world has let go of an entity at the end of its way: what the scenario declares goes on as scripted."""
+        self.note("left", entity.name, f"has come to the end of the way that {self.world.name} knows")
+        if entity.system is None:
+            self.despawn(entity)
+        else:
+            entity.system.lost(entity, self)
 
     # for storyboard elements ----------------------------------------------------------------
 
@@ -199,6 +223,24 @@ class Simulation:
             self.follow_lane(entity, placement.point, placement.along, placement.heading_offset)
         if entity.trailer is not None:
             line_up(self, entity)
+        if entity.driven:
+            self.drive(entity)
+
+    def drive(self, entity: Entity) -> bool:
+        """Hand an entity to the world's own driver; false, and it goes on as scripted, where that can't drive."""
+        entity.driven = self.world.drive(entity)
+        if entity.driven:
+            self.leave_lane(entity)
+        else:
+            self.note("world", entity.name, f"can't be driven by {self.world.name} here: no lane for it, or against the traffic")
+        return entity.driven
+
+    def take_back(self, entity: Entity) -> None:
+        """Take an entity back from the world's own driver; unless an action moves it already, it goes on along its lane."""
+        self.world.release(entity)
+        entity.driven = False
+        if LATERAL not in entity.controls:
+            back_to_lane(self, entity)
 
     def follow_lane(self, entity: Entity, point: RoadPoint, along: int, heading_offset: float = 0.0) -> None:
         """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
@@ -241,5 +283,22 @@ class Simulation:
         for tractor in (entity, entity.tractor):
             if tractor is not None and tractor.trailer is not None:
                 disconnect(self, tractor)
-        entity.active = False
+        entity.active = entity.driven = False
         self.world.remove(entity)
+
+    def spawn(self, entity: Entity, placement: Placement, speed: float) -> bool:
+        """Bring in a participant that the scenario does not name, for the world's own driver; false where it can't drive."""
+        self.place(entity, placement)
+        entity.speed = speed
+        if not self.drive(entity):
+            return False
+        entity.vx, entity.vy = speed * math.cos(entity.h), speed * math.sin(entity.h)
+        self.entities[entity.name] = entity
+        self.contacts.enter(entity)
+        self.note("spawned", entity.name, entity.category)
+        return True
+
+    def despawn(self, entity: Entity) -> None:
+        """Take such a participant out again."""
+        self.deactivate(entity)
+        del self.entities[entity.name]

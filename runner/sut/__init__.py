@@ -5,15 +5,15 @@ from __future__ import annotations
 import importlib
 from importlib.metadata import entry_points
 
-from runner.sut.base import Control, Observation, SystemUnderTest
+from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
 from schemas.errors import UsageError
 
-__all__ = ["Control", "Observation", "SystemUnderTest", "load_system"]
+__all__ = ["Control", "Observation", "SystemUnderTest", "WorldDriven", "load_system"]
 
 GROUP = "xosc.sut"
 
 
-def load_system(name: str | None) -> SystemUnderTest | None:
+def load_system(name: str | None) -> SystemUnderTest | WorldDriven | None:
     """A new instance of the system under test of that name; None for `none`.
 
     Raises:
@@ -33,6 +33,6 @@ def load_system(name: str | None) -> SystemUnderTest | None:
             raise UsageError(f"no system under test is called {name!r}; there are {', '.join(sorted(known))}, and module:Class")
         factory = known[name].load()
     system = factory()
-    if not callable(getattr(system, "control", None)):
+    if not (isinstance(system, WorldDriven) or callable(getattr(system, "control", None))):
         raise UsageError(f"the system under test {name!r} has no method control(observation, dt)")
     return system

@@ -63,3 +63,13 @@ class SystemUnderTest(Protocol):
     def control(self, observation: Observation, dt: float) -> Control:
         """Decide for the coming dt (s)."""
         ...
+
+
+class WorldDriven:
+    """A system under test that is the world's own driver: the ego is handed to it, and there is nothing to control.
+
+    See `runner.ego.WorldDriver` for how that combines with what the scenario scripts.
+    """
+
+    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+        """Called once before the run."""

@@ -1,0 +1,50 @@
+"""TrafficSignalStateAction and TrafficSignalControllerAction: conditions and SUMO's traffic see what they set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from runner.actions.base import GlobalAction
+from runner.registry import action
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+
+
+@action("TrafficSignalStateAction")
+@dataclass(frozen=True, slots=True)
+class TrafficSignalStateAction(GlobalAction):
+    """Puts a traffic signal into a state; a controller's next phase sets it anew."""
+
+    signal: str
+    state: str
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficSignalStateAction:
+        """Build from a TrafficSignalStateAction element."""
+        return cls(context.signals.signal(node, "name"), node.get("state"))
+
+    def start(self, sim: Simulation) -> None:
+        """Set at once."""
+        sim.signals.set_state(sim, self.signal, self.state)
+
+
+@action("TrafficSignalControllerAction")
+@dataclass(frozen=True, slots=True)
+class TrafficSignalControllerAction(GlobalAction):
+    """Lets a traffic signal controller go on from a phase, from now."""
+
+    controller: str
+    phase: str
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficSignalControllerAction:
+        """Build from a TrafficSignalControllerAction element."""
+        return cls(*context.signals.phase(node))
+
+    def start(self, sim: Simulation) -> None:
+        """Switch at once."""
+        sim.signals.set_phase(sim, self.controller, self.phase)
