@@ -79,6 +79,7 @@ class Entity:
     odometer: float = 0.0
     standstill: float = 0.0
     """time since it last moved, s"""
+    at_road_end: bool = False
     road_end: float = 0.0
     """time since it reached the end of its road, s"""
 

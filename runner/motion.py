@@ -50,7 +50,10 @@ class Motion(Protocol):
         ...
 
     def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
-        """Distance (m) along the entity's own path to a place, negative once passed; None where none leads there."""
+        """Distance (m) along the entity's own path to a place, negative once passed; None where none leads there.
+
+        In reverse gear what lies behind is what is still to be reached.
+        """
         ...
 
 
@@ -72,7 +75,8 @@ class FreeMotion:
     def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
         """How far ahead the place is."""
         dx, dy = placement.x - entity.x, placement.y - entity.y
-        return dx * math.cos(entity.h) + dy * math.sin(entity.h)
+        ahead = dx * math.cos(entity.h) + dy * math.sin(entity.h)
+        return ahead if entity.speed >= 0.0 else -ahead
 
 
 class LaneMotion:
@@ -135,7 +139,7 @@ class LaneMotion:
         self._pose(entity, 0.0, distance)
         if left <= 0.0:
             return distance / dt
-        entity.road_end += dt
+        entity.at_road_end = True
         entity.demand = 0.0
         return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
 
@@ -157,8 +161,8 @@ class LaneMotion:
         here = sim.road_point(entity)
         assert here is not None
         there = placement.point or self.network.locate(placement.x, placement.y, placement.z)
-        distance = entity.route.distance(here, there) if entity.route is not None else None
-        if distance is not None:
-            return float(distance)
-        relative = self.network.relative(here, there)
-        return entity.along * relative.ds if relative is not None else None
+        distance: float | None = entity.route.distance(here, there) if entity.route is not None else None
+        if distance is None:
+            relative = self.network.relative(here, there)
+            distance = entity.along * relative.ds if relative is not None else None
+        return -distance if distance is not None and entity.speed < 0.0 else distance

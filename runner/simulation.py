@@ -134,7 +134,11 @@ class Simulation:
             if entity.driven:
                 return
         x, y = entity.x, entity.y
+        waiting = entity.at_road_end
         speed = entity.motion.advance(entity, speed, dt)
+        if entity.at_road_end:
+            entity.at_road_end = not (waiting and speed)
+            entity.road_end = entity.road_end + dt if entity.at_road_end else 0.0
         vx, vy = (entity.x - x) / dt, (entity.y - y) / dt
         entity.ax, entity.ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
         entity.vx, entity.vy = vx, vy
@@ -216,6 +220,7 @@ class Simulation:
         entity.x, entity.y, entity.z = placement.x, placement.y, placement.z
         entity.h, entity.pitch, entity.roll = wrap(placement.h), placement.pitch, placement.roll
         entity.placed = True
+        entity.at_road_end, entity.road_end = False, 0.0
         entity.next_offset = None
         if placement.point is None or self.network is None:
             self.leave_lane(entity)
