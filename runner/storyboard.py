@@ -1,12 +1,12 @@
 """The storyboard: element states and transitions at run time (OpenSCENARIO XML 1.3, 8.3 and 8.4).
 
-Triggers are evaluated, and elements start, in document order within one step; conditions on element states see
+Within one step all triggers are evaluated first, then events start in document order; conditions on element states see
 the states as they were when the step began, so the order of elements in the file does not matter to them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING, ClassVar
 
@@ -220,16 +220,23 @@ class Event(Element):
         assert maneuver is not None and isinstance(maneuver.parent, ManeuverGroup)
         return maneuver.parent
 
+    @property
+    def waits(self) -> bool:
+        """Whether the trigger may start it now."""
+        return self.state is State.STANDBY and self.parent is not None and self.parent.state is State.RUNNING
+
     def arm(self, sim: Simulation) -> None:
-        """Wait for the trigger (the event is evaluated by its act in this same step)."""
+        """Wait for the trigger (it is evaluated in this same step)."""
         self.executions = 0
         if self.trigger is not None:
             self.trigger.reset()
 
-    def evaluate(self, sim: Simulation) -> None:
-        """In standby: start, or be skipped, when the trigger fires."""
-        if self.trigger is not None and not self.trigger.fires(sim):
-            return
+    def due(self, sim: Simulation) -> bool:
+        """In standby: whether the trigger fires now."""
+        return self.trigger is None or self.trigger.fires(sim)
+
+    def begin(self, sim: Simulation) -> None:
+        """Start, or be skipped, because the trigger has fired."""
         reason = self.trigger.reason if self.trigger is not None else "with its act"
         others = [e for e in self.parent.children if e is not self and e.state is State.RUNNING] if self.parent else []
         self.executions += 1
@@ -353,8 +360,15 @@ class Act(Element):
     def arm(self, sim: Simulation) -> None:
         """Wait for the start trigger."""
 
+    def waiting(self) -> Iterator[Event]:
+        """Events that wait for their triggers."""
+        if self.state is State.RUNNING:
+            for event in self.events:
+                if event.waits:
+                    yield event
+
     def evaluate(self, sim: Simulation) -> None:
-        """One step: stop, start, or let the waiting events look at their triggers."""
+        """One step: start or stop."""
         if self.state is State.STANDBY and (self.trigger is None or self.trigger.fires(sim)):
             self.start(sim, self.trigger.reason if self.trigger is not None else "with its story")
         if self.state is not State.RUNNING:
@@ -363,10 +377,6 @@ class Act(Element):
             self.stop(sim, self.stop_trigger.reason)
             if self.parent is not None:
                 self.parent.child_completed(sim)
-            return
-        for event in self.events:
-            if event.state is State.STANDBY and event.parent is not None and event.parent.state is State.RUNNING:
-                event.evaluate(sim)
 
 
 class Story(Element):
@@ -410,13 +420,20 @@ class Storyboard:
         self._acts = self.acts
 
     def evaluate(self, sim: Simulation) -> bool:
-        """One step of triggers; true when the storyboard's stop trigger ends the run."""
+        """One step of triggers; true when the storyboard's stop trigger ends the run.
+
+        All triggers look at the same instant: no event starts before every waiting one has been looked at.
+        """
         if self.stop_trigger is not None and self.stop_trigger.fires(sim):
             for story in self.stories:
                 story.stop(sim, self.stop_trigger.reason)
             return True
         for act in self._acts:
             act.evaluate(sim)
+        due = [event for act in self._acts for event in act.waiting() if event.due(sim)]
+        for event in due:
+            if event.waits:
+                event.begin(sim)
         return False
 
 
