@@ -296,12 +296,12 @@ class SumoWorld:
         vehicle.setLaneChangeMode(name, _LANE_CHANGES if wish.lane_changes else _NO_LANE_CHANGES)
         vehicle.setSpeedMode(name, _REGARDLESS if wish.exact else _CAREFUL)
         if wish.speed is None:
-            vehicle.setSpeedFactor(name, 1.0)
             vehicle.setMaxSpeed(name, _usual_speed(entity))
+            vehicle.setSpeedFactor(name, 1.0)
             vehicle.setSpeed(name, -1.0)
             return
-        vehicle.setSpeedFactor(name, _UNLIMITED)
         vehicle.setMaxSpeed(name, max(wish.speed, _SMALLEST))
+        vehicle.setSpeedFactor(name, _UNLIMITED)  # after the speed: setting that forgets the factor
         vehicle.setSpeed(name, max(wish.speed, 0.0) if wish.exact or wish.speed < _SMALLEST else -1.0)
 
     def read(self, entity: Entity) -> Reading | None:
