@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from itertools import pairwise
@@ -18,6 +20,7 @@ from xodr import builders, sumo_net
 from xodr.builders import RoadMap
 from xodr.sumo_net import SumoNet, Track, convert
 from xodr.sumo_net.cache import Entry
+from xodr.sumo_net.net import _build
 from xodr.sumo_net.netconvert import NetconvertFailed
 from xodr.sumo_net.uses import use_of
 
@@ -28,9 +31,9 @@ EXACT = 0.006
 @pytest.fixture(autouse=True)
 def cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path / "cache"))
-    convert._build.cache_clear()
+    _build.cache_clear()
     yield tmp_path / "cache"
-    convert._build.cache_clear()
+    _build.cache_clear()
 
 
 def built(road_map: RoadMap, folder: Path) -> tuple[xodr.RoadNetwork, SumoNet]:
@@ -282,8 +285,8 @@ def test_other_signals_hold_nobody(extra: str, tmp_path: Path) -> None:
 def test_the_second_time_nothing_is_converted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = builders.roundabout().write(tmp_path / "map.xodr")
     first = sumo_net.build(path)
-    convert._build.cache_clear()
-    monkeypatch.setattr(convert, "_convert", None)
+    _build.cache_clear()
+    monkeypatch.setattr(convert, "convert", None)
     second = sumo_net.build(path)
     assert second.path == first.path
     assert second.sumo_lanes == first.sumo_lanes
@@ -294,7 +297,7 @@ def test_the_cache_answers_within_milliseconds(tmp_path: Path) -> None:
     sumo_net.build(path)
     times = []
     for _ in range(5):
-        convert._build.cache_clear()
+        _build.cache_clear()
         start = time.perf_counter()
         sumo_net.build(path)
         times.append(time.perf_counter() - start)
@@ -309,7 +312,7 @@ def test_damaged_entries_are_built_again(suffix: str, damage: bytes, tmp_path: P
     (file,) = (cache_folder / "sumo").glob(f"*{suffix}")
     intact = file.read_bytes()
     file.write_bytes(damage)
-    convert._build.cache_clear()
+    _build.cache_clear()
     assert sumo_net.build(path).sumo_lanes == net.sumo_lanes
     assert file.read_bytes() == intact
     assert len(list((cache_folder / "sumo").iterdir())) == 2
@@ -319,7 +322,7 @@ def test_the_same_roads_give_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
     path = builders.t_junction(signals=True).write(tmp_path / "map.xodr")
     first = sumo_net.build(path).path.read_bytes()
     monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path / "elsewhere"))
-    convert._build.cache_clear()
+    _build.cache_clear()
     other = path.rename(tmp_path / "other name.xodr")
     assert sumo_net.build(other).path.read_bytes() == first
 
@@ -329,7 +332,7 @@ def test_other_content_is_another_entry() -> None:
 
 
 def test_bad_files_and_folders_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InvalidFile, match="No such file"):
+    with pytest.raises(InvalidFile, match="cannot be read: No such file"):
         sumo_net.build(tmp_path / "absent.xodr")
     with pytest.raises(InvalidFile):
         sumo_net.build(tmp_path)
@@ -337,3 +340,10 @@ def test_bad_files_and_folders_are_named(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path / "file"))
     with pytest.raises(UsageError, match="XOSC_CACHE_DIR"):
         sumo_net.build(written(road("1"), tmp_path))
+
+
+def test_parallel_processes_may_build_the_same_network(tmp_path: Path) -> None:
+    path = builders.roundabout().write(tmp_path / "map.xodr")
+    script = "import sys; from xodr import sumo_net; print(len(sumo_net.build(sys.argv[1]).sumo_lanes))"
+    started = [subprocess.Popen([sys.executable, "-c", script, path], stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    assert {process.communicate(timeout=60)[0].strip() for process in started} == {str(len(sumo_net.build(path).sumo_lanes))}

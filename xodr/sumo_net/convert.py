@@ -1,73 +1,37 @@
-"""From an OpenDRIVE file to its SUMO network: convert it once, find it in the cache ever after."""
+"""From a road network to the SUMO network file and the index of its lanes and signals."""
 
 from __future__ import annotations
 
-import tempfile
 from collections import defaultdict
-from functools import lru_cache
-from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from lxml import etree
 
-from schemas.errors import InvalidFile
 from xodr.network import RoadNetwork
-from xodr.reader import load
-from xodr.sumo_net.cache import Entry
-from xodr.sumo_net.net import SignalLink, SumoNet, Track
+from xodr.sumo_net.net import SignalLink, Track
 from xodr.sumo_net.netconvert import NetconvertFailed, netconvert
 from xodr.sumo_net.plain import Place, PlainNetwork, plain_network
+from xodr.sumo_net.shapes import text
 
-_REMEMBERED = 64
-
-
-def build(path: str | PathLike[str] | None) -> SumoNet:
-    """The SUMO network of an OpenDRIVE file, from the cache where it has been built before.
-
-    Args:
-        path: the OpenDRIVE file; None for a plain without roads, on which there is only the dock.
-
-    Raises:
-        InvalidFile, Unsupported: the OpenDRIVE file cannot be read.
-        UsageError: the cache folder cannot be written.
-    """
-    if path is None:
-        return _build(None, 0, 0)
-    path = Path(path)
-    try:
-        status = path.stat()
-        return _build(path, status.st_mtime_ns, status.st_size)
-    except OSError as error:
-        raise InvalidFile(f"the file cannot be read: {error.strerror or error}", path=path) from None
+_Connections = dict[tuple[Place, Place], etree._Element]
 
 
-@lru_cache(maxsize=_REMEMBERED)
-def _build(path: Path | None, _time: int, _size: int) -> SumoNet:
-    entry = Entry(path.read_bytes() if path else b"")
-    index = entry.read()
-    if index is None:
-        network, index = _convert(load(path) if path else None)
-        entry.write(network, index)
-    return SumoNet(
-        entry.network,
-        index["left_hand"],
-        [(sumo_lane, Track(*track)) for sumo_lane, *track in index["tracks"]],
-        {signal: tuple(SignalLink(*link) for link in links) for signal, links in index["signals"].items()},
-        index["fallback"],
-    )
-
-
-def _convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
-    """The network file and its index."""
+def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
+    """The network file, and the index that says what is what in it."""
     plain = plain_network(roads)
-    with tempfile.TemporaryDirectory(prefix="xosc-netconvert-") as folder:
+    with TemporaryDirectory(prefix="xosc-netconvert-") as folder:
         fallback = None
         try:
             network = netconvert(plain, Path(folder))
         except NetconvertFailed as error:
             plain, fallback = plain_network(None), error.message
             network = netconvert(plain, Path(folder))
+    for junction in network.iter("junction"):
+        outline = plain.outlines.get(junction.get("id", ""))
+        if outline:
+            junction.set("shape", text(outline))
     connections = _connections(network)
     index = {
         "left_hand": plain.left_hand,
@@ -76,9 +40,6 @@ def _convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
         "fallback": fallback,
     }
     return etree.tostring(network, xml_declaration=True, encoding="UTF-8"), index
-
-
-_Connections = dict[tuple[Place, Place], etree._Element]
 
 
 def _connections(network: etree._Element) -> _Connections:

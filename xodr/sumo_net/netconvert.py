@@ -5,17 +5,18 @@ from __future__ import annotations
 import importlib.util
 import logging
 import os
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lxml import etree
 
 from schemas.errors import ToolchainError, Unsupported
 from schemas.xml import parse
-from xodr.sumo_net.plain import PlainNetwork
-from xodr.sumo_net.shapes import text
+
+if TYPE_CHECKING:
+    from xodr.sumo_net.plain import PlainNetwork
 
 _log = logging.getLogger(__name__)
 
@@ -49,8 +50,15 @@ def sumo_home() -> Path:
 
 
 def program() -> Path:
-    """The netconvert program."""
-    return sumo_home() / "bin" / ("netconvert.exe" if sys.platform == "win32" else "netconvert")
+    """The netconvert program.
+
+    Raises:
+        ToolchainError: it is not there.
+    """
+    found = sumo_home() / "bin" / ("netconvert.exe" if sys.platform == "win32" else "netconvert")
+    if not found.is_file():
+        raise ToolchainError("SUMO's netconvert is missing; install eclipse-sumo anew", path=found)
+    return found
 
 
 def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
@@ -59,6 +67,8 @@ def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
     Raises:
         NetconvertFailed: netconvert refuses or takes too long.
     """
+    import subprocess
+
     arguments = [str(program()), *OPTIONS, "--output-file=net.xml", *(["--lefthand"] if plain.left_hand else [])]
     for kind in ("nodes", "edges", "connections"):
         (folder / f"{kind}.xml").write_bytes(etree.tostring(getattr(plain, kind)))
@@ -77,9 +87,4 @@ def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
         raise NetconvertFailed(f"SUMO's netconvert cannot build a network: {reason.removeprefix('Error: ')}")
     for line in lines:
         _log.debug("netconvert: %s", line)
-    network = parse(target).getroot()
-    for junction in network.iter("junction"):
-        outline = plain.outlines.get(junction.get("id", ""))
-        if outline:
-            junction.set("shape", text(outline))
-    return network
+    return parse(target).getroot()

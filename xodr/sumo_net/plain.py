@@ -14,6 +14,7 @@ Source: SUMO documentation, "PlainXML" (nodes, edges, connections, custom lane s
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
@@ -25,7 +26,7 @@ from xodr.model import Lane, LaneLink, LaneSection
 from xodr.network import RoadNetwork
 from xodr.road import Road
 from xodr.sumo_net.lights import lights
-from xodr.sumo_net.net import Track
+from xodr.sumo_net.net import DOCK, Track
 from xodr.sumo_net.nodes import Nodes
 from xodr.sumo_net.shapes import Point, centre_line, middle, mouth, outline, text
 from xodr.sumo_net.uses import CLOSED, SPEED_LIMITS, USUAL_SPEED_LIMIT, use_of
@@ -33,8 +34,6 @@ from xodr.sumo_net.ways import Way, next_lane, stretches, ways
 
 NARROW = 0.1
 """A lane that nowhere in its section is wider than this is left out, in m."""
-DOCK = "dock"
-"""Edge far from all roads that every kind of participant may use: where they can be inserted before being moved."""
 _DOCK_DISTANCE, _DOCK_LENGTH = 2000.0, 1000.0
 
 
@@ -84,13 +83,25 @@ class _Piece(NamedTuple):
     start: float
     end: float
 
+    @property
+    def middle(self) -> float:
+        """s halfway."""
+        return (self.start + self.end) / 2
+
 
 _Row = dict[int, Place]
 """Where the lanes of a piece are in SUMO."""
 
 
 class _Writer:
-    """Writes the roads; `nowhere` is a place that no lane comes near."""
+    """Writes the roads.
+
+    Attributes:
+        mouths: the SUMO lanes at the ends of roads, by the lane that ends there.
+        end_nodes: the node that each edge leads to.
+        shapes: every connection, with its shape inside the junction.
+        nowhere: outline of a place that no lane comes near.
+    """
 
     def __init__(self, network: RoadNetwork, nowhere: Point) -> None:
         self.network = network
@@ -147,11 +158,7 @@ class _Writer:
 
     def _edge(self, road: Road, piece: _Piece, edge: str, direction: int, nodes: tuple[str, str]) -> _Row:
         """The edge with all lanes of one direction, none where nobody may use any of them; says where each lane is in SUMO."""
-        middle = (piece.start + piece.end) / 2
-        there = [piece.section.lanes[lane_id] for lane_id in (*reversed(piece.section.right), *piece.section.left)]
-        lanes = [lane for lane in there if road.direction(lane.id, middle) == direction and _width(lane, piece) > NARROW]
-        if (direction < 0) != self.plain.left_hand:
-            lanes.reverse()
+        lanes = self._from_the_kerb(road, piece, direction)
         if all(use_of(lane.type) is CLOSED for lane in lanes):
             return {}
         start, end = (piece.start, piece.end) if direction > 0 else (piece.end, piece.start)
@@ -159,17 +166,18 @@ class _Writer:
         shape = text(centre_line(road, piece.section.lanes[0], start, end))
         element = _element(self.plain.edges, "edge", **attributes, shape=shape)
         for index, lane in enumerate(lanes):
-            usual = SPEED_LIMITS.get(road.road_type(middle), USUAL_SPEED_LIMIT)
-            use = use_of(lane.type)
-            child = _element(
-                element, "lane", index=str(index), type=lane.type, speed=f"{road.speed_limit(middle, lane.id) or usual:.4f}",
-                width=f"{_width(lane, piece):.4f}", shape=text(centre_line(road, lane, start, end)),
-            )  # fmt: skip
-            child.set(use.attribute, use.classes)
-            _element(child, "param", key="origId", value=f"{road.id}_{lane.id}")
+            _add_lane(element, index, road, lane, piece, text(centre_line(road, lane, start, end)))
             self.plain.lanes[f"{edge}_{index}"] = Track(road.id, lane.id, start, end)
         self.end_nodes[edge] = nodes[1]
         return {lane.id: Place(edge, index) for index, lane in enumerate(lanes)}
+
+    def _from_the_kerb(self, road: Road, piece: _Piece, direction: int) -> list[Lane]:
+        """The lanes of one direction, in SUMO's order."""
+        ids = (*reversed(piece.section.right), *piece.section.left)
+        lanes = [piece.section.lanes[lane_id] for lane_id in ids if road.direction(lane_id, piece.middle) == direction]
+        if (direction < 0) != self.plain.left_hand:
+            lanes.reverse()
+        return [lane for lane in lanes if _width(lane, piece) > NARROW]
 
     def _seam(self, road: Road, pieces: tuple[_Piece, _Piece], rows: tuple[_Row, _Row]) -> None:
         """The ways between two pieces of a road that follow each other towards +s."""
@@ -179,7 +187,9 @@ class _Writer:
             following = lane_id if before.section is after.section else next_lane(lane, after.section, True)
             if following not in rows[1] or use_of(lane.type).kind != use_of(after.section.lanes[following].type).kind:
                 continue
-            direction = road.direction(lane_id, before.start)
+            direction = road.direction(lane_id, before.middle)
+            if direction != road.direction(following, after.middle):
+                continue
             if direction > 0:
                 way, entered = (place, rows[1][following]), lane_id
             else:
@@ -205,12 +215,17 @@ class _Writer:
                 shape += centre_line(road, section.lanes[lane_id], start, end)
         self.shapes.setdefault((source, target), shape)
         self.plain.inside[source, target] = (*self.plain.inside.get((source, target), ()), *tracks)
-        passed = [(way.source, -1 if way.source.at_start else 1), *((link, 1 if link.at_start else -1) for link in way.via)]
-        held = [
-            light.signal_id for link, direction in passed for light in self.lights[link.road_id]
-            if light.holds(link.lane_id, direction) and (light.s is None or link is not way.source)
-        ]  # fmt: skip
-        self.plain.signals[source, target] = (*self.plain.signals.get((source, target), ()), *held)
+        self.plain.signals[source, target] = (*self.plain.signals.get((source, target), ()), *self._held(way))
+
+    def _held(self, way: Way) -> Iterator[str]:
+        """The lights at the end of the road that the way comes from, and those on the connecting roads."""
+        direction = -1 if way.source.at_start else 1
+        for light in self.lights[way.source.road_id]:
+            if light.s is None and light.holds(way.source.lane_id, direction):
+                yield light.signal_id
+        for link in way.via:
+            direction = 1 if link.at_start else -1
+            yield from (light.signal_id for light in self.lights[link.road_id] if light.holds(link.lane_id, direction))
 
     # the rest -------------------------------------------------------------------------------
 
@@ -238,6 +253,23 @@ class _Writer:
 
 def _element(parent: etree._Element, tag: str, **attributes: str) -> etree._Element:
     return etree.SubElement(parent, tag, attributes)
+
+
+def _add_lane(edge: etree._Element, index: int, road: Road, lane: Lane, piece: _Piece, shape: str) -> None:
+    usual = SPEED_LIMITS.get(road.road_type(piece.middle), USUAL_SPEED_LIMIT)
+    speed = road.speed_limit(piece.middle, lane.id) or usual
+    use = use_of(lane.type)
+    element = _element(
+        edge,
+        "lane",
+        index=str(index),
+        type=lane.type or "none",
+        speed=f"{speed:.4f}",
+        width=f"{_width(lane, piece):.4f}",
+        shape=shape,
+    )
+    element.set(use.attribute, use.classes)
+    _element(element, "param", key="origId", value=f"{road.id}_{lane.id}")
 
 
 def _width(lane: Lane, piece: _Piece) -> float:
