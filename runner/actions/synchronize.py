@@ -149,7 +149,7 @@ class _Synchronisation:
             if final is not None:
                 actor.demand = within(actor.speed, final, actor.performance, dt)
             return True
-        time = master_left / master.speed if master.speed > _STILL else math.inf
+        time = master_left / abs(master.speed) if abs(master.speed) > _STILL else math.inf
         wanted = self._planned(left, time, final, dt)
         actor.demand = within(actor.speed, wanted, actor.performance, dt)
         return False
