@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.paths import Path, approach, nearest
+from runner.paths import Path, approach, nearest, tangent
 from runner.positions.base import in_world
 from xodr.model import Pose
 
@@ -58,10 +58,8 @@ class PathMotion:
     def put(self, entity: Entity, speed: float) -> None:
         """Give the entity the pose of the path where it is; the sign of its speed (m/s) says which way it faces."""
         entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = self.path.at(self.s)
-        if speed < 0.0:
-            ahead = self.path.at(self.s + _SHORTEST)
-            if (ahead.x - entity.x) * math.cos(entity.h) + (ahead.y - entity.y) * math.sin(entity.h) > 0.0:
-                entity.h += math.pi
+        if speed < 0.0 and math.cos(entity.h - tangent(self.path, self.s)) > 0.0:
+            entity.h += math.pi
         if self._surface:
             place = in_world(self.sim.network, _pose(entity), z_known=False, hint=self.sim.road_point(entity))
             entity.z, entity.pitch, entity.roll = place.z, place.pitch, place.roll

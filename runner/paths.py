@@ -17,6 +17,8 @@ from xodr.model import Pose
 
 _SAME_PLACE = 1e-9
 """Distance (m) within which two points of a path are one."""
+_SHORT = 1e-4
+"""A length (m) over which every path is straight."""
 _REFINEMENTS = 8
 
 
@@ -241,6 +243,13 @@ def approach(x: float, y: float, h: float, z: float, target: Pose) -> Sampled:
     return Sampled(samples)
 
 
+def tangent(path: Path, s: float) -> float:
+    """Heading (rad) of a path at s, whatever orientation it prescribes."""
+    s = min(max(s, 0.0), path.length)
+    a, b = path.at(max(s - _SHORT, 0.0)), path.at(min(s + _SHORT, path.length))
+    return math.atan2(b.y - a.y, b.x - a.x)
+
+
 def nearest(path: Path, x: float, y: float) -> float:
     """The s of the point of a path that is nearest to x, y (m); of several the first."""
     knots = path.knots()
@@ -257,13 +266,10 @@ def nearest(path: Path, x: float, y: float) -> float:
 
 
 def _refined(path: Path, x: float, y: float, low: float, high: float, s: float) -> float:
-    """The foot of the perpendicular between two s, from a guess on the chord, by fixed-point steps along the chord's tangent."""
-    width = 1e-4 * max(high - low, 1e-3)
+    """The foot of the perpendicular between two s, from a guess on the chord, by steps along the tangent."""
     for _ in range(_REFINEMENTS):
-        here, ahead = path.at(s), path.at(s + width)
-        tx, ty = (ahead.x - here.x) / width, (ahead.y - here.y) / width
-        step = ((x - here.x) * tx + (y - here.y) * ty) / max(tx * tx + ty * ty, 1e-6)
-        moved = min(max(s + step, low), high)
+        here, h = path.at(s), tangent(path, s)
+        moved = min(max(s + (x - here.x) * math.cos(h) + (y - here.y) * math.sin(h), low), high)
         if abs(moved - s) < 1e-7:
             return moved
         s = moved

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from runner import registry
 from runner.motion import Placement
+from runner.paths import tangent
 from runner.positions.base import Orientation, Position, in_world, network_of, on_road
 from runner.routes import Route
 from runner.trajectories import Trajectory
@@ -28,8 +29,9 @@ _TOLERANCE = 1e-3
 class RoutePosition(Position):
     """A distance along a route, with a t or a lane of the road there; or where an entity is on the route.
 
-    pathS counts in s from the first waypoint; t, laneId and laneOffset are in the road's own coordinates. Relative
-    orientations count from the route's direction of travel.
+    pathS counts in s from the first waypoint. t, laneId and laneOffset are those of the route's first road, whose reference
+    line is thought to go on along the route: on roads that run the other way they are mirrored. Relative orientations count
+    from the route's direction of travel.
     """
 
     def __init__(self, node: Node, context: Context) -> None:
@@ -72,10 +74,12 @@ class RoutePosition(Position):
             raise where.invalid(f"pathS={distance:g} is not on the route {self.route.name!r}, which is {path.length:.2f} m long")
         road_id, s, forward = path.at(distance)
         road = self.network.road(road_id)
+        side = 1 if forward == path.legs[0].forward else -1
         if where.tag == "FromRoadCoordinates":
-            return self._placement(road.point(s, where.finite("t")), forward)
+            return self._placement(road.point(s, side * where.finite("t")), forward)
         try:
-            return self._placement(road.lane_point(s, int(where.int("laneId")), where.finite("laneOffset", 0.0)), forward)
+            point = road.lane_point(s, side * int(where.int("laneId")), side * where.finite("laneOffset", 0.0))
+            return self._placement(point, forward)
         except RoadError as error:
             raise where.invalid(error.message) from None
 
@@ -116,8 +120,8 @@ class TrajectoryPosition(Position):
             raise self.node.invalid(
                 f"s={self.s:g} is not on the trajectory {self.trajectory.name!r}, which is {path.length:.2f} m long"
             )
-        pose = path.at(self.s)
-        x, y = pose.x - self.t * math.sin(pose.h), pose.y + self.t * math.cos(pose.h)
+        pose, h = path.at(self.s), tangent(path, self.s)
+        x, y = pose.x - self.t * math.sin(h), pose.y + self.t * math.cos(h)
         orientation = self.orientation
-        pose = Pose(x, y, pose.z, orientation.heading(pose.h), pose.pitch + orientation.pitch, pose.roll + orientation.roll)
+        pose = Pose(x, y, pose.z, orientation.heading(h), pose.pitch + orientation.pitch, pose.roll + orientation.roll)
         return in_world(self.context.network, pose, z_known=not track.grounded)
