@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
+from itertools import islice
 from typing import Any, NamedTuple
 
 from lxml import etree
@@ -11,6 +12,9 @@ from lxml import etree
 from schemas.errors import InvalidFile, UsageError
 from schemas.registry import Schema
 from schemas.xml import local_name, parse
+
+_MOST_EXPLAINED = 20_000
+"""Elements up to which xmlschema explains; in larger documents its time grows with their square, and libxml2's words do."""
 
 _MEANINGS = {
     "expression": "an expression ${…}",
@@ -44,9 +48,10 @@ def violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
     if compiled is not None and compiled.validate(tree):
         return
     explained = False
-    for violation in _explained(tree, schema):
-        explained = True
-        yield violation
+    if compiled is None or sum(1 for _ in islice(tree.iter(), _MOST_EXPLAINED + 1)) <= _MOST_EXPLAINED:
+        for violation in _explained(tree, schema):
+            explained = True
+            yield violation
     if compiled is not None and not explained:
         for entry in compiled.error_log:  # type: ignore[attr-defined]  # the stubs forget that it iterates
             yield Violation(_at(tree, entry.path), entry.message)

@@ -6,28 +6,16 @@ from lxml import etree
 
 from schemas.expressions import ExpressionError, references
 from schemas.rules.document import Document
+from schemas.rules.graphs import on_cycles
 from schemas.rules.registry import Finding, rule
 
 
 @rule("xosc.toolchain:xosc:1.0.0:parameters.no_cyclic_definitions", kinds=("scenario", "catalog"))
 def check(document: Document) -> Iterator[Finding]:
     """The default value of a parameter must not depend on the parameter itself, directly or through others."""
-    for declaration in document.elements("ParameterDeclaration"):
-        if declaration in _dependencies(document, declaration):
-            yield Finding(declaration, f"the value {declaration.get('value')!r} of {declaration.get('name')} depends on itself")
-
-
-def _dependencies(document: Document, declaration: etree._Element) -> set[etree._Element]:
-    """All declarations that a default value depends on."""
-    found: set[etree._Element] = set()
-    pending = [declaration]
-    while pending:
-        current = pending.pop()
-        for used in _uses(document, current):
-            if used not in found:
-                found.add(used)
-                pending.append(used)
-    return found
+    uses = {declaration: _uses(document, declaration) for declaration in document.elements("ParameterDeclaration")}
+    for declaration in on_cycles(uses):
+        yield Finding(declaration, f"the value {declaration.get('value')!r} of {declaration.get('name')} depends on itself")
 
 
 def _uses(document: Document, declaration: etree._Element) -> list[etree._Element]:

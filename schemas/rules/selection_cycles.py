@@ -3,23 +3,17 @@
 from collections.abc import Iterator
 
 from schemas.rules.document import Document
+from schemas.rules.graphs import on_cycles
 from schemas.rules.registry import Finding, rule
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.no_cyclic_entity_selections", kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """An EntitySelection must not be a member of itself, directly or through other selections."""
+    selections = {selection.get("name") or "": selection for selection in document.elements("EntitySelection")}
     members = {
-        selection.get("name") or "": {name for ref in selection.iter("EntityRef") if (name := document.value(ref, "entityRef"))}
-        for selection in document.elements("EntitySelection")
+        name: [member for ref in selection.iter("EntityRef") if (member := document.value(ref, "entityRef"))]
+        for name, selection in selections.items()
     }
-    for selection in document.elements("EntitySelection"):
-        name = selection.get("name") or ""
-        reached, pending = set(), list(members[name])
-        while pending:
-            member = pending.pop()
-            if member not in reached:
-                reached.add(member)
-                pending.extend(members.get(member, ()))
-        if name in reached:
-            yield Finding(selection, f"the entity selection {name!r} is a member of itself")
+    for name in on_cycles(members):
+        yield Finding(selections[name], f"the entity selection {name!r} is a member of itself")

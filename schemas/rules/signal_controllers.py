@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from schemas.rules.document import Document
+from schemas.rules.graphs import on_cycles
 from schemas.rules.registry import Finding, rule
 from schemas.rules.wording import unknown
 
@@ -10,20 +11,11 @@ from schemas.rules.wording import unknown
 @rule("asam.net:xosc:1.0.0:reference_control.traffic_signal_controller_references", kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """The reference of a TrafficSignalController shall name another TrafficSignalController, and not lead back to itself."""
-    references = {
-        document.value(element, "name"): document.value(element, "reference")
-        for element in document.elements("TrafficSignalController")
-    }
-    for element in document.elements("TrafficSignalController"):
-        name, current = document.value(element, "name"), document.value(element, "reference")
-        if current is None:
-            continue
-        if current not in references:
-            yield Finding(element, f"reference: {unknown('traffic signal controller', current, filter(None, references))}")
-            continue
-        passed = {name}
-        while current is not None and current not in passed:
-            passed.add(current)
-            current = references.get(current)
-        if current == name:
-            yield Finding(element, f"the traffic signal controller {name!r} refers to itself")
+    controllers = {document.value(each, "name"): each for each in document.elements("TrafficSignalController")}
+    references = {name: document.value(each, "reference") for name, each in controllers.items()}
+    for name, reference in references.items():
+        if reference is not None and reference not in controllers:
+            message = f"reference: {unknown('traffic signal controller', reference, filter(None, controllers))}"
+            yield Finding(controllers[name], message)
+    for name in on_cycles({name: [reference] if reference is not None else [] for name, reference in references.items()}):
+        yield Finding(controllers[name], f"the traffic signal controller {name!r} refers to itself")
