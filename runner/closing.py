@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _MOMENT = 1e-3
 """Time (s) over which the distance of two boxes is differentiated"""
+_SHARPEST = 1e-3
+"""Least length of the way per length of the reference line, inside of sharp curves"""
 
 
 def velocity(b: Entity | Placement) -> tuple[float, float]:
@@ -76,11 +78,11 @@ def _rates(
             return None
         headings = [path.at(nearest(path, e.x, e.y)).h for e in (a, b)]
         return _turned(velocity(a), headings[0]), _turned(velocity(b), headings[1])
-    seen = distances.bearing(sim, a, b, routing)
+    seen = distances.bearing(sim, a, b, system == "lane", routing)
     if seen is None or sim.network is None:
         return None
     here, there = sim.network.roads[seen.a.road_id], sim.network.roads[seen.b.road_id]
-    ours, theirs = _on_road(velocity(a), here, seen.a), _on_road(velocity(b), there, seen.b)
+    ours, theirs = _on_road(velocity(a), here, seen.a, seen.line_a), _on_road(velocity(b), there, seen.b, seen.line_b)
     side = distances.facing(a, here, seen.a.s)
     other = side if seen.aligned else -side
     return (side * ours[0], side * ours[1]), (other * theirs[0], other * theirs[1])
@@ -91,7 +93,8 @@ def _turned(v: tuple[float, float], h: float) -> tuple[float, float]:
     return v[0] * c + v[1] * s, v[1] * c - v[0] * s
 
 
-def _on_road(v: tuple[float, float], road: Road, point: RoadPoint) -> tuple[float, float]:
-    """ds/dt and dt/dt of a road point that moves with a velocity."""
+def _on_road(v: tuple[float, float], road: Road, point: RoadPoint, line: float) -> tuple[float, float]:
+    """How fast a road point that moves with a velocity goes on along the line at t = `line` (m), and across it."""
     along, across = _turned(v, road.heading(point.s))
-    return along / max(1.0 - road.curvature(point.s) * point.t, 1e-3), across
+    curvature = road.curvature(point.s)
+    return along * (1.0 - curvature * line) / max(1.0 - curvature * point.t, _SHARPEST), across

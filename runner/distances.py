@@ -6,8 +6,7 @@ in metres; None means that the quantity is not defined (no road network, no way 
 
 - entity: along the axes of the entity, in the plane.
 - road: s and t along the road network, the shortest way (or that of the routing algorithm) between different roads.
-- lane: along and across the centre line of the entity's lane. Between different roads, where no lane of the one goes on as a
-  lane of the other by itself, it is the road's.
+- lane: along and across the centre line of the entity's lane, which goes on over road borders by its lane links.
 - trajectory: along and across the trajectory that the entity follows.
 
 With `freespace` a distance is that of the closest points of the bounding boxes, 0 where they overlap in the direction
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.boxes import Spot, gap, interval_gap, outlook, spans
 from runner.entities import BoundingBox, Entity
+from runner.following import PathMotion
 from runner.paths import nearest
 
 if TYPE_CHECKING:
@@ -28,20 +28,16 @@ if TYPE_CHECKING:
     from runner.paths import Path
     from runner.simulation import Simulation
     from xodr.model import RoadPoint
-    from xodr.network import RoadNetwork
     from xodr.road import Road
 
 SYSTEMS = ("entity", "lane", "road", "trajectory")
 ROUTINGS = ("assignedRoute", "fastest", "leastIntersections", "shortest", "undefined")
-_PANEL = 10.0
-"""Longest stretch (m) that Simpson's rule takes at once along a curved lane"""
 _STRAIGHT = 1e-9
 """Curvature (1/m) below which a road counts as straight under a vehicle"""
 
 
 class Footprint(NamedTuple):
-    """Extent of a bounding box in coordinates along and across a road or trajectory, m (on roads s is that from the
-    reference point)."""
+    """Extent of a bounding box along and across a road, lane or trajectory, m from the reference point."""
 
     rear: float
     front: float
@@ -49,8 +45,11 @@ class Footprint(NamedTuple):
     left: float
 
     def turned(self) -> Footprint:
-        """The same seen by a road of opposite direction."""
+        """The same seen in the opposite direction."""
         return Footprint(-self.front, -self.rear, -self.left, -self.right)
+
+
+_POINT = Footprint(0.0, 0.0, 0.0, 0.0)
 
 
 def euclidean(a: Entity, b: Entity | Placement, freespace: bool = False) -> float:
@@ -111,7 +110,8 @@ def _aside(a: Entity, b: Entity | Placement, freespace: bool) -> float:
 class Bearing(NamedTuple):
     """Where b lies on the road network as seen from a, in the direction of a's road (not of a's travel).
 
-    ds, dt (m) and lanes are towards +s and +t of a's road; `aligned` says whether +s is the same direction at both.
+    ds, dt (m) and lanes are towards +s and +t of a's road, in road or lane coordinates; `aligned` says whether +s is the
+    same direction at both. line_a, line_b: t (m) of the line along which ds is measured, at a and at b.
     """
 
     a: RoadPoint
@@ -120,6 +120,8 @@ class Bearing(NamedTuple):
     dt: float
     lanes: int
     aligned: bool
+    line_a: float = 0.0
+    line_b: float = 0.0
 
 
 def road_point(sim: Simulation, b: Entity | Placement) -> RoadPoint | None:
@@ -131,28 +133,38 @@ def road_point(sim: Simulation, b: Entity | Placement) -> RoadPoint | None:
     return sim.network.locate(b.x, b.y, b.z, b.h)
 
 
-def bearing(sim: Simulation, a: Entity, b: Entity | Placement, routing: str = "undefined") -> Bearing | None:
-    """Where b lies on the road network as seen from a; None where no way leads from one to the other."""
+def bearing(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, routing: str = "undefined") -> Bearing | None:
+    """Where b lies on the road network as seen from a; None where no way leads from one to the other.
+
+    Args:
+        lane: in coordinates of a's lane, not of its road.
+        routing: the routing algorithm; `assignedRoute` measures along the route of a where both are on it.
+    """
     here, there = road_point(sim, a), road_point(sim, b)
     if here is None or there is None or sim.network is None:
         return None
-    if routing == "assignedRoute" and a.route is not None:
-        return _on_route(a, here, there, sim.network)
-    strategy = routing if routing in ("fastest", "leastIntersections") else "shortest"
-    seen = sim.network.relative(here, there, strategy)
-    return Bearing(here, there, *seen) if seen is not None else None
+    relative = sim.network.relative_in_lane if lane else sim.network.relative
+    seen = relative(here, there, routing if routing in ("fastest", "leastIntersections") else "shortest")
+    if seen is None:
+        return None
+    along_route = _along_route(a, here, there) if routing == "assignedRoute" else None
+    ds, dt, lanes, aligned = seen
+    if along_route is not None:
+        ds = along_route
+    if not lane:
+        return Bearing(here, there, ds, dt, lanes, aligned)
+    aside = dt + here.offset
+    return Bearing(here, there, ds, dt, lanes, aligned, here.t - here.offset, there.t - (aside if aligned else -aside))
 
 
-def _on_route(a: Entity, here: RoadPoint, there: RoadPoint, network: RoadNetwork) -> Bearing | None:
-    """Along the route assigned to a; None where b is not on it."""
-    path = a.route
-    start = path.position(here)
-    end = path.position(there, start) if start is not None else None
+def _along_route(a: Entity, here: RoadPoint, there: RoadPoint) -> float | None:
+    """Distance along the route assigned to a, towards +s of its road; None where one of the two is not on a route."""
+    start = a.route.position(here) if a.route is not None else None
+    end = a.route.position(there, start) if start is not None else None
     if start is None or end is None:
         return None
-    seen = network.relative(here, there, "shortest")
-    _, _, forward = path.at(start)
-    return Bearing(here, there, (end - start) * (1 if forward else -1), *seen[1:]) if seen is not None else None
+    _, _, forward = a.route.at(start)
+    return end - start if forward else start - end
 
 
 def facing(a: Entity, road: Road, s: float) -> int:
@@ -162,94 +174,64 @@ def facing(a: Entity, road: Road, s: float) -> int:
     return 1 if math.cos(a.h - road.heading(s)) >= 0.0 else -1
 
 
-def footprint(road: Road, point: RoadPoint, h: float, box: BoundingBox) -> Footprint:
-    """Extent of a box in road coordinates, its reference point being at `point` with heading h (rad).
+def footprint(road: Road, point: RoadPoint, h: float, box: BoundingBox, line: float = 0.0) -> Footprint:
+    """Extent in road coordinates of a box whose reference point is at `point`, with heading h (rad).
 
+    Lengths are those on the line at t = `line` (m), the reference line or the centre of a lane.
     The road is taken as an arc of its curvature there, which is exact on lines and arcs.
     """
     turn = h - road.heading(point.s)
     c, s = math.cos(turn), math.sin(turn)
     curvature = road.curvature(point.s)
+    straight = -_STRAIGHT < curvature < _STRAIGHT
     along, across = [], []
     for x in (box.x - box.length / 2, box.x + box.length / 2):
         for y in (box.y - box.width / 2, box.y + box.width / 2):
-            p, q = x * c - y * s, point.t + x * s + y * c
-            if -_STRAIGHT < curvature < _STRAIGHT:
+            p, q = x * c - y * s, x * s + y * c
+            if straight:
                 along.append(p)
                 across.append(q)
             else:
-                radius = math.hypot(curvature * p, 1.0 - curvature * q)
-                along.append(math.atan2(curvature * p, 1.0 - curvature * q) / curvature)
-                across.append((1.0 - radius) / curvature)
-    return Footprint(min(along), max(along), min(across), max(across))
+                inward = 1.0 - curvature * (point.t + q)
+                along.append(math.atan2(curvature * p, inward) / curvature)
+                across.append((1.0 - math.hypot(curvature * p, inward)) / curvature - point.t)
+    stretch = 1.0 - curvature * line
+    return Footprint(min(along) * stretch, max(along) * stretch, min(across), max(across))
 
 
-def _footprints(a: Entity, b: Entity | Placement, seen: Bearing, network: RoadNetwork) -> tuple[Footprint, Footprint]:
-    """Extents of both in the road coordinates of a."""
-    other = _boxed(b)
-    ours = footprint(network.roads[seen.a.road_id], seen.a, a.h, a.box)
-    theirs = footprint(network.roads[seen.b.road_id], seen.b, other.h, other.box)
-    return ours, theirs if seen.aligned else theirs.turned()
+def _extents(
+    sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str
+) -> tuple[Footprint, Footprint] | None:
+    """Extents of both from a's reference point, ahead and to the left of a."""
+    seen = bearing(sim, a, b, lane, routing)
+    if seen is None or sim.network is None:
+        return None
+    here, there = sim.network.roads[seen.a.road_id], sim.network.roads[seen.b.road_id]
+    side = facing(a, here, seen.a.s)
+    ours = theirs = _POINT
+    if freespace:
+        ours = footprint(here, seen.a, a.h, a.box, seen.line_a)
+        theirs = footprint(there, seen.b, b.h, b.box, seen.line_b) if isinstance(b, Entity) else _POINT
+        theirs = theirs if seen.aligned else theirs.turned()
+    rear, front, right, left = theirs
+    theirs = Footprint(seen.ds + rear, seen.ds + front, seen.dt + right, seen.dt + left)
+    return (ours, theirs) if side > 0 else (ours.turned(), theirs.turned())
 
 
 def _along_road(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str) -> float | None:
-    seen = bearing(sim, a, b, routing)
-    if seen is None or sim.network is None:
+    extents = _extents(sim, a, b, lane, freespace, routing)
+    if extents is None:
         return None
-    road = sim.network.roads[seen.a.road_id]
-    same_road = seen.b.road_id == seen.a.road_id
-    ds = _lane_length(road, seen.a.lane_id, seen.a.s, seen.b.s) if lane and same_road else seen.ds
-    if freespace:
-        ours, theirs = _footprints(a, b, seen, sim.network)
-        stretch = ds / seen.ds if seen.ds else 1.0
-        ds = interval_gap(ours.rear, ours.front, seen.ds + theirs.rear, seen.ds + theirs.front) * stretch
-    return ds * facing(a, road, seen.a.s)
+    ours, theirs = extents
+    return interval_gap(ours.rear, ours.front, theirs.rear, theirs.front)
 
 
 def _across_road(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str) -> float | None:
-    seen = bearing(sim, a, b, routing)
-    if seen is None or sim.network is None:
+    extents = _extents(sim, a, b, lane, freespace, routing)
+    if extents is None:
         return None
-    road = sim.network.roads[seen.a.road_id]
-    drift = _drift(road, seen) if lane else 0.0
-    if freespace:
-        ours, theirs = _footprints(a, b, seen, sim.network)
-        dt = interval_gap(ours.right, ours.left, theirs.right - drift, theirs.left - drift)
-    else:
-        dt = seen.dt - drift
-    return dt * facing(a, road, seen.a.s)
-
-
-def _drift(road: Road, seen: Bearing) -> float:
-    """By how much a's lane has moved towards +t where b is; 0 where the lane does not reach b."""
-    lane_id = seen.a.lane_id
-    if seen.b.road_id != seen.a.road_id or lane_id not in road.section(seen.b.s).lanes:
-        return 0.0
-    return road.lane_t(seen.b.s, lane_id) - road.lane_t(seen.a.s, lane_id)
-
-
-def _lane_length(road: Road, lane_id: int, start: float, end: float) -> float:
-    """Signed length of a lane's centre line from one s to another on the same road, by Simpson's rule.
-
-    Where the lane does not go on (another lane section), its last t is kept.
-    """
-    section = road.section(start)
-    center = section.lanes[lane_id].center
-    if road.line.straight and center.constant is not None:
-        return end - start
-    panels = max(math.ceil(abs(end - start) / _PANEL), 1)
-    half = (end - start) / panels / 2.0
-
-    def rate(s: float) -> float:
-        lane = road.section(s).lanes.get(lane_id)
-        t, slope = (lane.center(s), lane.center.slope(s)) if lane is not None else (center(start), 0.0)
-        return math.hypot(1.0 - road.curvature(s) * t, slope)
-
-    total = sum(
-        rate(start + 2 * i * half) + 4.0 * rate(start + (2 * i + 1) * half) + rate(start + (2 * i + 2) * half)
-        for i in range(panels)
-    )
-    return total * half / 3.0
+    ours, theirs = extents
+    return interval_gap(ours.right, ours.left, theirs.right, theirs.left)
 
 
 # trajectory ---------------------------------------------------------------------------------
@@ -273,8 +255,7 @@ def _across_trajectory(a: Entity, b: Entity | Placement, freespace: bool) -> flo
 
 def trajectory(a: Entity) -> Path | None:
     """The trajectory that an entity follows now, None where it follows none."""
-    path: Path | None = getattr(a.motion, "path", None)
-    return path
+    return a.motion.path if isinstance(a.motion, PathMotion) else None
 
 
 def _trace(path: Path, b: Entity | Placement, freespace: bool) -> Footprint:

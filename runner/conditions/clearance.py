@@ -123,7 +123,7 @@ class RelativeClearanceCondition(EntityCondition):
         return None
 
     def _inside(self, entity: Entity, other: Entity, sim: Simulation, lanes: frozenset[int]) -> bool:
-        seen = bearing(sim, entity, other)
+        seen = bearing(sim, entity, other, lane=True)
         if seen is None or sim.network is None:
             return False
         side = facing(entity, sim.network.roads[seen.a.road_id], seen.a.s)
@@ -131,12 +131,15 @@ class RelativeClearanceCondition(EntityCondition):
         if not self.free_space:
             return -self.backward <= ahead <= self.forward and side * seen.lanes in lanes
         road = sim.network.roads[seen.b.road_id]
-        there = footprint(road, seen.b, other.h, other.box)
+        there = footprint(road, seen.b, other.h, other.box, seen.line_b)
         turn = side if seen.aligned else -side
         rear, front = sorted((turn * there.rear, turn * there.front))
         if ahead + rear > self.forward or ahead + front < -self.backward:
             return False
-        return any(turn * relative + side * seen.lanes in lanes for relative in _lanes_under(road, seen, there.right, there.left))
+        return any(
+            turn * relative + side * seen.lanes in lanes
+            for relative in _lanes_under(road, seen, seen.b.t + there.right, seen.b.t + there.left)
+        )
 
 
 def _lanes_beside(road: Road, point: RoadPoint, side: int) -> dict[int, int]:

@@ -191,7 +191,7 @@ class ReachPositionCondition(EntityCondition):
 
 @condition("TimeHeadwayCondition")
 class TimeHeadwayCondition(EntityCondition):
-    """Compares distance by own speed (s): undefined while the other is behind, or the entity does not drive forward."""
+    """Compares distance by own speed (s): undefined unless the other is ahead and the entity drives forward."""
 
     def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
         self.target = target
@@ -208,14 +208,14 @@ class TimeHeadwayCondition(EntityCondition):
         if target is None or entity.speed < _STILL:
             return None
         distance = self.measure.between(sim, entity, target)
-        if distance is None or self._behind(entity, target, distance, sim):
+        if distance is None or not self._ahead(entity, target, distance, sim):
             return None
         return abs(distance) / entity.speed
 
-    def _behind(self, entity: Entity, target: Entity | Placement, distance: float, sim: Simulation) -> bool:
+    def _ahead(self, entity: Entity, target: Entity | Placement, distance: float, sim: Simulation) -> bool:
         if self.measure.kind == "longitudinal" and distance != 0.0:
-            return distance < 0.0
-        return (distances.longitudinal(sim, entity, target, "entity", False) or 0.0) < 0.0
+            return distance > 0.0
+        return (distances.longitudinal(sim, entity, target, "entity", False) or 0.0) > TOLERANCE
 
     def holds(self, entity: Entity, sim: Simulation) -> bool:
         """Whether the comparison is true; false where the headway is undefined."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from runner.conditions.base import Condition
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from runner.storyboard import Storyboard
 
 _KINDS = ("story", "act", "maneuverGroup", "maneuver", "event", "action")
+_ELEMENTS = frozenset(("Story", "Act", "ManeuverGroup", "Maneuver", "Event"))
 _STATES = tuple(state.value for state in State)
 _TRANSITIONS = tuple(transition.value for transition in Transition)
 
@@ -23,8 +25,9 @@ _TRANSITIONS = tuple(transition.value for transition in Transition)
 class StoryboardElementStateCondition(Condition):
     """True while a storyboard element is in a state, or in the step after it made a transition.
 
-    The element is named by its name, or by the end of its path (`Act::Group::Maneuver::Event`) where that alone is not
-    unique among the elements of its type.
+    The element is named by its name or, where that is not unique among the elements of its type, by the end of its path
+    (`Act::Group::Maneuver::Event`). Of several that a name fits, the one meant is that nearest to the condition: within
+    the same maneuver, else the same group, act or story (maneuvers from catalogues may be used more than once).
     """
 
     element: Element
@@ -63,18 +66,18 @@ def find_element(node: Node, name: str, kind: str, storyboard: Storyboard) -> El
     """The one storyboard element of a type that a name or the end of a path refers to.
 
     Raises:
-        InvalidFile: there is none, or more than one.
+        InvalidFile: there is none, or more than one are equally near to the condition.
     """
-    parts = name.split("::")
+    parts, around = name.split("::"), _enclosing(node)
     named = [e for e in storyboard.elements() if e.kind == kind and _path(e)[-len(parts) :] == parts]
-    whole = [e for e in named if len(_path(e)) == len(parts)]  # a complete path is never ambiguous with a longer one
-    found = whole if len(whole) == 1 else named
-    if len(found) == 1:
-        return found[0]
-    if found:
+    if not named:
+        raise node.invalid(f"storyboardElementRef={name!r} is no {kind} of this storyboard")
+    nearness = [_shared(_path(e), around) for e in named]
+    found = [e for e, near in zip(named, nearness, strict=True) if near == max(nearness)]
+    if len(found) > 1:
         paths = ", ".join(e.path for e in found[:4])
         raise node.invalid(f"storyboardElementRef={name!r} is ambiguous: {paths}; name it with those around it, as a path")
-    raise node.invalid(f"storyboardElementRef={name!r} is no {kind} of this storyboard")
+    return found[0]
 
 
 def _path(element: Element) -> list[str]:
@@ -83,3 +86,14 @@ def _path(element: Element) -> list[str]:
         element = element.parent
         names.append(element.name)
     return names[::-1]
+
+
+def _shared(path: list[str], other: list[str]) -> int:
+    """Number of names that two paths begin with in common."""
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(path, other, strict=False)))
+
+
+def _enclosing(node: Node) -> list[str]:
+    """Names of the storyboard elements around a condition's element, from the story inwards."""
+    above = (element for element in node.element.iterancestors() if element.tag in _ELEMENTS)
+    return [str(element.get("name", "")) for element in above][::-1]

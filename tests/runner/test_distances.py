@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from runner import closing
 from runner.distances import bearing, euclidean, footprint, lateral, longitudinal
 from runner.entities import BoundingBox, Entity
+from runner.following import PathMotion
 from runner.motion import Placement
 from runner.paths import Corner, Polyline
 from runner.simulation import Simulation
@@ -94,13 +95,14 @@ def test_a_footprint_holds_the_corners_in_road_coordinates(curvature: float, t: 
     found = footprint(road, _Point(t), turn, CAR)  # type: ignore[arg-type]
     places = [road.st(x, y) for x, y in entity.corners()]
     assert found == pytest.approx(
-        (min(s for s, _ in places), max(s for s, _ in places), min(t for _, t in places), max(t for _, t in places)), abs=1e-6
+        (min(s for s, _ in places), max(s for s, _ in places), min(q for _, q in places) - t, max(q for _, q in places) - t),
+        abs=1e-6,
     )
 
 
 class _Point:
     def __init__(self, t: float) -> None:
-        self.s, self.t = 0.0, t
+        self.s, self.t, self.offset = 0.0, t, 0.0
 
 
 class _Arc:
@@ -135,20 +137,16 @@ def test_without_a_road_network_only_entity_coordinates_exist() -> None:
 def test_trajectory_coordinates_are_those_of_the_trajectory_followed() -> None:
     sim = scene("Ego", "Other", road=None)
     ego, other = put_free(sim, "Ego", 5.0, 0.0), put_free(sim, "Other", 18.0, 20.0)
-    ego.motion = _Following(Polyline([Corner(0.0, 0.0, 0.0), Corner(20.0, 0.0, 0.0), Corner(20.0, 40.0, 0.0)]))  # type: ignore[assignment]
+    path = Polyline([Corner(0.0, 0.0, 0.0), Corner(20.0, 0.0, 0.0), Corner(20.0, 40.0, 0.0)])
+    ego.motion = PathMotion(sim, path, 5.0)
     assert longitudinal(sim, ego, other, "trajectory", False) == pytest.approx(15.0 + 20.0)
     assert lateral(sim, ego, other, "trajectory", False) == pytest.approx(2.0)
-
-
-class _Following:
-    def __init__(self, path: Polyline) -> None:
-        self.path = path
 
 
 def test_the_bearing_says_how_many_lanes_lie_between() -> None:
     sim = scene("Ego", "Other")
     ego, other = put(sim, "Ego", -2, 100.0), put(sim, "Other", 1, 90.0)
-    seen = bearing(sim, ego, other)
+    seen = bearing(sim, ego, other, lane=False)
     assert seen is not None
     assert (seen.ds, seen.lanes, seen.aligned) == (pytest.approx(-10.0), 2, True)
 
@@ -174,7 +172,7 @@ def _rate(sim: Simulation, ego: Entity, other: Entity, kind: str, system: str, f
 @pytest.mark.parametrize("road", ["straight", "curve"])
 @pytest.mark.parametrize(
     ("kind", "system"),
-    [(kind, system) for kind in ("longitudinal", "lateral") for system in ("entity", "road")] + [("euclidean", "entity")],
+    [(kind, system) for kind in ("longitudinal", "lateral") for system in ("entity", "road", "lane")] + [("euclidean", "entity")],
 )
 def test_closing_speed_is_the_rate_at_which_the_distance_shrinks(kind: str, system: str, road: str) -> None:
     sim = scene("Ego", "Other", road=road)
