@@ -6,8 +6,9 @@
 from xodr.model import LaneLink, Pose, RoadError, RoadPoint
 from xodr.network import RoadNetwork
 from xodr.reader import load
+from xodr.relative import Relative
 from xodr.road import Road
-from xodr.routes import Relative, RoadPath
+from xodr.routes import RoadPath
 from xodr.travel import Travel
 
 __all__ = ["LaneLink", "Pose", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "load"]

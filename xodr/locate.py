@@ -43,6 +43,11 @@ class _Chord(NamedTuple):
         share = ((x - self.x) * self.dx + (y - self.y) * self.dy) / (self.dx * self.dx + self.dy * self.dy or 1.0)
         return self.start + min(max(share, 0.0), 1.0) * (self.end - self.start)
 
+    def continues(self, road: Road, s: float) -> bool:
+        """Whether this is the chord around an s of a road, or the next one: it would lead to the same place."""
+        span = self.end - self.start
+        return road is self.road and self.start - span <= s <= self.end + span
+
 
 class _Box(NamedTuple):
     """Bounds of what lies below; a leaf has a chord and no children."""
@@ -89,6 +94,7 @@ class Locator:
         """The nearest road point; z [m] and h (heading of a road user [rad]) decide between roads that overlap."""
         gap = math.inf
         found: list[tuple[tuple[float, ...], RoadPoint]] = []
+        feet: list[tuple[Road, float]] = []
         queue = [(self._root.distance(x, y), 0, self._root)]
         count = 0
         while queue and queue[0][0] <= gap:
@@ -96,13 +102,16 @@ class Locator:
             for child in box.children:
                 count += 1
                 heappush(queue, (child.distance(x, y), count, child))
-            if box.chord:
-                road = box.chord.road
-                hit = project(road, x, y, box.chord.near(x, y), box.chord.start, box.chord.end)
-                if hit.gap <= gap:
-                    gap = hit.gap
-                    point = road.point(hit.s, hit.t)
-                    found.append(((gap, *_mismatch(road, point, z, h)), point))
+            if box.chord is None or any(box.chord.continues(*foot) for foot in feet):
+                continue
+            road = box.chord.road
+            hit = project(road, x, y, box.chord.near(x, y), box.chord.start, box.chord.end)
+            if hit.gap <= gap:
+                gap = hit.gap
+                point = road.point(hit.s, hit.t)
+                found.append(((gap, *_mismatch(road, point, z, h)), point))
+            if hit.gap == 0.0:
+                feet.append((road, hit.s))
         return min(found, key=lambda candidate: candidate[0])[1]
 
 
@@ -134,7 +143,7 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
         gap = math.hypot(beside, ahead)
         if s in (0.0, road.length) and ahead * (s - 0.5 * road.length) > 0.0:
             s += ahead  # beyond the road's end, on the straight line that continues it
-    return _Hit(road, s, t, gap if gap > _ON_SURFACE else 0.0)
+    return _Hit(road, s, t, 0.0 if gap <= _ON_SURFACE else gap)
 
 
 def _local(road: Road, x: float, y: float, s: float) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from random import Random
@@ -9,8 +10,9 @@ from random import Random
 from xodr.links import link_table
 from xodr.locate import Locator, follow
 from xodr.model import Controller, Header, Junction, LaneLink, Pose, RoadError, RoadPoint, Signal
+from xodr.relative import Relations, Relative
 from xodr.road import Road
-from xodr.routes import Relative, RoadPath, Router
+from xodr.routes import RoadPath, Router
 from xodr.travel import Choose, Travel, Traveller
 from xodr.ways import Ways
 
@@ -42,7 +44,9 @@ class RoadNetwork:
         self._links = link_table(self.roads, self.junctions)
         self._locator = Locator(self.roads.values())
         self._traveller = Traveller(self.roads, self._links)
-        self._router = Router(Ways(self.roads, self._links), self._traveller)
+        ways = Ways(self.roads, self._links)
+        self._router = Router(ways, self._traveller.straightest)
+        self._relations = Relations(ways, self._traveller)
 
     @property
     def name(self) -> str:
@@ -87,11 +91,16 @@ class RoadNetwork:
         Args:
             z, h: height [m] and heading [rad] of the road user, to decide between overlapping roads.
             hint: where it was shortly before. While it still is on that road, the answer is fast and stays there.
+
+        Raises:
+            RoadError: the position is not finite.
         """
         if hint is not None:
             point = follow(self.roads[hint.road_id], x, y, hint.s)
             if point is not None:
                 return point
+        if not math.isfinite(x + y):
+            raise RoadError(f"({x}, {y}) is no place in the world", path=self.path)
         return self._locator.locate(x, y, z, h)
 
     def on_road(self, point: RoadPoint) -> bool:
@@ -147,14 +156,14 @@ class RoadNetwork:
         Args:
             strategy: "shortest", "fastest" or "leastIntersections", as in the standard's RoutingAlgorithm.
         """
-        return self._router.relative(origin, target, strategy)
+        return self._relations.in_road(origin, target, strategy)
 
     def relative_in_lane(self, origin: RoadPoint, target: RoadPoint, strategy: str = "shortest") -> Relative | None:
         """Like `relative`, in lane coordinates: along the centre of the origin's lane, which goes on by lane links.
 
         ds is then a length on that lane, dt the difference of the distances from its centre, and lanes counts from it.
         """
-        return self._router.relative_in_lane(origin, target, strategy)
+        return self._relations.in_lane(origin, target, strategy)
 
 
 def _listed(names: Mapping[str, object]) -> str:

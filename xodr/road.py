@@ -75,7 +75,7 @@ class Road:
     flat: bool = field(init=False)
     _starts: list[float] = field(init=False)
     _levels: bool = field(init=False)
-    _towards_s: int = field(init=False)
+    _left_direction: int = field(init=False)
     _standard: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -83,7 +83,7 @@ class Road:
         self.flat = self.elevation.constant == 0.0 and self.superelevation.constant == 0.0 and self.surface is None
         self._starts = [section.s for section in self.sections]
         self._levels = any(lane.level for lane in lanes if lane.id) and self.superelevation.constant != 0.0
-        self._towards_s = -1 if self.rule == "RHT" else 1
+        self._left_direction = -1 if self.rule == "RHT" else 1
         self._standard = all(lane.direction != "reversed" for lane in lanes)
 
     # geometry -------------------------------------------------------------------------------
@@ -221,7 +221,7 @@ class Road:
 
         s matters only on roads that reverse single lanes (OpenDRIVE 1.8). Lanes open both ways count by their side.
         """
-        usual = self._towards_s if lane_id > 0 else -self._towards_s
+        usual = self._left_direction if lane_id > 0 else -self._left_direction
         if self._standard or self.lane(s, lane_id).direction != "reversed":
             return usual
         return -usual

@@ -82,8 +82,63 @@ class Files:
             f'<laneLink from="{lane_from}" to="{lane_to}"/></connection>'
         )
 
+    @staticmethod
+    def to_road(kind: str, road_id: str, contact: str) -> str:
+        """A predecessor or successor that is a road."""
+        return f'<{kind} elementType="road" elementId="{road_id}" contactPoint="{contact}"/>'
+
+    @staticmethod
+    def to_junction(kind: str, junction_id: str) -> str:
+        """A predecessor or successor that is a junction."""
+        return f'<{kind} elementType="junction" elementId="{junction_id}"/>'
+
+    @staticmethod
+    def speed_limit(speed: float) -> str:
+        """A road type with a speed limit [m/s]."""
+        return f'<type s="0" type="rural"><speed max="{speed}"/></type>'
+
 
 @pytest.fixture(scope="session")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     """Writer of small OpenDRIVE files."""
     return Files(tmp_path_factory.mktemp("xodr"))
+
+
+@pytest.fixture(scope="session")
+def two_ways(files: Files) -> RoadNetwork:
+    """Two ways from road 1 to road 4: over the short slow road 2 with a junction, or the long fast road 3 without one.
+
+    1 ──┬── 10 (in the junction, 10 m) ── 2 (90 m, 10 m/s) ──┬── 4
+        └── 3 (300 m, 50 m/s, leaves the direct junction) ───┘
+    """
+    one = files.section(right=1, left=1)
+    single = files.section(right=1)
+    return files.load(
+        files.road("1", lanes=one, link=files.to_junction("successor", "a")),
+        files.road(
+            "10",
+            length=10.0,
+            lanes=single,
+            junction="a",
+            link=files.to_road("predecessor", "1", "end") + files.to_road("successor", "2", "start"),
+        ),
+        files.road(
+            "2",
+            length=90.0,
+            lanes=single,
+            link=files.to_junction("predecessor", "a") + files.to_junction("successor", "b"),
+            more=files.speed_limit(10),
+        ),
+        files.road(
+            "3",
+            length=300.0,
+            lanes=single,
+            link=files.to_junction("predecessor", "a") + files.to_junction("successor", "b"),
+            more=files.speed_limit(50),
+        ),
+        files.road("4", lanes=one, link=files.to_junction("predecessor", "b")),
+        files.road("5", lanes=one),
+        f'<junction id="a">{files.connection("1", "10")}{files.connection("1", "3", direct=True)}</junction>',
+        f'<junction id="b" type="direct">{files.connection("2", "4", direct=True)}'
+        f"{files.connection('3', '4', direct=True)}</junction>",
+    )

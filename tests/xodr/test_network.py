@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral, Start
 from xodr.lanes import read_sections
 from xodr.locate import Locator
+from xodr.model import RoadError
 from xodr.profiles import ZERO, Cubic, Profile
 from xodr.road import Road, Surface
 
@@ -124,6 +125,15 @@ def test_far_away_points_and_hints_are_no_problem(files) -> None:
     network = files.load(files.road("1"))
     point = network.locate(1e9, -1e9, hint=network.point("1", 3.0, 0.0))
     assert (point.s, point.t) == pytest.approx((1e9, -1e9))
+
+
+@pytest.mark.parametrize("x", [math.nan, math.inf, -math.inf])
+def test_places_that_are_no_places_are_refused(files, x: float) -> None:
+    network = files.load(files.road("1"))
+    with pytest.raises(RoadError, match="no place"):
+        network.locate(x, 0.0)
+    with pytest.raises(RoadError, match="no place"):
+        network.locate(x, 0.0, hint=network.point("1", 3.0, 0.0))
 
 
 def test_lanes_of_type_none_are_off_the_road(files) -> None:

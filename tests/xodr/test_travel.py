@@ -11,11 +11,6 @@ from hypothesis import strategies as st
 from xodr.model import LaneLink, RoadError
 
 
-def both_ways(road_id: str, contact: str, kind: str = "successor") -> str:
-    """A road link."""
-    return f'<{kind} elementType="road" elementId="{road_id}" contactPoint="{contact}"/>'
-
-
 @pytest.fixture(scope="module")
 def curve(files):
     """A curve to the left of radius 50 m with two lanes on each side."""
@@ -38,7 +33,7 @@ def fork(files):
             geometry=bend,
             junction="j",
             lanes=one_lane,
-            link=both_ways("1", "end", "predecessor") + both_ways("3", "start"),
+            link=files.to_road("predecessor", "1", "end") + files.to_road("successor", "3", "start"),
         ),
         files.road(
             "20",
@@ -46,7 +41,7 @@ def fork(files):
             start=(100.0, 0.0, 0.0),
             junction="j",
             lanes=one_lane,
-            link=both_ways("1", "end", "predecessor") + both_ways("2", "start"),
+            link=files.to_road("predecessor", "1", "end") + files.to_road("successor", "2", "start"),
         ),
         files.road("2", start=(120.0, 0.0, 0.0), link=from_junction, lanes=one_lane),
         files.road("3", start=(110.0, 10.0, math.pi / 2), link=from_junction, lanes=one_lane),
@@ -120,7 +115,9 @@ def test_a_lane_that_narrows_to_nothing_is_left_without_a_jump(files) -> None:
 @pytest.mark.parametrize("border", [50.0, 100.0])
 def test_a_step_that_ends_on_a_border_can_go_on(files, border: float) -> None:
     lanes = files.section(right=1) + files.section(right=1, s=50.0)
-    network = files.load(files.road("1", lanes=lanes, link=both_ways("2", "start")), files.road("2", start=(100.0, 0.0, 0.0)))
+    network = files.load(
+        files.road("1", lanes=lanes, link=files.to_road("successor", "2", "start")), files.road("2", start=(100.0, 0.0, 0.0))
+    )
     on_border = network.travel(network.lane_point("1", -1, 10.0), border - 10.0, True)
     assert (on_border.point.s, on_border.left) == (border, 0.0)
     beyond = network.travel(on_border.point, 5.0, True)
@@ -132,7 +129,7 @@ def test_a_step_that_ends_on_a_border_can_go_on(files, border: float) -> None:
 @pytest.mark.parametrize(("contact", "lane", "forward"), [("start", -1, True), ("end", 1, False)])
 def test_road_borders_keep_the_side_of_the_driver(files, contact: str, lane: int, forward: bool) -> None:
     start = (100.0, 0.0, 0.0) if contact == "start" else (200.0, 0.0, math.pi)
-    first = files.road("1", link=both_ways("2", contact))
+    first = files.road("1", link=files.to_road("successor", "2", contact))
     if contact == "end":
         first = first.replace('successor id="-1"', 'successor id="1"')
     network = files.load(first, files.road("2", start=start))
@@ -143,14 +140,14 @@ def test_road_borders_keep_the_side_of_the_driver(files, contact: str, lane: int
 
 
 def test_a_link_that_one_road_declares_is_enough(files) -> None:
-    network = files.load(files.road("1", link=both_ways("2", "start")), files.road("2", start=(100.0, 0.0, 0.0)))
+    network = files.load(files.road("1", link=files.to_road("successor", "2", "start")), files.road("2", start=(100.0, 0.0, 0.0)))
     assert network.links("2", -1, False) == [LaneLink("1", -1, False)]
 
 
 @pytest.mark.parametrize(("contact", "lane"), [("start", -1), ("end", 1)])
 def test_roads_that_link_no_lanes_at_all_go_on_in_the_lanes_at_the_same_place(files, contact: str, lane: int) -> None:
     bare = files.section(left=1, right=1, linked=False)
-    network = files.load(files.road("1", lanes=bare, link=both_ways("2", contact)), files.road("2", lanes=bare))
+    network = files.load(files.road("1", lanes=bare, link=files.to_road("successor", "2", contact)), files.road("2", lanes=bare))
     assert network.links("1", -1, True) == [LaneLink("2", lane, contact == "start")]
 
 
@@ -203,7 +200,7 @@ def test_direct_junctions_link_roads_without_connecting_roads(files) -> None:
 
 def test_a_ring_of_roads_does_not_hold_a_step_forever(files) -> None:
     ring = files.geometry('<arc curvature="6.283185307179586"/>', 1.0)
-    link = both_ways("1", "end", "predecessor") + both_ways("1", "start")
+    link = files.to_road("predecessor", "1", "end") + files.to_road("successor", "1", "start")
     network = files.load(
         files.road(length=1.0, geometry=ring, link=link, lanes=files.section(right=1, width='<width sOffset="0" a="0.1"/>'))
     )
