@@ -256,7 +256,7 @@ def test_roundabouts_of_all_sizes_fit(
         ("sharp_curve", {"radius": 3.0}, "radius=3.0"),
         ("sharp_curve", {"transition": 100.0}, "transition=100.0"),
         ("narrow_road", {"lane_width": -1.0}, "lane_width=-1.0"),
-        ("on_ramp", {"taper": 0.0}, "length=0.0"),
+        ("on_ramp", {"taper": 0.0}, "taper=0.0"),
         ("off_ramp", {"angle": 3.0}, "angle=3.0"),
         ("four_way_intersection", {"lanes": 9}, "lanes=9"),
         ("t_junction", {"corner_radius": math.inf}, "corner_radius=inf"),

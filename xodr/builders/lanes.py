@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from schemas.errors import UsageError
 from xodr.builders.curves import Pose, connect
@@ -40,31 +41,31 @@ def closing(width: float, length: float) -> tuple[Cubic, ...]:
     return (Cubic(0.0, width, 0.0, -3 * width / length**2, 2 * width / length**3),)
 
 
-def carriageway(lanes: int, width: float, side: int = -1, edge: float = 0.0, edge_type: str = "shoulder") -> dict[int, Lane]:
-    """`lanes` driving lanes on one side (-1 right, +1 left of the reference line) and, where `edge` > 0, an edge lane."""
+def carriageway(lanes: int, width: float, side: int = -1, edge: float = 0.0) -> dict[int, Lane]:
+    """`lanes` driving lanes on one side (-1 right, +1 left of the reference line) and, where `edge` > 0, a shoulder."""
     built = {
         side * number: Lane(LANE, constant(width), mark="broken" if number < lanes else "solid") for number in range(1, lanes + 1)
     }
     if edge > 0:
-        built[side * (lanes + 1)] = Lane(edge_type, constant(edge))
+        built[side * (lanes + 1)] = Lane("shoulder", constant(edge))
     return built
 
 
 def linked(section: Section, predecessors: dict[int, int] | None, successors: dict[int, int] | None) -> Section:
     """The section with lane links filled in; None links every lane to its own id, an empty table none."""
     lanes = {
-        key: Lane(
-            lane.type, lane.width, lane.mark,
-            key if predecessors is None else predecessors.get(key),
-            key if successors is None else successors.get(key),
+        key: replace(
+            lane,
+            predecessor=key if predecessors is None else predecessors.get(key),
+            successor=key if successors is None else successors.get(key),
         )
         for key, lane in section.lanes.items()
-    }  # fmt: skip
-    return Section(section.s, lanes, section.centre_mark)
+    }
+    return replace(section, lanes=lanes)
 
 
 def two_way(lanes: int, opposite: int, width: float, edge: float = 0.0) -> Section:
-    """Driving lanes on both sides of the reference line, with an edge lane where `edge` > 0."""
+    """Driving lanes on both sides of the reference line, with a shoulder where `edge` > 0."""
     layout = carriageway(lanes, width, edge=edge)
     if opposite:
         layout |= carriageway(opposite, width, side=1, edge=edge)

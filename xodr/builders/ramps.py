@@ -37,7 +37,7 @@ def on_ramp(
         speed_limit, ramp_speed_limit: in m/s. rule: RHT or LHT.
     """
     site = _Site(lanes, lane_width, ramp_width, shoulder, angle, speed_limit, ramp_speed_limit)
-    site.check(upstream, acceleration, taper, downstream, ramp)
+    site.check(upstream=upstream, acceleration=acceleration, taper=taper, downstream=downstream, ramp=ramp)
     before = site.main_road(1, Pose(0, 0, 0), upstream, (site.plain(0.0),))
     sections = (
         linked(site.wide(0.0, "entry", constant(lane_width)), {}, None),
@@ -70,7 +70,7 @@ def off_ramp(
         speed_limit, ramp_speed_limit: in m/s. rule: RHT or LHT.
     """
     site = _Site(lanes, lane_width, ramp_width, shoulder, angle, speed_limit, ramp_speed_limit)
-    site.check(upstream, deceleration, taper, downstream, ramp)
+    site.check(upstream=upstream, taper=taper, deceleration=deceleration, downstream=downstream, ramp=ramp)
     sections = (
         linked(site.plain(0.0), {}, site.plain_to_wide),
         linked(site.wide(upstream, "exit", opening(lane_width, taper)), site.wide_to_plain, None),
@@ -97,14 +97,15 @@ class _Site:
     speed_limit: float
     ramp_speed_limit: float
 
-    def check(self, *lengths: float) -> None:
+    def check(self, **lengths: float) -> None:
+        """UsageError for parameters that make no sense."""
         require("lanes", self.lanes, 1)
         require("angle", self.angle, 0.01, 0.5)
         require("shoulder", self.shoulder, 0.1)
         for name in ("lane_width", "ramp_width", "speed_limit", "ramp_speed_limit"):
             require(name, getattr(self, name), 0.1)
-        for length in lengths:
-            require("length", length, 1.0)
+        for name, length in lengths.items():
+            require(name, length, 1.0)
 
     @property
     def edge(self) -> float:

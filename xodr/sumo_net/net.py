@@ -16,7 +16,6 @@ from xodr.sumo_net.cache import Entry
 
 _REMEMBERED = 64
 
-
 DOCK = "dock"
 """Edge far from all roads that every kind of participant may use: where they are inserted before they are moved."""
 
