@@ -40,7 +40,7 @@ def main() -> None:
         tree = parse(path)
         kind = detect(tree)
         found = schema_for(kind.standard, kind.version)
-        return list(violations(tree, found)) if found else None
+        return violations(tree, found) if found else None
 
     def full_check(path: Path, schema: Schema) -> object:
         return check(path)

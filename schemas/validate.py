@@ -38,8 +38,13 @@ class Violation(NamedTuple):
     message: str
 
 
-def violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
-    """What a document breaks of a schema, as it is found; nothing for a valid one.
+def violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
+    """All that a document breaks of a schema; empty for a valid one. Raises as `find_violations` does."""
+    return list(find_violations(tree, schema))
+
+
+def find_violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
+    """What a document breaks of a schema, as it is found: the first is found long before the ten thousandth.
 
     Raises:
         UsageError: the XSD itself, which XOSC_SCHEMA_DIR may have supplied, cannot be used.

@@ -61,7 +61,7 @@ def _violations(tree: etree._ElementTree, version: Version) -> list[Violation]:
     schema = schema_for(OPENSCENARIO, version)
     if schema is None:
         raise UsageError(f"no XSD of OpenSCENARIO {version[0]}.{version[1]} is at hand")
-    return list(violations(tree, schema))
+    return violations(tree, schema)
 
 
 def _nearest(element: etree._Element, document: Document) -> Node:

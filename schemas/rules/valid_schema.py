@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from schemas.registry import SCHEMA_DIR, schema_for
 from schemas.rules.document import Document
 from schemas.rules.registry import Finding, rule
-from schemas.validate import violations
+from schemas.validate import find_violations
 
 
 @rule("asam.net:xosc:1.0.0:xml.valid_schema")
@@ -20,5 +20,5 @@ def check(document: Document) -> Iterator[Finding]:
         message = f"not validated: no XSD of {document.type} is at hand; {SCHEMA_DIR} can name a folder that holds one"
         yield Finding(document.header if document.header is not None else document.root, message, "warning")
         return
-    for element, message in violations(document.tree, schema):
+    for element, message in find_violations(document.tree, schema):
         yield Finding(element, message)
