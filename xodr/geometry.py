@@ -189,8 +189,8 @@ class ParamPoly3:
         return (dx * (2.0 * g + 6.0 * p * i) - dy * (2.0 * c + 6.0 * p * d)) / speed**3 if speed > 1e-9 else 0.0
 
     def knots(self) -> list[float]:
-        """The knots of the arc-length table, and more where the curve bends."""
-        count = _pieces(max(len(self._ss) - 1, self.length / 5.0))
+        """Evenly spaced, as many as the arc-length table needed: it is denser where the curve bends."""
+        count = _pieces(max(len(self._ss) - 1, self.length / 20.0))
         return [self.length * index / count for index in range(count + 1)]
 
     def _speed(self, p: float) -> float:

@@ -28,7 +28,7 @@ _OTHER_LEVEL = 2.0
 
 
 class _Chord(NamedTuple):
-    """A piece of road with the line from its beginning to its end."""
+    """A piece of road with the line from its beginning to its end; the road keeps within `room` [m] of it."""
 
     road: Road
     start: float
@@ -37,6 +37,7 @@ class _Chord(NamedTuple):
     y: float
     dx: float
     dy: float
+    room: float
 
     def near(self, x: float, y: float) -> float:
         """s of the chord's place nearest to a point: close to that of the road."""
@@ -44,9 +45,8 @@ class _Chord(NamedTuple):
         return self.start + min(max(share, 0.0), 1.0) * (self.end - self.start)
 
     def continues(self, road: Road, s: float) -> bool:
-        """Whether this is the chord around an s of a road, or the next one: it would lead to the same place."""
-        span = self.end - self.start
-        return road is self.road and self.start - span <= s <= self.end + span
+        """Whether an s of a road is so near along the road that this chord would lead to the same place."""
+        return road is self.road and self.start - self.room <= s <= self.end + self.room
 
 
 class _Box(NamedTuple):
@@ -195,7 +195,7 @@ def _leaf(road: Road, start: float, end: float) -> _Box:
     widest = max(abs(edge) for s in (start, 0.5 * (start + end), end) for edge in road.edges(s))
     # twice the height of an arc over its chord, and a margin for widths between the samples
     room = widest + abs(h1 - h0) * (end - start) / 4.0 + 0.5
-    chord = _Chord(road, start, end, x0, y0, x1 - x0, y1 - y0)
+    chord = _Chord(road, start, end, x0, y0, x1 - x0, y1 - y0, room)
     return _Box(min(x0, x1) - room, min(y0, y1) - room, max(x0, x1) + room, max(y0, y1) + room, chord, ())
 
 
