@@ -31,6 +31,8 @@ class StoryboardElementStateCondition(Condition):
     """
 
     element: Element
+    around: bool = False
+    """whether the element contains the condition: then it has always done its part of a step before the condition looks"""
 
     def __init__(self, state: str) -> None:
         self.state = state
@@ -45,15 +47,23 @@ class StoryboardElementStateCondition(Condition):
 
         def find() -> None:
             self.element = find_element(node, name, kind, context.storyboard)
+            path = _path(self.element)
+            self.around = _enclosing(node)[: len(path)] == path
 
         context.late(find)
         return self
 
     def evaluate(self, sim: Simulation) -> bool:
-        """Whether the element was seen in the state, or making the transition, when this step began."""
+        """Whether the element was in the state, or had made the transition, when this step began.
+
+        Elements that contain the condition are seen as they are now: an event can start in the very step of its act.
+        """
+        element = self.element
         if self._is_state:
-            return self.element.seen_state == self.state
-        return self.state in self.element.seen_transitions
+            return self.state == (element.state if self.around else element.seen_state)
+        if self.around and sim.step_index > 0:  # before the first step, stories have started already
+            return self.state in element.transitions
+        return self.state in element.seen_transitions or (self.around and self.state in element.transitions)
 
     def describe(self, sim: Simulation) -> str:
         """The element's state and transitions."""
