@@ -214,7 +214,8 @@ def _read_entities(node: Node, context: Context) -> None:
         context.selections[selection.get("name")] = _read_selection(selection, context)
 
 
-def _read_scenario_object(node: Node, name: str, context: Context) -> Entity:
+def read_object(node: Node, name: str) -> Entity:
+    """The entity that a ScenarioObject, ScenarioObjectTemplate or Trailer describes, its trailer left out."""
     described = next((child for child in node.children() if child.tag in _KINDS), None)
     if described is None:
         external = node.find("ExternalObjectReference")
@@ -238,10 +239,16 @@ def _read_scenario_object(node: Node, name: str, context: Context) -> Entity:
     for holder in node.children("ObjectController"):
         for controller in holder.children("Controller"):
             entity.controllers[controller.get("name")] = _read_properties(controller)
+    return entity
+
+
+def _read_scenario_object(node: Node, name: str, context: Context) -> Entity:
+    entity = read_object(node, name)
     if name in context.all:
         raise node.invalid(f"the entity name {name!r} is used twice")
     context.all[name] = entity
-    _read_trailer(described, entity, context)
+    for vehicle in node.children("Vehicle"):
+        _read_trailer(vehicle, entity, context)
     return entity
 
 
