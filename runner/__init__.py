@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from runner.result import RunResult as RunResult
     from runner.execution import run as run
+    from runner.result import RunResult as RunResult
 
 __all__ = ["RunResult", "run"]
 

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
-from collections.abc import Iterator
+import traceback
+from collections.abc import Generator
+from contextlib import closing
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from schemas.errors import ToolchainError, UsageError
 from schemas.version import version as toolchain_version
 
+if TYPE_CHECKING:
+    from runner.jobs import Outcome
+    from runner.outputs.terminal import Table
+
 _EPILOG = (
     "Exit codes: 0 passed, 1 a verdict is a failure (collision of the ego), 2 wrong usage, 3 invalid file, "
     "4 valid file that asks for something this runner does not do, 5 internal error. With several runs, the gravest of theirs."
 )
 _GRAVEST_FIRST = (5, 3, 4, 2, 1, 0)
+_INTERRUPTED, _PIPE_CLOSED = 130, 141
+"""Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 
@@ -67,31 +76,49 @@ def xosc_run(
     ] = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
-    from runner.batch import Options, Outcome, jobs_of, rehearse, run_batch
+    from runner.batch import Options, rehearse_batch, run_batch
+    from runner.jobs import jobs_of
     from runner.outputs.terminal import Table
 
     options = Options(timestep, sut, ego, seed, max_time, world, constraints)
+    options.verify()
     if resume and out is None:
         raise UsageError("--resume needs the --out folder to go on with")
+    if junit is not None:
+        junit.parent.mkdir(parents=True, exist_ok=True)
+        junit.touch()  # what can't be written is better known before the runs than after them
     source = jobs_of(files, _parameters(param or []), constraints)
-    outcomes: Iterator[Outcome]
     if dry_run:
-        outcomes = (job if isinstance(job, Outcome) else rehearse(job, options) for job in source)
+        outcomes = rehearse_batch(source, options)
     else:
         outcomes = run_batch(source, options, out=out, processes=jobs, resume=resume)
-    table = Table(verbose=verbose, quiet=quiet)
-    code, kept = 0, []
-    for outcome in outcomes:
-        table.show(outcome)
-        code = min(code, outcome.exit_code, key=_GRAVEST_FIRST.index)
-        if junit is not None:
-            kept.append(outcome)
-    table.close()
-    if junit is not None:
+    kept: list[Outcome] | None = [] if junit is not None else None
+    code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)
+    if junit is not None and kept is not None:
         from runner.outputs.report import write_junit
 
         write_junit(kept, junit)
     raise typer.Exit(code)
+
+
+def _follow(outcomes: Generator[Outcome], table: Table, kept: list[Outcome] | None) -> int:
+    """Show outcomes as they come, keep them if asked to; the exit code."""
+    code = 0
+    try:
+        with closing(outcomes):
+            for outcome in outcomes:
+                if kept is not None:
+                    kept.append(outcome)
+                code = min(code, outcome.exit_code, key=_GRAVEST_FIRST.index)
+                table.show(outcome)
+        table.close()
+    except KeyboardInterrupt:
+        print("\nxosc-run: interrupted; with --out and --resume a batch goes on where it was", file=sys.stderr)
+        return _INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter complains when it ends
+        return _PIPE_CLOSED
+    return code
 
 
 def _parameters(pairs: list[str]) -> dict[str, str]:
@@ -106,19 +133,20 @@ def _parameters(pairs: list[str]) -> dict[str, str]:
 
 def main() -> None:
     """Entry point: errors become one line and an exit code; a traceback only with -v."""
+    sys.path.append(os.getcwd())  # for systems under test named as module:Class
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may be of any bytes
     try:
         app()
-    except ToolchainError as error:
+    except (ToolchainError, OSError) as error:
+        from runner.jobs import describe
+
         if "-v" in sys.argv or "--verbose" in sys.argv:
-            raise
-        print(f"xosc-run: {error}", file=sys.stderr)
-        raise SystemExit(error.exit_code) from None
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(141) from None
-    except OSError as error:
-        print(f"xosc-run: {error.strerror}: {error.filename}", file=sys.stderr)
-        raise SystemExit(2) from None
+            traceback.print_exc()
+        message, code = describe(error)
+        print(f"xosc-run: {message}", file=sys.stderr)
+        raise SystemExit(code) from None
 
 
 if __name__ == "__main__":

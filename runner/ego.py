@@ -1,8 +1,8 @@
 """The ego: how it is found, and how a system under test drives it.
 
-The ego is, in this order: the entity named by the caller (`--ego`); the only entity with a controller; the entity
-called `Ego` (any case, also `EgoVehicle`, `ego_vehicle`, `hero`). Scenarios without any of these have no ego, and no
-system under test drives anyone.
+The ego is, in this order: the entity named by the caller (`--ego`); the vehicle called `Ego` (any case, also
+`EgoVehicle`, `ego_vehicle`, `hero`; of several one with a controller, then the first); the only vehicle with a controller.
+Scenarios without any of these have no ego, and no system under test drives anyone.
 
 A scenario that assigns the ego a controller hands it over by ActivateControllerAction: until then, and in domains that
 it deactivates, the ego does what is scripted (OpenSCENARIO XML 1.3, 6.6: controllers are assigned deactivated). A
@@ -22,23 +22,23 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from runner.actions.base import LATERAL, LONGITUDINAL, PrivateAction
-from runner.motion import wrap
+from runner.steering import SteeredMotion
 from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
 from runner.world import Wish
-from schemas.errors import UsageError
+from schemas.errors import ToolchainError, UsageError
 
 if TYPE_CHECKING:
     from runner.entities import Entity
     from runner.scenario import Scenario
     from runner.simulation import Simulation
 
-_EGO_NAME = re.compile(r"(ego|hero)([_ ]?(vehicle|car))?[_ ]?\d*", re.IGNORECASE)
+_EGO_NAME = re.compile(r"(ego|hero)([-_ ]?(vehicle|car))?[-_ ]?\d*", re.IGNORECASE)
 _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
 _SAME = 1e-9
 _GRAVITY = 9.81
 _PEDAL = 8.0
-"""Deceleration or acceleration of a fully pressed pedal where the vehicle's Performance gives none, m/s²"""
+"""Most that a fully pressed pedal gives, m/s²; less where the vehicle's Performance is less"""
 
 
 def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
@@ -51,22 +51,26 @@ def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
         if name not in scenario.entities:
             raise UsageError(f"no entity is called {name!r}; there are {', '.join(scenario.entities)}", path=scenario.path)
         return scenario.entities[name]
-    controlled = [entity for entity in scenario.entities.values() if entity.controllers and entity.kind == "vehicle"]
-    if len(controlled) == 1:
-        return controlled[0]
-    candidates = controlled or [entity for entity in scenario.entities.values() if entity.kind == "vehicle"]
-    return next((entity for entity in candidates if _EGO_NAME.fullmatch(entity.name)), None)
+    vehicles = [entity for entity in scenario.entities.values() if entity.kind == "vehicle"]
+    named = [entity for entity in vehicles if _EGO_NAME.fullmatch(entity.name)]
+    if named:
+        return next((entity for entity in named if entity.controllers), named[0])
+    controlled = [entity for entity in vehicles if entity.controllers]
+    return controlled[0] if len(controlled) == 1 else None
 
 
 def drive_ego(sim: Simulation, ego: Entity | None, system: SystemUnderTest | WorldDriven | None) -> None:
     """Let a system under test drive the ego for this run."""
     if ego is not None and system is not None:
-        system.reset(ego, sim.dt, sim.seed)
+        try:
+            system.reset(ego, sim.dt, sim.seed)
+        except Exception as error:
+            raise _failed(system, error, sim) from error
         handed_over = ego.name not in sim.scenario.activated
         if isinstance(system, WorldDriven):
             ego.system = WorldDriver(handed_over, _scripted_at_start(sim.scenario, ego))
         else:
-            ego.system = Driver(system, handed_over)
+            ego.system = Driver(system, handed_over, sim)
 
 
 def _scripted_at_start(scenario: Scenario, ego: Entity) -> bool:
@@ -164,51 +168,61 @@ class Driver(_HandedOver):
         handed_over: whether it drives from the beginning.
     """
 
-    def __init__(self, system: SystemUnderTest, handed_over: bool) -> None:
+    def __init__(self, system: SystemUnderTest, handed_over: bool, sim: Simulation) -> None:
         super().__init__(handed_over)
         self.system = system
         self._intervening = False
-        self._steering = False
+        self._steered = SteeredMotion(sim)
 
     def speed(self, ego: Entity, demand: float, sim: Simulation) -> float:
-        """Speed of the ego at the end of this step, m/s; turns the ego where the system steers."""
-        if not (self.longitudinal or self.lateral):
-            return demand
-        others = [e for e in sim.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
-        control = self.system.control(Observation(sim.time, ego, others, demand, sim.network, sim.environment), sim.dt)
+        """Speed of the ego at the end of this step, m/s; turns the wheels where the system steers."""
+        control = self._ask(ego, demand, sim) if self.longitudinal or self.lateral else Control()
         if self.lateral and control.steering is not None:
-            self._steer(ego, control.steering, sim)
-        if not self.longitudinal:
-            return demand
-        return self._longitudinal(ego, control, demand, sim)
-
-    def _longitudinal(self, ego: Entity, control: Control, demand: float, sim: Simulation) -> float:
-        limits = ego.performance
-        control = _overridden(control, ego)
-        if control.acceleration is None:
-            if self._intervening:
-                speed = returning(ego, demand, sim.dt)
-                if abs(speed - demand) < _SAME:
-                    self._note(False, "back at the scripted speed", ego, sim)
-                return speed
-            return demand
+            self._steered.steer(ego, control.steering)
+        else:
+            self._steered.release(ego)
+        control = _overridden(control, ego) if self.longitudinal else Control()
+        if control.acceleration is not None:
+            return self._intervene(ego, control.acceleration, control.reason, sim)
         if not self._intervening:
-            self._note(True, control.reason, ego, sim)
+            return demand
+        speed = returning(ego, demand, sim.dt)
+        if abs(speed - demand) < _SAME:
+            self._intervening = False
+            sim.note("interventionEnd", ego.name, "back at the scripted speed")
+        return speed
+
+    def _ask(self, ego: Entity, demand: float, sim: Simulation) -> Control:
+        """The system's answer, checked."""
+        others = [e for e in sim.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
+        try:
+            control = self.system.control(Observation(sim.time, ego, others, demand, sim.network, sim.environment), sim.dt)
+            if not isinstance(control, Control):
+                raise TypeError(f"control() returned {control!r}, a runner.sut.Control is expected")
+            for value in (control.acceleration, control.steering):
+                if value is not None and not math.isfinite(value):
+                    raise ValueError(f"control() returned {control}, finite numbers are expected")
+        except Exception as error:
+            raise _failed(self.system, error, sim) from error
+        return control
+
+    def _intervene(self, ego: Entity, acceleration: float, reason: str, sim: Simulation) -> float:
+        """Speed after a step of the system's acceleration, m/s: a change of the direction of travel ends in standstill."""
+        if not self._intervening:
+            self._intervening = True
+            sim.note("interventionStart", ego.name, reason)
+        limits = ego.performance
         grip = _GRAVITY * sim.environment.friction
-        hardest = min(limits.max_deceleration, grip)
-        wanted = max(-hardest, min(limits.max_acceleration, grip, control.acceleration))
-        return max(ego.speed + wanted * sim.dt, 0.0)
+        speed = ego.speed + max(-min(limits.max_deceleration, grip), min(limits.max_acceleration, grip, acceleration)) * sim.dt
+        return max(speed, 0.0) if ego.speed >= 0.0 else min(speed, 0.0)
 
-    def _note(self, intervening: bool, reason: str, ego: Entity, sim: Simulation) -> None:
-        self._intervening = intervening
-        sim.note("interventionStart" if intervening else "interventionEnd", ego.name, reason)
 
-    def _steer(self, ego: Entity, steering: float, sim: Simulation) -> None:
-        """Kinematic bicycle about the rear axle: the heading turns with v·tan(δ)/L."""
-        if ego.on_lane:
-            sim.leave_lane(ego)
-        wheelbase = ego.front_axle or ego.box.length * 0.6
-        ego.h = wrap(ego.h + ego.speed * math.tan(steering) / wheelbase * sim.dt)
+def _failed(system: object, error: Exception, sim: Simulation) -> ToolchainError:
+    """An error of a system under test, which is named."""
+    if isinstance(error, ToolchainError):
+        return error
+    name = f"{type(system).__module__}:{type(system).__qualname__}"
+    return ToolchainError(f"the system under test {name} failed at {sim.time:.2f} s: {type(error).__name__}: {error}")
 
 
 def returning(ego: Entity, demand: float, dt: float) -> float:
@@ -219,14 +233,17 @@ def returning(ego: Entity, demand: float, dt: float) -> float:
 
 
 def _overridden(control: Control, ego: Entity) -> Control:
-    """The system's control with the pedals that OverrideControllerValueAction holds."""
+    """The system's control with the pedals that OverrideControllerValueAction holds in place of its own."""
     pedals = ego.overrides
-    brake = max(pedals.get("Brake", 0.0), pedals.get("ParkingBrake", 0.0))
-    if not (brake or "Throttle" in pedals):
+    if not pedals.keys() & {"Throttle", "Brake", "ParkingBrake"}:
         return control
-    strongest = [
-        limit if math.isfinite(limit) else _PEDAL
-        for limit in (ego.performance.max_acceleration, ego.performance.max_deceleration)
-    ]
-    acceleration = pedals.get("Throttle", 0.0) * strongest[0] - brake * strongest[1]
-    return replace(control, acceleration=acceleration, reason="overridden controller inputs")
+    limits, own = ego.performance, control.acceleration or 0.0
+    forwards, backwards = max(own, 0.0), max(-own, 0.0)
+    if "Throttle" in pedals:
+        forwards = pedals["Throttle"] * min(limits.max_acceleration, _PEDAL)
+    if "Brake" in pedals:
+        backwards = pedals["Brake"] * min(limits.max_deceleration, _PEDAL)
+    backwards = max(backwards, pedals.get("ParkingBrake", 0.0) * min(limits.max_deceleration, _PEDAL))
+    if control.acceleration is None and forwards == backwards == 0.0:
+        return control
+    return replace(control, acceleration=forwards - backwards, reason="overridden controller inputs")

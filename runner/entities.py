@@ -53,6 +53,8 @@ class Entity:
     performance: Performance = field(default_factory=Performance)
     front_axle: float = 0.0
     """x of the front axle, m (0 where there is none)"""
+    max_steering: float = 0.0
+    """greatest angle of the front wheels, rad (0 where it is not known)"""
     model: str = ""
     mass: float = 0.0
     properties: dict[str, str] = field(default_factory=dict)

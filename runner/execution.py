@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 MAX_TIME = 300.0
 """Time limit (s) of a run whose caller gives none: scenarios without a StopTrigger have no end of their own."""
 
+_LONGEST = 1e6
+
 WORLDS = ("sumo", "kinematic")
 
 
@@ -58,8 +60,8 @@ def run(
         InvalidFile: a file is missing, malformed or breaks its standard.
         Unsupported: the scenario asks for something that the runner does not do.
     """
+    check_settings(timestep, max_time, world)
     limit = MAX_TIME if max_time is None else max_time
-    _check(timestep, limit)
     system = load_system(sut)
     compiled, driver = prepare(scenario, parameters, ego, enforce_constraints)
     sim = Simulation(compiled, open_world(world), timestep, seed)
@@ -104,15 +106,20 @@ def open_world(name: str) -> World:
         from runner.kinematic import KinematicWorld
 
         return KinematicWorld()
-    if name == "sumo":
-        from runner.sumo import SumoWorld
+    from runner.sumo import SumoWorld
 
-        return SumoWorld()
-    raise UsageError(f"the world {name!r} is not one of {', '.join(WORLDS)}")
+    return SumoWorld()
 
 
-def _check(timestep: float, limit: float) -> None:
-    if not (math.isfinite(timestep) and 0.001 <= timestep <= 1.0):
+def check_settings(timestep: float, max_time: float | None, world: str) -> None:
+    """Refuse settings that no run can have; arguments as in `run`.
+
+    Raises:
+        UsageError: one of them is wrong.
+    """
+    if not 0.001 <= timestep <= 1.0:
         raise UsageError(f"the time step must be from 0.001 s to 1 s, not {timestep}")
-    if not (math.isfinite(limit) and limit >= 0.0):
-        raise UsageError(f"the time limit must be a number of seconds, not {limit}")
+    if max_time is not None and not 0.0 <= max_time <= _LONGEST:
+        raise UsageError(f"the time limit must be from 0 s to {_LONGEST:g} s, not {max_time}")
+    if world not in WORLDS:
+        raise UsageError(f"the world {world!r} is not one of {', '.join(WORLDS)}")

@@ -12,6 +12,7 @@ from runner.simulation import LogEntry
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from runner.criticality import Criticality
     from runner.recording import Recording
 
 
@@ -58,8 +59,8 @@ class RunResult:
         return self.recording.table()
 
     @cached_property
-    def criticality(self) -> Any:
-        """Criticality measures of the ego per step, and their extremes (see `runner.criticality`)."""
+    def criticality(self) -> Criticality | None:
+        """Criticality measures of the ego per step, and their extremes; None where the ego never appeared, or there is none."""
         from runner.criticality import of_run
 
         return of_run(self)

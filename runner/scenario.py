@@ -229,7 +229,8 @@ def read_object(node: Node, name: str) -> Entity:
         category=described.get(f"{kind}Category", "") if kind != "miscellaneous" else described.get("miscObjectCategory", ""),
         box=_read_box(described),
         performance=_read_performance(described.find("Performance")),
-        front_axle=_read_front_axle(described),
+        front_axle=_read_front_axle(described, "positionX"),
+        max_steering=_read_front_axle(described, "maxSteering"),
         model=described.get("model3d", "") or described.get("name", ""),
         mass=described.finite("mass", 0.0),
         properties=_read_properties(described),
@@ -313,9 +314,9 @@ def _read_performance(node: Node | None) -> Performance:
     return Performance(*values, *rates)
 
 
-def _read_front_axle(node: Node) -> float:
+def _read_front_axle(node: Node, attribute: str) -> float:
     axle = node.find("Axles", "FrontAxle")
-    return float(axle.finite("positionX")) if axle is not None else 0.0
+    return float(axle.finite(attribute)) if axle is not None else 0.0
 
 
 def _read_selection(node: Node, context: Context) -> list[Entity]:

@@ -167,11 +167,11 @@ class Simulation:
         entity.standstill = entity.standstill + dt if abs(reading.speed) < _STANDSTILL else 0.0
         entity.x, entity.y, entity.h, entity.speed = reading
         entity.on_lane = False
-        self._lift(entity)
+        self.lift(entity)
         if entity.trailer is not None:
             tow(self, entity, dt)
 
-    def _lift(self, entity: Entity) -> None:
+    def lift(self, entity: Entity) -> None:
         """Put an entity that moves in the plane onto the road's surface."""
         point = self.road_point(entity)
         if point is None or self.network is None or self.network.roads[point.road_id].flat:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
 from runner.simulation import LogEntry
+from schemas.version import version
 
 if TYPE_CHECKING:
-    from runner.batch import Outcome
+    from runner.jobs import Outcome
     from runner.result import RunResult
 
 
@@ -35,13 +35,14 @@ def summary(result: RunResult) -> dict[str, Any]:
             for track in result.recording.tracks.values()
         },
         "criticality": result.criticality.summary if result.criticality is not None else None,
-        "version": version("xosc-toolchain"),
+        "version": version(),
     }
 
 
 def write_json(values: dict[str, Any], path: Path) -> None:
     """Write JSON that every reader takes: infinite numbers become null."""
-    path.write_text(json.dumps(finite(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    text = json.dumps(finite(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    path.write_text(text, encoding="utf-8", errors="backslashreplace")  # which is how JSON writes bytes in file names
 
 
 def finite(value: Any) -> Any:
@@ -57,9 +58,9 @@ def finite(value: Any) -> Any:
 
 def write_events(events: Iterable[LogEntry], path: Path) -> None:
     """Write the event log, one JSON object a line: time, kind, subject, and the reason or detail as text."""
-    with path.open("w", encoding="utf-8") as file:
+    with path.open("w", encoding="utf-8", errors="backslashreplace") as file:
         for entry in events:
-            file.write(json.dumps(finite(entry._asdict()), ensure_ascii=False) + "\n")
+            file.write(json.dumps(finite(entry._asdict()), ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
@@ -71,10 +72,15 @@ def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
     for source, members in groups.items():
         counts = {state: str(sum(o.state == state for o in members)) for state in ("failed", "error")}
         suite = etree.SubElement(
-            suites, "testsuite", name=source, tests=str(len(members)), failures=counts["failed"], errors=counts["error"]
+            suites,
+            "testsuite",
+            name=_printable(source),
+            tests=str(len(members)),
+            failures=counts["failed"],
+            errors=counts["error"],
         )
         for outcome in members:
-            case = etree.SubElement(suite, "testcase", classname=Path(source).stem, name=outcome.job.name)
+            case = etree.SubElement(suite, "testcase", classname=_printable(Path(source).stem), name=outcome.job.name)
             case.set("time", f"{outcome.end_time or 0.0:.3f}")
             if outcome.state != "passed":
                 tag = "failure" if outcome.state == "failed" else "error"

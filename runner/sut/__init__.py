@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
-from importlib.metadata import entry_points
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
 
 from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
-from schemas.errors import UsageError
+from schemas.errors import ToolchainError, UsageError
 
-__all__ = ["Control", "Observation", "SystemUnderTest", "WorldDriven", "load_system"]
+__all__ = ["Control", "Observation", "SystemUnderTest", "WorldDriven", "find_system", "load_system"]
 
 GROUP = "xosc.sut"
 
@@ -19,20 +19,39 @@ def load_system(name: str | None) -> SystemUnderTest | WorldDriven | None:
     Raises:
         UsageError: no such system, with those that there are; or it can't be built.
     """
+    factory = find_system(name)
+    if factory is None:
+        return None
+    try:
+        system = factory()
+    except ToolchainError:
+        raise
+    except Exception as error:
+        raise UsageError(f"the system under test {name!r} can't be built: {type(error).__name__}: {error}") from error
+    methods = ("reset",) if isinstance(system, WorldDriven) else ("reset", "control")
+    missing = [method for method in methods if not callable(getattr(system, method, None))]
+    if missing:
+        raise UsageError(f"the system under test {name!r} has no method {missing[0]}, see docs/systems-under-test.md")
+    return system
+
+
+def find_system(name: str | None) -> Callable[[], SystemUnderTest | WorldDriven] | None:
+    """What builds the system under test of that name; None for `none`.
+
+    Raises:
+        UsageError: no such system, with those that there are; or it can't be imported.
+    """
     if name is None or name == "none":
         return None
-    if ":" in name:
-        module, _, attribute = name.partition(":")
-        try:
-            factory = getattr(importlib.import_module(module), attribute)
-        except (ImportError, AttributeError) as error:
-            raise UsageError(f"the system under test {name!r} can't be imported: {error}") from None
-    else:
-        known = {entry.name: entry for entry in entry_points(group=GROUP)}
-        if name not in known:
-            raise UsageError(f"no system under test is called {name!r}; there are {', '.join(sorted(known))}, and module:Class")
-        factory = known[name].load()
-    system = factory()
-    if not (isinstance(system, WorldDriven) or callable(getattr(system, "control", None))):
-        raise UsageError(f"the system under test {name!r} has no method control(observation, dt)")
-    return system
+    known = {entry.name: entry for entry in entry_points(group=GROUP)}
+    if name not in known and ":" not in name:
+        there = ", ".join(sorted([*known, "none"]))
+        raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class")
+    entry = known.get(name) or EntryPoint(name, name, GROUP)
+    try:
+        factory = entry.load()
+    except Exception as error:  # a plug-in's own code runs here
+        raise UsageError(f"the system under test {name!r} can't be imported: {type(error).__name__}: {error}") from error
+    if not callable(factory):
+        raise UsageError(f"the system under test {name!r} is not a class")
+    return factory
