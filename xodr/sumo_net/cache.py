@@ -16,7 +16,7 @@ from typing import Any
 from schemas.errors import UsageError
 from xodr.sumo_net.netconvert import OPTIONS, program
 
-FORMAT = 1
+FORMAT = 2
 """To be counted up when the same road network shall give another SUMO network or index."""
 
 

@@ -14,6 +14,7 @@ Source: SUMO documentation, "PlainXML" (nodes, edges, connections, custom lane s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -32,6 +33,9 @@ from xodr.sumo_net.shapes import Point, centre_line, middle, mouth, outline, tex
 from xodr.sumo_net.uses import CLOSED, SPEED_LIMITS, USUAL_SPEED_LIMIT, use_of
 from xodr.sumo_net.ways import Way, next_lane, stretches, ways
 
+LONGEST_BEND = 200.0
+"""Longest edge of a road that is not straight, in m."""
+_MOST_BENDS = 1000
 NARROW = 0.1
 """A lane that nowhere in its section is wider than this is left out, in m."""
 _DOCK_DISTANCE, _DOCK_LENGTH = 2000.0, 1000.0
@@ -146,8 +150,14 @@ class _Writer:
             self.mouths |= {LaneLink(road.id, lane_id, at_start): place for lane_id, place in row.items()}
 
     def _pieces(self, road: Road) -> list[_Piece]:
-        """The road cut at lane sections and traffic lights, and once more where SUMO would have an edge from a node to itself."""
+        """The road cut at lane sections and traffic lights, and where SUMO would have an edge from a node to itself.
+
+        Bends are cut into stretches as well: moveToXY looks through all points of the edges near a participant.
+        """
         cuts = {light.s for light in self.lights[road.id] if light.s is not None}
+        if not road.line.straight:
+            count = min(math.ceil(road.length / LONGEST_BEND), _MOST_BENDS)
+            cuts |= {road.length * number / count for number in range(1, count)}
         if len(road.sections) == 1 and self.nodes.name(road, True) == self.nodes.name(road, False):
             cuts.add(road.length / 2)
         pieces = []
@@ -177,7 +187,7 @@ class _Writer:
         lanes = [piece.section.lanes[lane_id] for lane_id in ids if road.direction(lane_id, piece.middle) == direction]
         if (direction < 0) != self.plain.left_hand:
             lanes.reverse()
-        return [lane for lane in lanes if _width(lane, piece) > NARROW]
+        return [lane for lane in lanes if _width(road, lane, piece) > NARROW]
 
     def _seam(self, road: Road, pieces: tuple[_Piece, _Piece], rows: tuple[_Row, _Row]) -> None:
         """The ways between two pieces of a road that follow each other towards +s."""
@@ -265,14 +275,15 @@ def _add_lane(edge: etree._Element, index: int, road: Road, lane: Lane, piece: _
         index=str(index),
         type=lane.type or "none",
         speed=f"{speed:.4f}",
-        width=f"{_width(lane, piece):.4f}",
+        width=f"{_width(road, lane, piece):.4f}",
         shape=shape,
     )
     element.set(use.attribute, use.classes)
     _element(element, "param", key="origId", value=f"{road.id}_{lane.id}")
 
 
-def _width(lane: Lane, piece: _Piece) -> float:
-    """Mean width of a lane on a piece, 0 where it is nowhere wider than NARROW."""
-    widths = [lane.width(piece.start + (piece.end - piece.start) * share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return sum(max(width, 0.0) for width in widths) / len(widths) if max(widths) > NARROW else 0.0
+def _width(road: Road, lane: Lane, piece: _Piece) -> float:
+    """Mean width of a lane on a piece as seen from above, 0 where it is nowhere wider than NARROW."""
+    places = [piece.start + (piece.end - piece.start) * share for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    widths = [max(lane.width(s), 0.0) * math.cos(road.superelevation(s)) for s in places]
+    return sum(widths) / len(widths) if max(widths) > NARROW else 0.0
