@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -34,7 +35,8 @@ COLUMNS = (
 """Columns of a track: s; m in the world frame of the road network (reference point); rad, mathematical; m/s and m/s²
 along the heading; OpenDRIVE road coordinates (lane_offset is t minus the t of the lane's centre)."""
 
-_ROAD = COLUMNS.index("road_id")
+_TYPES: dict[str, Any] = {"road_id": object, "lane_id": "int64"}
+_PLACE = ("road_id", "lane_id", "s", "t", "lane_offset")
 Row = tuple[Any, ...]
 """Values of `COLUMNS` at one instant; a road id of None means: not looked up yet."""
 
@@ -48,23 +50,31 @@ class Track:
         kind: vehicle, pedestrian or miscellaneous.
         category: e.g. car, truck, bicycle.
         box: its bounding box about the reference point, m.
-        rows: values of `COLUMNS`, in ascending time.
+        read: gives one array for each of `COLUMNS`, in ascending time; called once, when they are asked for.
     """
 
     name: str
     kind: str
     category: str
     box: BoundingBox
-    rows: list[Row]
+    read: Callable[[], dict[str, np.ndarray]]
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:
-        """The rows as one array a column."""
-        import numpy as np
+        """One array for each of `COLUMNS`; a road id of None means that the place on the road was not looked up yet."""
+        return self.read()
 
-        values = list(zip(*self.rows, strict=True)) or [()] * len(COLUMNS)
-        kinds = {"road_id": object, "lane_id": np.int64}
-        return {name: np.array(column, dtype=kinds.get(name, np.float64)) for name, column in zip(COLUMNS, values, strict=True)}
+    def locate(self, network: RoadNetwork) -> None:
+        """Look up the places on the road that are missing."""
+        columns = self.columns
+        x, y, z, h = (columns[name] for name in ("x", "y", "z", "h"))
+        hint: RoadPoint | None = None
+        for i, road_id in enumerate(columns["road_id"]):
+            if road_id is None:
+                hint = network.locate(float(x[i]), float(y[i]), float(z[i]), float(h[i]), hint)
+                place = (hint.road_id, hint.lane_id, hint.s, hint.t, hint.offset)
+                for name, value in zip(_PLACE, place, strict=True):
+                    columns[name][i] = value
 
 
 class Recording:
@@ -84,12 +94,10 @@ class Recording:
 
     def locate(self) -> Recording:
         """Complete the road coordinates of every row (done once, on demand)."""
-        if not self._located:
-            self._located = True
-            if self.network is not None:
-                for track in self.tracks.values():
-                    track.rows = _located(track.rows, self.network)
-                    track.__dict__.pop("columns", None)
+        if not self._located and self.network is not None:
+            for track in self.tracks.values():
+                track.locate(self.network)
+        self._located = True
         return self
 
     def table(self) -> pa.Table:
@@ -98,12 +106,12 @@ class Recording:
         import pyarrow as pa
 
         self.locate()
-        tracks = [track for track in self.tracks.values() if track.rows]
+        tracks = list(self.tracks.values())
         if not tracks:
             return pa.table({name: pa.array([], _arrow_type(name)) for name in ("time", "entity", *COLUMNS[1:])})
         time = np.concatenate([track.columns["time"] for track in tracks])
         order = np.argsort(time, kind="stable")
-        names = np.repeat(np.arange(len(tracks)), [len(track.rows) for track in tracks])[order]
+        names = np.repeat(np.arange(len(tracks)), [len(track.columns["time"]) for track in tracks])[order]
         entity = pa.DictionaryArray.from_arrays(names.astype(np.int32), [track.name for track in tracks]).cast(pa.string())
         table = {"time": pa.array(time[order]), "entity": entity}
         for name in COLUMNS[1:]:
@@ -118,15 +126,11 @@ def _arrow_type(name: str) -> pa.DataType:
     return {"entity": pa.string(), "road_id": pa.string(), "lane_id": pa.int64()}.get(name, pa.float64())
 
 
-def _located(rows: list[Row], network: RoadNetwork) -> list[Row]:
-    hint: RoadPoint | None = None
-    done = []
-    for row in rows:
-        if row[_ROAD] is None:
-            hint = network.locate(row[1], row[2], row[3], row[4], hint)
-            row = (*row[:_ROAD], hint.road_id, hint.lane_id, hint.s, hint.t, hint.offset)
-        done.append(row)
-    return done
+def _arrays(rows: list[Row]) -> dict[str, np.ndarray]:
+    import numpy as np
+
+    columns = zip(COLUMNS, zip(*rows, strict=True), strict=True)
+    return {name: np.array(values, dtype=_TYPES.get(name, "float64")) for name, values in columns}
 
 
 class Recorder:
@@ -156,5 +160,5 @@ class Recorder:
     def recording(self) -> Recording:
         """What was written down so far."""
         sim = self._sim
-        tracks = [Track(e.name, e.kind, e.category, e.box, rows) for e, rows in self._rows.items()]
+        tracks = [Track(e.name, e.kind, e.category, e.box, partial(_arrays, rows)) for e, rows in self._rows.items()]
         return Recording(tracks, sim.dt, sim.network)
