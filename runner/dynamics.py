@@ -22,6 +22,8 @@ EPSILON = 1e-9
 DIMENSIONS = ("time", "rate", "distance")
 FOLLOWING_MODES = ("position", "follow")
 
+_RESERVE = 0.8
+"""Share of the braking limit that the gap controller plans with; the rest makes up for its lag."""
 _SAMPLES = 1000
 """Intervals for the mean of a speed that changes its sign."""
 
@@ -143,12 +145,12 @@ def within(speed: float, wanted: float, limits: Performance, dt: float) -> float
 
 
 class GapController:
-    """Closes a gap within limits of speed, acceleration, deceleration and jerk, without overshoot.
+    """Closes a gap within limits of speed, acceleration, deceleration and jerk, and hardly overshoots.
 
     It steers the closing speed to u(gap) by a = 2 √k (u − closing speed). Near the goal u = λ · gap with λ = √k / 2,
     which makes it a critically damped spring of stiffness k = 0.4 · b, where b is the limit for braking into the goal;
-    from gap = b / λ² on, where following that line would need more than b, u = √(2 b gap − (b / λ)²). A jerk limit j
-    bounds the bandwidth, √k ≤ j / limit. Without any limit but that of speed, the gap is closed as fast as that allows.
+    where following that line would need more than B = 0.8 b, u = √(2 B gap − (B / λ)²). A jerk limit j bounds the
+    bandwidth, √k ≤ j / limit. Without any limit but that of speed, the gap is closed as fast as that allows.
 
     Args:
         limits: infinite where there are none.
@@ -183,7 +185,7 @@ class GapController:
         root = math.sqrt(0.4 * brake)
         if self._jerk < math.inf and (strongest := max(drive, brake)) > 0.0:
             root = min(root, self._jerk / strongest)
-        wanted = 2.0 * root * (_safe_closing(gap, brake, root / 2.0) - closing)
+        wanted = 2.0 * root * (_safe_closing(gap, _RESERVE * brake, root / 2.0) - closing)
         wanted = min(max(wanted, -self._back), self._ahead)
         wanted = max(wanted, self._acceleration - self._limits.max_deceleration_rate * dt)
         self._acceleration = min(wanted, self._acceleration + self._limits.max_acceleration_rate * dt)

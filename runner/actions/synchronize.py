@@ -169,13 +169,15 @@ class _Synchronisation:
 
 
 def free_speed(speed: float, way: float, time: float, dt: float) -> float:
-    """Speed (m/s) after dt on the way (m) to be covered in a time (s), whatever the speed at its end.
+    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), whatever the speed at its end.
 
     The acceleration is constant; where that would end in driving backwards, the entity stops before the target.
     """
+    if time <= dt:
+        return speed
     if speed * time > 2.0 * way:
         return max(speed - 0.5 * speed * speed / way * dt, 0.0)
-    return max(speed + 2.0 * (way - speed * time) / (time * time) * dt, 0.0) if time > dt else way / dt
+    return max(speed + 2.0 * (way - speed * time) / (time * time) * dt, 0.0)
 
 
 def planned_speed(speed: float, final: float, way: float, time: float, dt: float) -> float:

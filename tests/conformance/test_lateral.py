@@ -1,0 +1,208 @@
+"""LaneChangeAction, LaneOffsetAction and LateralDistanceAction, by the standard's formulas. All begin at 1 s."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runner import RunResult
+from schemas.errors import InvalidFile
+from tests.conformance.support import at, events, run, track
+
+DT = 0.01
+WIDTH, LANE = 2.0, 3.5
+ROADS = {"RHT": "../roads/straight.xodr", "LHT": "../roads/straight_lht.xodr"}
+
+
+# LaneChangeAction ---------------------------------------------------------------------------
+
+
+def change_run(**parameters: object) -> RunResult:
+    return run("LaneChangeAction", world="kinematic", parameters=parameters)
+
+
+@pytest.mark.parametrize(
+    ("shape", "value"),
+    [("linear", lambda p: p), ("cubic", lambda p: 3 * p**2 - 2 * p**3), ("sinusoidal", lambda p: (1 - np.cos(np.pi * p)) / 2)],
+)
+def test_a_lane_change_follows_its_shape_over_time(shape: str, value: Any) -> None:
+    result = change_run(Shape=shape, Dimension="time", Value=4.0)
+    car = track(result, "Car")
+    progress = np.clip((car["time"] - 1.0) / 4.0, 0.0, 1.0)
+    assert np.allclose(car["y"], -LANE / 2 - LANE * value(progress), atol=1e-6)
+    assert events(result, "endTransition", "CarAction")[0].time == pytest.approx(5.0 - DT)
+
+
+def test_the_speed_is_that_along_the_slanting_path() -> None:
+    car = track(change_run(Shape="linear", Value=2.0), "Car")
+    assert np.allclose(np.hypot(np.diff(car["x"]), np.diff(car["y"])), 10.0 * DT)
+
+
+def test_the_heading_is_that_of_the_path_and_returns_to_the_lanes() -> None:
+    car = track(change_run(Shape="linear", Value=2.0), "Car")
+    assert at(car, 2.0, "h") == pytest.approx(-math.asin(LANE / 2.0 / 10.0), abs=1e-6)
+    assert car["h"][-1] == 0.0
+
+
+@pytest.mark.parametrize(("shape", "duration"), [("linear", 3.5), ("cubic", 5.25), ("sinusoidal", 3.5 * math.pi / 2)])
+def test_a_rate_is_the_greatest_lateral_speed(shape: str, duration: float) -> None:
+    result = change_run(Shape=shape, Dimension="rate", Value=1.0)
+    assert np.abs(np.diff(track(result, "Car")["y"])).max() / DT == pytest.approx(1.0, rel=1e-3)
+    assert events(result, "endTransition", "CarAction")[0].time == pytest.approx(1.0 + duration, abs=2 * DT)
+
+
+def test_a_distance_is_that_travelled() -> None:
+    result = change_run(Shape="sinusoidal", Dimension="distance", Value=50.0)
+    car = track(result, "Car")
+    end = events(result, "endTransition", "CarAction")[0].time
+    moved = (car["time"] > 1.0 - DT / 2) & (car["time"] < end + 1.5 * DT)
+    way = np.hypot(np.diff(car["x"][moved]), np.diff(car["y"][moved])).sum()
+    assert way == pytest.approx(50.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("dimension", "value"), [("time", 0.0), ("distance", 0.0)])
+def test_a_change_that_takes_nothing_is_there_after_one_step(dimension: str, value: float) -> None:
+    car = track(change_run(Dimension=dimension, Value=value), "Car")
+    assert at(car, 1.0 + DT, "y") == pytest.approx(-1.5 * LANE)
+
+
+@pytest.mark.parametrize("dimension", ("time", "distance"))
+def test_what_stands_does_not_slide(dimension: str) -> None:
+    result = change_run(Speed=0.0, Dimension=dimension)
+    assert np.allclose(track(result, "Car")["y"], -LANE / 2)
+    assert not events(result, "endTransition", "CarAction")
+
+
+def test_what_creeps_moves_no_more_sideways_than_it_travels() -> None:
+    car = track(change_run(Speed=0.5, Value=1.0), "Car")
+    assert np.abs(np.diff(car["y"])).max() <= 0.5 * DT + 1e-9
+    assert car["y"][-1] == pytest.approx(-1.5 * LANE)
+
+
+@pytest.mark.parametrize("rule", ROADS)
+@pytest.mark.parametrize("facing", (1, -1))
+@pytest.mark.parametrize("side", (1, -1))
+def test_relative_lanes_count_to_the_left_of_the_entity(rule: str, facing: int, side: int) -> None:
+    """The sign matrix: traffic rule × direction of travel × side, from one of the direction's two lanes to the other."""
+    own_side = facing if rule == "LHT" else -facing
+    lane = own_side * (1 if side * facing == own_side else 2)
+    result = change_run(Road=ROADS[rule], Lane=lane, Steps=side)
+    car = track(result, "Car")
+    assert car["y"][-1] - car["y"][0] == pytest.approx(side * facing * LANE)
+    assert math.cos(car["h"][0]) == pytest.approx(facing)
+
+
+@pytest.mark.parametrize(("lane", "steps", "reached"), [("-1", 1, 1), ("-1", 2, 2), ("1", 1, -1), ("-2", -1, -3), ("-1", 0, -1)])
+def test_the_centre_lane_is_not_counted(lane: str, steps: int, reached: int) -> None:
+    car = track(change_run(Lane=lane, Steps=steps), "Car")
+    assert int(car["lane_id"][-1]) == reached
+
+
+@pytest.mark.parametrize(("lane", "heading", "offset"), [("-1", 0.0, 0.5), ("-1", math.pi, -0.5), ("1", 0.0, 0.5)])
+def test_the_target_lane_offset_is_in_the_roads_t_direction(lane: str, heading: float, offset: float) -> None:
+    car = track(change_run(Lane=lane, Heading=heading, Steps=0, Offset=offset), "Car")
+    assert car["lane_offset"][-1] == pytest.approx(offset)
+    assert car["y"][-1] - car["y"][0] == pytest.approx(offset)
+
+
+def test_an_absolute_lane_is_reached_across_others() -> None:
+    car = track(change_run(Target="2"), "Other")
+    assert (int(car["lane_id"][-1]), car["y"][-1]) == (2, pytest.approx(1.5 * LANE))
+
+
+@pytest.mark.parametrize("parameters", [{"Target": "-7"}, {"Steps": -5}])
+def test_a_lane_that_does_not_exist_is_named(parameters: dict[str, object]) -> None:
+    with pytest.raises(
+        InvalidFile, match=r"LaneChangeAction\.xosc:\d+: LaneChangeAction: .* can't change to lane .* has the lanes"
+    ):
+        change_run(**parameters)
+
+
+@pytest.mark.parametrize("target", ("0", "left", "-1.5"))
+def test_what_is_no_lane_is_refused(target: str) -> None:
+    with pytest.raises(InvalidFile, match="AbsoluteTargetLane"):
+        change_run(Target=target)
+
+
+# LaneOffsetAction ---------------------------------------------------------------------------
+
+
+def offset_run(**parameters: object) -> RunResult:
+    return run("LaneOffsetAction", world="kinematic", parameters=parameters)
+
+
+@pytest.mark.parametrize(("shape", "duration"), [("sinusoidal", math.pi / math.sqrt(2.0)), ("cubic", math.sqrt(6.0))])
+def test_an_offset_takes_the_time_that_its_lateral_acceleration_needs(shape: str, duration: float) -> None:
+    result = offset_run(Shape=shape, MaxLateralAcc=1.0, Offset=1.0)
+    car = track(result, "Car")
+    assert np.abs(np.diff(car["y"], 2)).max() / DT**2 == pytest.approx(1.0, rel=0.02)
+    assert car["y"][-1] == pytest.approx(-LANE / 2 + 1.0)
+    assert events(result, "endTransition", "CarAction")[0].time == pytest.approx(1.0 + duration, abs=2 * DT)
+
+
+def test_an_offset_moves_sideways_on_top_of_the_way_along_the_lane() -> None:
+    assert np.allclose(np.diff(track(offset_run(), "Car")["x"]), 10.0 * DT)
+
+
+@pytest.mark.parametrize(("lane", "heading"), [("-1", 0.0), ("-1", math.pi), ("1", 0.0), ("1", math.pi)])
+@pytest.mark.parametrize("offset", (0.7, -0.7))
+def test_an_offset_is_in_the_roads_t_direction(lane: str, heading: float, offset: float) -> None:
+    car = track(offset_run(Lane=lane, Heading=heading, Offset=offset), "Car")
+    assert car["y"][-1] - car["y"][0] == pytest.approx(offset)
+    assert car["lane_offset"][-1] == pytest.approx(offset)
+
+
+def test_a_relative_offset_adds_to_the_references() -> None:
+    result = offset_run(Continuous=False, Offset=1.0)
+    assert track(result, "Other")["lane_offset"][-1] == pytest.approx(0.5)  # the reference was on its centre at the start
+    result = offset_run(Continuous=True, Offset=1.0)
+    assert track(result, "Other")["lane_offset"][-1] == pytest.approx(1.5)
+    assert not events(result, "endTransition", "OtherAction")
+
+
+def test_a_step_offset_is_there_at_once_and_no_acceleration_never() -> None:
+    assert at(track(offset_run(Shape="step"), "Car"), 1.0 + DT, "lane_offset") == pytest.approx(1.0)
+    assert np.allclose(track(offset_run(MaxLateralAcc=0.0), "Car")["lane_offset"], 0.0)
+
+
+# LateralDistanceAction ----------------------------------------------------------------------
+
+
+def lateral_run(**parameters: object) -> RunResult:
+    return run("LateralDistanceAction", world="kinematic", parameters=parameters)
+
+
+@pytest.mark.parametrize("rule", ROADS)
+@pytest.mark.parametrize("lane", ("-1", "1"))
+@pytest.mark.parametrize(("displacement", "side"), [("leftToReferencedEntity", 1), ("rightToReferencedEntity", -1)])
+@pytest.mark.parametrize("system", ("entity", "road", "lane"))
+def test_a_lateral_distance_is_kept_on_the_references_side(
+    rule: str, lane: str, displacement: str, side: int, system: str
+) -> None:
+    result = lateral_run(Road=ROADS[rule], Lane=lane, Displacement=displacement, System=system)
+    facing = 1 if (lane == "-1") == (rule == "RHT") else -1
+    left = (track(result, "Rigid")["y"] - track(result, "Reference")["y"]) * facing
+    assert np.allclose(left[110:], side * (1.0 + WIDTH), atol=1e-6)
+
+
+@pytest.mark.parametrize(("displacement", "side"), [("leftToReferencedEntity", 1), ("rightToReferencedEntity", -1)])
+def test_a_limited_lateral_distance_is_reached_within_the_limits(displacement: str, side: int) -> None:
+    result = lateral_run(Displacement=displacement, Continuous=False, Freespace=False)
+    limited, reference = track(result, "Limited"), track(result, "Reference")
+    assert (limited["y"] - reference["y"])[-1] == pytest.approx(side * 1.0, abs=0.06)
+    end = events(result, "endTransition", "LimitedAction")[0].time
+    assert np.abs(np.diff(limited["y"][limited["time"] < end], 2)).max() / DT**2 <= 1.0 + 1e-3
+
+
+def test_any_side_is_the_one_that_it_is_on() -> None:
+    result = lateral_run(Displacement="any", Freespace=False)
+    left = track(result, "Rigid")["y"] - track(result, "Reference")["y"]
+    assert left[-1] == pytest.approx(1.0)
+
+
+def test_a_lateral_distance_goes_on_while_continuous() -> None:
+    assert not events(lateral_run(Continuous=True), "endTransition", "RigidAction")
+    assert events(lateral_run(Continuous=False), "endTransition", "RigidAction")
