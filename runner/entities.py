@@ -119,6 +119,8 @@ class Entity:
     """the system under test that drives this entity, if any"""
     driven: bool = False
     """whether the simulator's own driver moves it"""
+    spawned: bool = False
+    """whether a traffic action has brought it in"""
     overrides: dict[str, float] = field(default_factory=dict)
     """controller inputs that OverrideControllerValueAction holds"""
     lights: dict[str, str] = field(default_factory=dict)

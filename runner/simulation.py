@@ -183,7 +183,7 @@ class Simulation:
     def _left(self, entity: Entity) -> None:
         """The world has let go of an entity at the end of its way: what the scenario declares goes on as scripted."""
         self.note("left", entity.name, f"has come to the end of the way that {self.world.name} knows")
-        if entity.system is None:
+        if entity.spawned:
             self.despawn(entity)
         else:
             entity.system.lost(entity, self)
@@ -298,6 +298,7 @@ class Simulation:
         if not self.drive(entity):
             return False
         entity.vx, entity.vy = speed * math.cos(entity.h), speed * math.sin(entity.h)
+        entity.spawned = True
         self.entities[entity.name] = entity
         self.contacts.enter(entity)
         self.note("spawned", entity.name, entity.category)

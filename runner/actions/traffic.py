@@ -1,8 +1,385 @@
-"""Traffic actions."""
+"""TrafficSourceAction, TrafficSinkAction, TrafficSwarmAction, TrafficAreaAction and TrafficStopAction.
+
+They bring in traffic that SUMO's drivers drive (`runner.traffic`), and take out only such traffic, never what the scenario
+declares. None of them ends by itself: a TrafficStopAction of the same trafficName ends it (without a name: all of them);
+what is on the road then stays until it leaves the road network.
+"""
 
 from __future__ import annotations
 
-from runner.registry import action
+import math
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
 
-for name in ("TrafficSourceAction", "TrafficSinkAction", "TrafficSwarmAction", "TrafficAreaAction", "TrafficStopAction"):
-    action.refuse(name, "not executed yet")
+from runner import registry
+from runner.actions.base import GlobalAction, Running
+from runner.boxes import Spot, gap
+from runner.positions.base import network_of
+from runner.regions import Ellipse, Polygon, Region, RoadRanges
+from runner.traffic import Mix, Place, Spawner, categories, place_on, places_of
+
+if TYPE_CHECKING:
+    from runner.entities import Entity
+    from runner.positions import Position
+    from runner.scenario import Context
+    from runner.simulation import Simulation
+    from xosc.node import Node
+
+_REFILL = 1.0
+"""Time (s) between two looks at whether swarm or area are complete."""
+_EPSILON = 1e-9
+
+
+def _name(node: Node) -> str:
+    """trafficName, or else what the action is."""
+    above = node.parent
+    given = above.get("trafficName", "") if above is not None else ""
+    return given or node.tag.removesuffix("Action")
+
+
+def _amount(node: Node, attribute: str, default: float | None = None) -> float:
+    """An attribute that must not be negative; without default it is needed."""
+    value = float(node.float(attribute) if default is None else node.float(attribute, default))
+    if value < 0.0:
+        raise node.invalid(f"{attribute}={value:g} must not be negative")
+    return value
+
+
+def _optional(node: Node, *attributes: str) -> float | None:
+    """The first of some attributes that is there."""
+    return next((_amount(node, name) for name in attributes if node.has(name)), None)
+
+
+class _Running(Running, ABC):
+    """What the running actions have in common: TrafficStopAction ends them."""
+
+    def __init__(self, name: str, sim: Simulation) -> None:
+        self.name, self.sim = name, sim
+        self.stopped = False
+
+    def step(self, dt: float) -> bool:
+        """Act, unless stopped."""
+        if not self.stopped:
+            self.act(dt)
+        return self.stopped
+
+    @abstractmethod
+    def act(self, dt: float) -> None:
+        """Bring in and take out."""
+
+    def stop(self) -> None:
+        """What is on the road stays there."""
+
+
+@registry.action("TrafficSourceAction")
+class TrafficSourceAction(GlobalAction):
+    """Brings in traffic around a position: the first at once, then `rate` a second, as far as there is room.
+
+    It appears on any lane within `radius`, with `speed` (1.0: `velocity`), or else as fast as is allowed there.
+    """
+
+    def __init__(self, node: Node, name: str, mix: Mix, position: Position) -> None:
+        self.node, self.name, self.mix, self.position = node, name, mix, position
+        self.radius, self.rate = _amount(node, "radius"), _amount(node, "rate")
+        self.speed = _optional(node, "speed", "velocity")
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficSourceAction:
+        """Read position and traffic."""
+        network_of(node, context)
+        return cls(node, _name(node), Mix.from_xml(node), context.position(node.need("Position")))
+
+    def start(self, sim: Simulation) -> _Source:
+        """Begin."""
+        return _Source(self, sim)
+
+
+class _Source(_Running):
+    """A source at work."""
+
+    def __init__(self, action: TrafficSourceAction, sim: Simulation) -> None:
+        super().__init__(action.name, sim)
+        self.action, self.spawner = action, Spawner(action.name, action.mix)
+        self.elapsed, self.made = 0.0, 0
+        self.places = self._places()
+
+    def _places(self) -> list[Place]:
+        """Places within the radius; the one nearest to the position where no other is that near."""
+        sim, action = self.sim, self.action
+        assert sim.network is not None
+        centre = action.position.resolve(sim)
+        near = Ellipse(centre.x, centre.y, 0.0, action.radius, action.radius)
+        found = [place for place in places_of(sim.network) if near.contains(place.x, place.y)]
+        if found:
+            return found
+        point = centre.point or sim.network.locate(centre.x, centre.y, centre.z, centre.h)
+        if not sim.network.on_road(point):
+            raise action.node.invalid("there is no lane within the radius of the position")
+        return [place_on(sim.network, point.road_id, point.lane_id, point.s)]
+
+    def act(self, dt: float) -> None:
+        """Bring in what is due."""
+        given = self.action.speed
+        while self.made <= self.action.rate * self.elapsed + _EPSILON:
+            if not self.spawner.spawn(self.sim, self.places, lambda place: place.speed if given is None else given):
+                break
+            self.made += 1
+        self.elapsed += dt
+
+
+@registry.action("TrafficSinkAction")
+class TrafficSinkAction(GlobalAction):
+    """Takes out traffic whose boxes come within `radius` of a position, `rate` a second at most.
+
+    With a TrafficDefinition it takes only vehicles of the categories in it.
+    """
+
+    def __init__(self, node: Node, position: Position) -> None:
+        self.name, self.position = _name(node), position
+        self.radius, self.rate = _amount(node, "radius"), _amount(node, "rate", math.inf)
+        definition = node.find("TrafficDefinition")
+        self.categories = categories(definition) if definition is not None else None
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficSinkAction:
+        """Read position and traffic."""
+        return cls(node, context.position(node.need("Position")))
+
+    def start(self, sim: Simulation) -> _Sink:
+        """Begin."""
+        return _Sink(self, sim)
+
+
+class _Sink(_Running):
+    """A sink at work."""
+
+    def __init__(self, action: TrafficSinkAction, sim: Simulation) -> None:
+        super().__init__(action.name, sim)
+        self.action, self.place = action, action.position.resolve(sim)
+        self.elapsed, self.taken = 0.0, 0
+
+    def act(self, dt: float) -> None:
+        """Take out what is there, as far as it is due."""
+        for entity in [entity for entity in self.sim.entities.values() if entity.spawned]:
+            if self.taken > self.action.rate * self.elapsed + _EPSILON:
+                break
+            if self._takes(entity):
+                self.sim.note("sink", entity.name, f"taken out by {self.name}")
+                self.sim.despawn(entity)
+                self.taken += 1
+        self.elapsed += dt
+
+    def _takes(self, entity: Entity) -> bool:
+        wanted = self.action.categories
+        if wanted is not None and entity.category not in wanted:
+            return False
+        return gap(entity, Spot(self.place.x, self.place.y, entity.z, 0.0)) <= self.action.radius
+
+
+class _Population(_Running):
+    """Keeps a number of participants in a region; those that leave it are taken out."""
+
+    def __init__(self, name: str, sim: Simulation, mix: Mix, number: int) -> None:
+        super().__init__(name, sim)
+        self.spawner, self.number = Spawner(name, mix), number
+        self._wait = 0.0
+
+    @abstractmethod
+    def region(self) -> Region:
+        """Where it lives now."""
+
+    def places(self) -> list[Place]:
+        """Where it can appear now."""
+        assert self.sim.network is not None
+        region = self.region()
+        return [place for place in places_of(self.sim.network) if region.contains(place.x, place.y)]
+
+    def wanted(self, places: list[Place]) -> list[Place]:
+        """Where the next one shall appear."""
+        return places
+
+    def speed(self, place: Place) -> float:
+        """How fast it appears at a place, m/s."""
+        return place.speed
+
+    def act(self, dt: float) -> None:
+        """Take out those that have left, and from time to time fill up."""
+        region = self.region()
+        for entity in self.spawner.present():
+            if not region.contains(entity.x, entity.y):
+                self.sim.note("left", entity.name, f"has left {self.name}")
+                self.sim.despawn(entity)
+        self._wait -= dt
+        if self._wait <= _EPSILON:
+            self._wait = _REFILL
+            self.fill()
+
+    def fill(self) -> None:
+        """Bring in those that are missing, as far as there is room."""
+        missing = self.number - len(self.spawner.present())
+        places = self.places() if missing > 0 else []
+        while missing > 0 and self.spawner.spawn(self.sim, self.wanted(places), self.speed):
+            missing -= 1
+
+
+@registry.action("TrafficSwarmAction")
+class TrafficSwarmAction(GlobalAction):
+    """Keeps traffic around an entity: in an ellipse that goes with it, but appearing outside a circle around it.
+
+    The ellipse's centre lies `offset` ahead of the entity, its major axis along the entity's.
+    """
+
+    def __init__(self, node: Node, context: Context) -> None:
+        self.name, self.mix = _name(node), Mix.from_xml(node)
+        self.central = context.entity(node.need("CentralObject"))
+        self.major, self.minor = _amount(node, "semiMajorAxis"), _amount(node, "semiMinorAxis")
+        self.inner, self.offset = _amount(node, "innerRadius"), node.finite("offset")
+        self.number = int(_amount(node, "numberOfVehicles"))
+        self.speeds = _speeds(node)
+        travel = node.find("DirectionOfTravelDistribution")
+        self.same = _share(travel) if travel is not None else None
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficSwarmAction:
+        """Read what the swarm is."""
+        network_of(node, context)
+        return cls(node, context)
+
+    def start(self, sim: Simulation) -> _Swarm:
+        """Begin."""
+        return _Swarm(self, sim)
+
+
+def _speeds(node: Node) -> tuple[float, float] | None:
+    """Lowest and highest speed (m/s) at the beginning: InitialSpeedRange, or 1.0's velocity."""
+    limits = node.find("InitialSpeedRange")
+    if limits is None:
+        velocity = _optional(node, "velocity")
+        return None if velocity is None else (velocity, velocity)
+    low, high = _amount(limits, "lowerLimit"), _amount(limits, "upperLimit")
+    if low > high:
+        raise limits.invalid("lowerLimit exceeds upperLimit")
+    return low, high
+
+
+def _share(node: Node) -> float:
+    """Share of those that travel as the central object does."""
+    same, opposite = _amount(node, "same"), _amount(node, "opposite")
+    if same + opposite <= 0.0:
+        raise node.invalid("same and opposite must not both be 0")
+    return same / (same + opposite)
+
+
+class _Swarm(_Population):
+    """A swarm at work."""
+
+    def __init__(self, action: TrafficSwarmAction, sim: Simulation) -> None:
+        super().__init__(action.name, sim, action.mix, action.number)
+        self.action = action
+
+    def act(self, dt: float) -> None:
+        """As long as the central object is there."""
+        if self.action.central.active and self.action.central.placed:
+            super().act(dt)
+
+    def region(self) -> Region:
+        """The ellipse."""
+        action, centre = self.action, self.action.central
+        x, y = centre.x + action.offset * math.cos(centre.h), centre.y + action.offset * math.sin(centre.h)
+        return Ellipse(x, y, centre.h, action.major, action.minor)
+
+    def places(self) -> list[Place]:
+        """In the ellipse, outside the circle."""
+        action, centre = self.action, self.action.central
+        inner = Ellipse(centre.x, centre.y, 0.0, action.inner, action.inner)
+        return [place for place in super().places() if not inner.contains(place.x, place.y)]
+
+    def wanted(self, places: list[Place]) -> list[Place]:
+        """In one direction of travel, drawn by the shares where they are given."""
+        if self.action.same is None:
+            return places
+        same = self.sim.random.random() < self.action.same
+        return [place for place in places if (math.cos(place.h - self.action.central.h) > 0.0) == same]
+
+    def speed(self, place: Place) -> float:
+        """In the range given."""
+        limits = self.action.speeds
+        return place.speed if limits is None else self.sim.random.uniform(*limits)
+
+
+@registry.action("TrafficAreaAction")
+class TrafficAreaAction(GlobalAction):
+    """Fills an area with traffic: once, which ends the action, or (`continuous`) keeping it filled.
+
+    The area is a polygon, or stretches of road with some of their lanes or all.
+    """
+
+    def __init__(self, node: Node, context: Context) -> None:
+        self.network = network_of(node, context)
+        self.name, self.mix = _name(node), Mix.from_xml(node)
+        self.number, self.continuous = int(_amount(node, "numberOfEntities")), node.bool("continuous")
+        area = node.need("TrafficArea")
+        polygon, ranges = area.find("Polygon"), area.children("RoadRange")
+        self.corners: list[Position] = []
+        self.region: Region | None = RoadRanges.from_xml(ranges, self.network) if ranges else None
+        if polygon is not None:
+            self.corners = [context.position(corner) for corner in polygon.children("Position")]
+        if len(self.corners) < 3 and not ranges:
+            raise area.invalid("a Polygon of three positions or more, or a RoadRange, is expected inside")
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficAreaAction:
+        """Read area and traffic."""
+        return cls(node, context)
+
+    def start(self, sim: Simulation) -> _Area:
+        """Begin; the corners of a polygon are where they are now."""
+        corners = [corner.resolve(sim) for corner in self.corners]
+        return _Area(self, sim, self.region or Polygon([(corner.x, corner.y) for corner in corners]))
+
+
+class _Area(_Population):
+    """An area at work."""
+
+    def __init__(self, action: TrafficAreaAction, sim: Simulation, region: Region) -> None:
+        super().__init__(action.name, sim, action.mix, action.number)
+        self._continuous, self._region = action.continuous, region
+        self._places: list[Place] | None = None
+
+    def region(self) -> Region:
+        """The area."""
+        return self._region
+
+    def places(self) -> list[Place]:
+        """Always the same."""
+        if self._places is None:
+            self._places = super().places()
+        return self._places
+
+    def step(self, dt: float) -> bool:
+        """Complete at once unless continuous."""
+        return super().step(dt) or not self._continuous
+
+
+@registry.action("TrafficStopAction")
+class TrafficStopAction(GlobalAction):
+    """Ends the traffic actions of its trafficName, or all where it has none; what is on the road stays there."""
+
+    def __init__(self, name: str | None) -> None:
+        self.name = name
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TrafficStopAction:
+        """Read the name, and look for whom it means."""
+        above = node.parent
+        name = above.get("trafficName", None) if above is not None else None
+        others = [other for other in context.document.node.iter("TrafficAction") if other.find("TrafficStopAction") is None]
+        if name is not None and name not in {other.get("trafficName", None) for other in others}:
+            raise node.invalid(f"no traffic action of this scenario has the trafficName {name!r}")
+        return cls(name)
+
+    def start(self, sim: Simulation) -> None:
+        """Stop at once."""
+        for process in sim.processes:
+            if isinstance(process.running, _Running) and self.name in (None, process.running.name):
+                process.running.stopped = True
