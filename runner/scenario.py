@@ -352,13 +352,18 @@ def _read_init(node: Node, context: Context) -> None:
             actors = context.entities(group)
             for private in group.children("PrivateAction"):
                 for actor in actors:
-                    element = ActionElement("Init", None, context.actions(private))
-                    context.storyboard.init.append((actor, element))
+                    context.storyboard.init.append((actor, _initial(context.actions(private), actor)))
         elif group.tag in ("GlobalAction", "UserDefinedAction"):
             wrapped = context.actions(group)
-            context.storyboard.init.append((None, ActionElement("Init", None, wrapped)))
+            context.storyboard.init.append((None, _initial(wrapped, None)))
         else:
             raise group.unsupported("this element of Init/Actions is not known to the runner")
+
+
+def _initial(actions: list[Action], actor: Entity | None) -> ActionElement:
+    """Actions of the Init section as one element; it has no name in the file, the event log needs one."""
+    what = "+".join(type(action).__name__ for action in actions)
+    return ActionElement(f"Init::{actor.name}::{what}" if actor is not None else f"Init::{what}", None, actions)
 
 
 def _read_act(node: Node, story: Story, context: Context) -> None:

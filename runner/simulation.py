@@ -116,7 +116,7 @@ class Simulation:
                 if not entity.driven:
                     self._move(entity, dt)
         self.step_index += 1
-        self.time = self.step_index * dt
+        self.time = round(self.step_index * dt, 9)
         self.world.mirror(entity for entity in self.entities.values() if entity.active and not entity.driven)
         self.world.step()
         for entity in [entity for entity in self.entities.values() if entity.driven]:
