@@ -76,9 +76,9 @@ def jobs_of(paths: Iterable[Path], parameters: dict[str, str], enforce_constrain
 
 
 def _folder_name(path: Path) -> str:
-    """A file's name as a folder's name that is safe everywhere: no separators, no dots at its ends, not too long."""
-    stem = "".join(c if c.isalnum() or c in "-_.+=" else "_" for c in path.stem)
-    return stem[:_LONGEST].strip(".") or "_"
+    """A file's name as a folder's name that is safe everywhere, and is none of the batch's own files, which have dots."""
+    stem = "".join(c if c.isalnum() or c in "-_+=" else "_" for c in path.stem)
+    return stem[:_LONGEST]
 
 
 def _jobs_of(path: Path, stem: str, parameters: dict[str, str], enforce_constraints: bool) -> Iterator[Job]:

@@ -1,0 +1,338 @@
+"""Batches: order, determinism over processes, defects, interruption and resumption, names of result folders."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from runner.batch import Options, rehearse_batch, run_batch
+from runner.jobs import Job, Outcome, jobs_of
+from schemas.errors import UsageError
+from tests.runner.files import distribution, place, scenario
+
+QUICK = Options(sut="none", world="kinematic")
+
+
+def batch(paths: list[Path], options: Options = QUICK, **settings: object) -> list[Outcome]:
+    return list(run_batch(jobs_of(paths, {}, True), options, **settings))  # type: ignore[arg-type]
+
+
+def names(outcomes: list[Outcome]) -> list[str]:
+    return [outcome.job.name for outcome in outcomes]
+
+
+@pytest.fixture
+def variation(tmp_path: Path) -> Path:
+    """Six runs of half a simulated second."""
+    scenario(tmp_path, stop=0.5)
+    return distribution(tmp_path, "variation", {"Gap": (20, 70, 10)})
+
+
+# order and results --------------------------------------------------------------------------
+
+
+def test_outcomes_come_in_the_order_of_files_and_parameter_sets(tmp_path: Path, variation: Path) -> None:
+    last = scenario(tmp_path, "last", stop=0.1)
+    expected = [f"variation~{n:06d}" for n in range(6)] + ["last"]
+    for processes in (1, 2):
+        outcomes = batch([variation, last], processes=processes)
+        assert names(outcomes) == expected
+        assert [o.job.parameters.get("Gap") for o in outcomes] == ["20", "30", "40", "50", "60", "70", None]
+        assert {o.state for o in outcomes} == {"passed"}
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.parent != folder and p.is_file()}
+
+
+def test_results_are_the_same_bytes_in_one_process_in_two_and_again(tmp_path: Path, variation: Path) -> None:
+    options = Options(world="kinematic", seed=3)
+    for name, processes in (("serial", 1), ("parallel", 2), ("again", 1)):
+        batch([variation], options, out=tmp_path / name, processes=processes)
+    serial = files(tmp_path / "serial")
+    assert sorted({Path(name).name for name in serial}) == [
+        "events.jsonl",
+        "result.json",
+        "trajectories.csv",
+        "trajectories.parquet",
+    ]
+    assert len(serial) == 24
+    assert files(tmp_path / "parallel") == serial
+    assert files(tmp_path / "again") == serial
+
+
+def test_an_error_does_not_end_the_batch(tmp_path: Path) -> None:
+    good = scenario(tmp_path, "good", stop=0.1)
+    broken = tmp_path / "broken.xosc"
+    broken.write_text("<OpenSCENARIO>")
+    outcomes = batch([tmp_path / "absent.xosc", broken, tmp_path, good])
+    assert [(o.state, o.exit_code) for o in outcomes] == [("error", 3)] * 3 + [("passed", 0)]
+    assert "absent.xosc" in outcomes[0].message
+    assert "broken.xosc:1" in outcomes[1].message
+    assert "folder" in outcomes[2].message
+
+
+def test_a_defect_of_the_runner_is_an_internal_error_of_that_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("two\nlines")
+
+    monkeypatch.setattr("runner.execution.run", fail)
+    (outcome,) = batch([scenario(tmp_path)])
+    assert (outcome.exit_code, outcome.message) == (5, "internal error: RuntimeError: two lines")
+    assert "Traceback" in outcome.trace
+
+
+def test_a_catalogue_can_not_be_run(tmp_path: Path) -> None:
+    path = tmp_path / "catalog.xosc"
+    header = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="a" description="d"/>'
+    path.write_text(f'<OpenSCENARIO>{header}<Catalog name="c"/></OpenSCENARIO>')
+    (outcome,) = batch([path])
+    assert outcome.exit_code == 3
+    assert "catalog" in outcome.message
+
+
+def test_a_parameter_that_the_distribution_sets_can_not_be_given(tmp_path: Path, variation: Path) -> None:
+    (outcome,) = run_batch(jobs_of([variation], {"Gap": "7"}, True), QUICK)
+    assert outcome.exit_code == 2
+    assert "'Gap'" in outcome.message
+    given = list(run_batch(jobs_of([variation], {"Ego_Speed": "7"}, True), QUICK))
+    assert {o.job.parameters["Ego_Speed"] for o in given} == {"7"}
+
+
+def test_rehearsing_compiles_and_does_not_run(tmp_path: Path) -> None:
+    unsupported = scenario(tmp_path, "unsupported", init='<Private entityRef="Nobody"/>')
+    outcomes = list(rehearse_batch(jobs_of([scenario(tmp_path), unsupported], {}, True), QUICK))
+    assert [(o.status, o.exit_code) for o in outcomes] == [("compiled", 0), ("", 3)]
+
+
+# laziness -----------------------------------------------------------------------------------
+
+
+def test_a_large_space_is_not_enumerated(tmp_path: Path) -> None:
+    scenario(tmp_path, stop=0.05)
+    path = distribution(tmp_path, "large", {"Gap": (10, 120, 1), "Ego_Speed": (10, 43, 1), "Lead_Speed": (1, 33, 1)})
+    for processes in (1, 2):
+        taken = 0
+
+        def counted() -> Iterator[Job | Outcome]:
+            nonlocal taken
+            for job in jobs_of([path], {}, True):
+                taken += 1
+                yield job
+
+        outcomes = run_batch(counted(), QUICK, processes=processes)
+        assert names(list(islice(outcomes, 2))) == ["large~000000", "large~000001"]
+        outcomes.close()
+        assert taken < 30
+
+
+# names --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("stem", "expected"),
+    [
+        ("plain", "plain"),
+        ("with space & more", "with_space___more"),
+        ("..", "__"),
+        (".hidden", "_hidden"),
+        ("runs.jsonl", "runs_jsonl"),
+        ("batch.json", "batch_json"),
+        ("größe", "größe"),
+        ("new\nline", "new_line"),
+        ("tilde~000001", "tilde_000001"),
+        ("x" * 240, "x" * 100),
+    ],
+)
+def test_names_are_safe_as_folder_names(tmp_path: Path, stem: str, expected: str) -> None:
+    path = scenario(tmp_path, stop=0.05).rename(tmp_path / f"{stem}.xosc")
+    out = tmp_path / "out"
+    (outcome,) = batch([path], out=out)
+    assert outcome.state == "passed", outcome.message
+    assert [p.name for p in out.iterdir() if p.is_dir()] == [outcome.job.name]
+    assert outcome.job.name.startswith(expected)
+    assert {p.name for p in tmp_path.iterdir()} == {path.name, "straight.xodr", "out"}
+
+
+def test_names_are_unique(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("a/x.xosc", "b/x.xosc", "c/X.xosc", "d/x~2.xosc", "a/x.xosc")]
+    for path in paths:
+        scenario(path.parent, path.stem, stop=0.05)
+    paths.append(distribution(tmp_path / "a", "x_", {"Gap": (10, 20, 10)}, of="x"))
+    found = names(batch(paths))
+    assert len({name.casefold() for name in found}) == len(found) == 7
+
+
+# the output folder --------------------------------------------------------------------------
+
+
+def test_an_earlier_batch_is_not_overwritten(tmp_path: Path, variation: Path) -> None:
+    out = tmp_path / "out"
+    batch([variation], out=out)
+    with pytest.raises(UsageError, match="--resume"):
+        batch([variation], out=out)
+
+
+def test_a_folder_that_holds_something_else_is_not_removed(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stop=0.05)
+    mine = tmp_path / "out" / "scenario" / "notes.txt"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("keep")
+    (outcome,) = batch([path], out=tmp_path / "out")
+    assert outcome.exit_code == 2
+    assert mine.read_text() == "keep"
+
+
+def test_resuming_runs_nothing_twice(tmp_path: Path, variation: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    list(islice(run_batch(jobs_of([variation], {}, True), QUICK, out=out), 3))
+    before = {p: p.stat().st_mtime_ns for p in out.rglob("*.parquet")}
+    assert len(before) == 3
+    outcomes = batch([variation], out=out, resume=True)
+    assert names(outcomes) == [f"variation~{n:06d}" for n in range(6)]
+    assert all(path.stat().st_mtime_ns == when for path, when in before.items())
+    monkeypatch.setattr("runner.execution.run", None)
+    assert batch([variation], out=out, resume=True) == outcomes
+
+
+def test_a_line_cut_short_is_one_run_repeated(tmp_path: Path, variation: Path) -> None:
+    out = tmp_path / "out"
+    batch([variation], out=out)
+    journal = out / "runs.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(lines[:3]) + lines[3][:40])
+    (out / ".draft-left").mkdir()
+    assert {o.state for o in batch([variation], out=out, resume=True)} == {"passed"}
+    entries = [json.loads(line)["job"]["name"] for line in journal.read_text().splitlines()]
+    assert sorted(entries) == [f"variation~{n:06d}" for n in range(6)]
+    assert not list(out.glob(".draft*"))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "complaint"),
+    [
+        ("runs.jsonl", "nonsense\n", r"runs\.jsonl:1"),
+        ("runs.jsonl", "[1]\n", r"runs\.jsonl:1"),
+        ("batch.json", "{", "settings"),
+        ("batch.json", "[]", "settings"),
+    ],
+)
+def test_a_folder_that_is_no_batch_can_not_be_resumed(tmp_path: Path, name: str, content: str, complaint: str) -> None:
+    path, out = scenario(tmp_path, stop=0.05), tmp_path / "out"
+    batch([path], out=out)
+    (out / name).write_text(content)
+    with pytest.raises(UsageError, match=complaint):
+        batch([path], out=out, resume=True)
+
+
+def test_resuming_with_other_settings_or_parameters_is_refused(tmp_path: Path, variation: Path) -> None:
+    out = tmp_path / "out"
+    batch([variation], out=out)
+    with pytest.raises(UsageError, match=r"other settings \(timestep, seed\)"):
+        batch([variation], Options(0.1, "none", seed=1, world="kinematic"), out=out, resume=True)
+    with pytest.raises(UsageError, match="other parameters"):
+        list(run_batch(jobs_of([variation], {"Ego_Speed": "9"}, True), QUICK, out=out, resume=True))
+
+
+# interruption -------------------------------------------------------------------------------
+
+SLOW_SYSTEM = """
+import os
+import time
+from runner.sut import Control
+
+class Slow:
+    def reset(self, ego, timestep, seed): pass
+    def control(self, observation, dt):
+        time.sleep(0.02)
+        return Control()
+
+class Deadly(Slow):
+    def control(self, observation, dt):
+        if observation.others[0].x - observation.ego.x == 30.0:
+            os._exit(1)
+        return Control()
+"""
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_batch_goes_on_where_it_was(tmp_path: Path, processes: int, how: signal.Signals) -> None:
+    scenario(tmp_path, stop=0.5)
+    variation = distribution(tmp_path, "variation", {"Gap": (20, 130, 10)})
+    (tmp_path / "slow.py").write_text(SLOW_SYSTEM)
+    out, journal = tmp_path / "out", tmp_path / "out" / "runs.jsonl"
+    command = [sys.executable, "-m", "runner.cli", str(variation), "--world", "kinematic", "--sut", "slow:Slow"]
+    command += ["--out", str(out), "--jobs", str(processes)]
+    first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    first.send_signal(how)
+    _, errors = first.communicate(timeout=60)
+    assert "Traceback" not in errors
+    if how is signal.SIGINT:
+        assert first.returncode == 130
+        assert not list(out.glob(".draft*"))
+    wait_until_nobody_writes(journal)
+    finished = journal.read_bytes().count(b"\n")
+    assert finished < 12
+    done = {p: p.stat().st_mtime_ns for p in out.rglob("*.parquet")}
+    second = subprocess.run([*command, "--resume"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
+    assert "12 runs: 12 passed" in second.stdout
+    entries = [json.loads(line)["job"]["name"] for line in journal.read_text().splitlines()]
+    assert sorted(entries) == [f"variation~{n:06d}" for n in range(12)]
+    kept = [path for path, when in done.items() if path.stat().st_mtime_ns == when]
+    assert len(kept) >= finished
+    assert not list(out.glob(".draft*"))
+
+
+def wait_until_nobody_writes(journal: Path) -> None:
+    """Workers of a killed batch notice it and end."""
+    size = -1
+    while size != journal.stat().st_size:
+        size = journal.stat().st_size
+        time.sleep(0.3)
+
+
+def test_no_worker_outlives_a_killed_batch(tmp_path: Path, variation: Path) -> None:
+    (tmp_path / "slow.py").write_text(SLOW_SYSTEM.replace("time.sleep", "open(f'alive-{os.getpid()}', 'w'); time.sleep"))
+    command = [sys.executable, "-m", "runner.cli", str(variation), "--world", "kinematic", "--sut", "slow:Slow", "-j", "2"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while len(workers := [int(p.name.partition("-")[2]) for p in tmp_path.glob("alive-*")]) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()] or not os.path.isdir("/proc")
+
+
+@pytest.mark.parametrize("culprit", [0, 1, 2, 5])
+def test_a_run_that_kills_its_process_is_named_and_the_others_complete(
+    tmp_path: Path, culprit: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "deadly.py").write_text(SLOW_SYSTEM)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    behind = place("Ego", 100, 20) + place("Lead", "${70 + $Gap}", 20)
+    scenario(tmp_path, stop=0.1, init=behind)
+    first = 60 - 20 * culprit  # so that the lead is 30 m ahead in the culprit's place
+    path = distribution(tmp_path, "variation", {"Gap": (first, first + 100, 20)})
+    out = tmp_path / "out"
+    outcomes = batch([path], Options(sut="deadly:Deadly", world="kinematic"), processes=2, out=out)
+    assert [o.state for o in outcomes] == ["error" if n == culprit else "passed" for n in range(6)]
+    assert outcomes[culprit].exit_code == 5
+    assert "died" in outcomes[culprit].message
+    assert len((out / "runs.jsonl").read_text().splitlines()) == 6
