@@ -43,6 +43,8 @@ _CAREFUL, _REGARDLESS = 31, 32
 """SUMO's speed modes: all checks (the default), and none."""
 _LANE_CHANGES, _NO_LANE_CHANGES = 1621, 512
 """SUMO's lane change modes: its own changes (the default), and none but those asked for."""
+_NOWHERE = libsumo.constants.INVALID_DOUBLE_VALUE
+"""Coordinate of what is just leaving the network."""
 _DOCK_ROUTE = "dock"
 _UNFIT = re.compile(r"[^A-Za-z0-9_-]")
 """Characters of names that are left out of SUMO's ids."""
@@ -315,6 +317,8 @@ class SumoWorld:
             x, y = vehicle.getPosition(shown.id)
             angle, speed = vehicle.getAngle(shown.id), vehicle.getSpeed(shown.id)
         except libsumo.TraCIException:
+            x = _NOWHERE
+        if x == _NOWHERE:
             self.remove(entity)
             return None
         if entity in self._arrived:
