@@ -134,7 +134,7 @@ class CollisionCondition(EntityCondition):
     def describe(self, entity: Entity, sim: Simulation) -> str:
         """Whom it touches."""
         touched = ", ".join(other.name for other in sim.contacts.of(entity)) or "nobody"
-        return f"{entity.name} touches {touched}, collision with {self.what} expected"
+        return f"collision of {entity.name} with {self.what}: {entity.name} touches {touched}"
 
 
 @condition("SpeedCondition")
