@@ -138,7 +138,7 @@ class Simulation:
         speed = entity.motion.advance(entity, speed, dt)
         if entity.at_road_end:
             entity.at_road_end = not (waiting and speed)
-            entity.road_end = entity.road_end + dt if entity.at_road_end else 0.0
+            entity.road_end = entity.road_end + dt if waiting and not speed else 0.0
         vx, vy = (entity.x - x) / dt, (entity.y - y) / dt
         entity.ax, entity.ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
         entity.vx, entity.vy = vx, vy
