@@ -36,6 +36,8 @@ _NEAR = 3.0
 """Distance (m) from a lane's centre up to which SUMO looks for the lane that a participant is on; further is off the road."""
 _LANE_CHANGE = 3.0
 """Duration (s) of SUMO's lane changes."""
+_STEERING = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.3"}
+"""A car moves sideways with at most 0.3 of its speed, and does not when it stands."""
 _LARGEST_SEED = 2**31 - 1
 _SMALLEST = 0.1
 """Length and width (m) that SUMO needs at least."""
@@ -269,6 +271,8 @@ class SumoWorld:
         """Let SUMO's driver go on with a participant that is in its place."""
         name = self._shown[entity].id
         libsumo.vehicle.setPreviousSpeed(name, max(entity.speed, 0.0))
+        for parameter, value in _STEERING.items():
+            libsumo.vehicle.setParameter(name, f"laneChangeModel.{parameter}", value)
         self._find_route(entity, here, entity.odometer)
         self._apply(entity, self._wishes.get(entity, Wish()))
 
