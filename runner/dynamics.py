@@ -138,12 +138,6 @@ def completed(constraints: Performance, performance: Performance) -> Performance
     return Performance(*(own if own < math.inf else other for own, other in zip(constraints, performance, strict=True)))
 
 
-def within(speed: float, wanted: float, limits: Performance, dt: float) -> float:
-    """The speed (m/s, not negative) nearest to `wanted` that an entity of that speed may have dt (s) later."""
-    wanted = min(max(wanted, speed - limits.max_deceleration * dt), speed + limits.max_acceleration * dt)
-    return min(max(wanted, 0.0), limits.max_speed)
-
-
 class GapController:
     """Closes a gap within limits of speed, acceleration, deceleration and jerk, and hardly overshoots.
 

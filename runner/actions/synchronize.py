@@ -4,7 +4,7 @@ The master's arrival time is that of its present speed. The profile to the targe
 the present state, so that it follows the master's changes of speed; while the master holds its speed, the plan is the
 same at every step. Of all speed profiles that cover the way in the time, it is that with the smallest greatest
 acceleration: one stretch of acceleration a and one of −a (or the other way round), or, where even that would mean
-driving backwards, a stop with a wait.
+driving backwards, a stop with a wait. To arrive in time is the action's purpose, so no Performance bounds it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from runner.actions.base import LONGITUDINAL, PrivateAction, Running
 from runner.actions.longitudinal import RELATIVE
-from runner.dynamics import within
 from runner.entities import Entity
 from runner.motion import Placement
 from runner.registry import action
@@ -144,25 +143,16 @@ class _Synchronisation:
         """Ask for the planned speed at the end of the step."""
         action, actor, master = self._action, self._actor, self._action.master
         left, master_left = self._left() - action.tolerance, self._master_left() - action.master_tolerance
-        final = action.final.speed(master) if action.final is not None else None
-        if left <= 0.0 or master_left <= 0.0:
-            if final is not None:
-                actor.demand = within(actor.speed, final, actor.performance, dt)
-            return True
+        arrived = left <= 0.0 or master_left <= 0.0
         time = master_left / abs(master.speed) if abs(master.speed) > _STILL else math.inf
-        wanted = self._planned(left, time, final, dt)
-        actor.demand = within(actor.speed, wanted, actor.performance, dt)
-        return False
-
-    def _planned(self, left: float, time: float, final: float | None, dt: float) -> float:
-        speed = self._actor.speed
-        if final is None:
-            return free_speed(speed, left, time, dt)
-        assert self._action.final is not None
-        steady = self._action.final.steady
+        if action.final is None:
+            actor.demand = actor.speed if arrived else free_speed(actor.speed, left, time, dt)
+            return arrived
+        final, steady = action.final.speed(master), action.final.steady
         way = left - max(steady.distance, steady.time * final)
         hold = max(steady.time, steady.distance / final if final > 0.0 else 0.0)
-        return planned_speed(speed, final, way, time - hold, dt)
+        actor.demand = final if arrived else planned_speed(actor.speed, final, way, time - hold, dt)
+        return arrived
 
     def stop(self) -> None:
         """The entity keeps the speed that it has."""

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from runner.dynamics import SHAPES, GapController, TransitionDynamics, completed, read_constraints, within
+from runner.dynamics import SHAPES, GapController, TransitionDynamics, completed, read_constraints
 from runner.entities import Performance
 from schemas.errors import InvalidFile
 from xosc.node import Node
@@ -106,14 +106,6 @@ def test_constraints_that_are_not_given_are_infinite_and_completed_by_the_perfor
     assert constraints == Performance(math.inf, 2.0, math.inf, math.inf, math.inf)
     assert completed(constraints, Performance(50.0, 9.0, 8.0)) == Performance(50.0, 2.0, 8.0)
     assert read_constraints(None) is None
-
-
-def test_within_limits_speed_and_its_change() -> None:
-    limits = Performance(11.0, 2.0, 4.0)
-    assert within(10.0, 30.0, limits, 0.1) == pytest.approx(10.2)
-    assert within(10.0, 0.0, limits, 0.1) == pytest.approx(9.6)
-    assert within(10.9, 30.0, limits, 0.1) == 11.0
-    assert within(0.1, -5.0, limits, 0.1) == 0.0
 
 
 def close(gap: float, speed: float, limits: Performance, time: float) -> tuple[list[float], list[float]]:
