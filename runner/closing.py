@@ -6,12 +6,11 @@ Positive while the distance shrinks, whatever its sign; positions stand still. N
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from runner import distances
 from runner.boxes import Spot, gap
 from runner.entities import Entity
-from runner.paths import nearest
 
 if TYPE_CHECKING:
     from runner.motion import Placement
@@ -48,44 +47,45 @@ def _gap_after(a: Entity, b: Entity | Placement, vx: float, vy: float) -> float:
 
 def longitudinal(sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str) -> float | None:
     """Closing speed of the longitudinal distance."""
-    return _closing(sim, a, b, system, routing, 0)
+    seen = _encounter(sim, a, b, system, routing)
+    return math.copysign(1.0, seen.apart[0]) * (seen.own[0] - seen.other[0]) if seen is not None else None
 
 
 def lateral(sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str) -> float | None:
     """Closing speed of the lateral distance."""
-    return _closing(sim, a, b, system, routing, 1)
+    seen = _encounter(sim, a, b, system, routing)
+    return math.copysign(1.0, seen.apart[1]) * (seen.own[1] - seen.other[1]) if seen is not None else None
 
 
-def _closing(sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str, axis: int) -> float | None:
-    measure = distances.lateral if axis else distances.longitudinal
-    distance = measure(sim, a, b, system, False, routing)
-    rates = _rates(sim, a, b, system, routing)
-    if distance is None or rates is None:
-        return None
-    ours, theirs = rates
-    return math.copysign(1.0, distance) * (ours[axis] - theirs[axis])
+class _Encounter(NamedTuple):
+    """Position of b relative to a (m) and both velocities (m/s), each ahead and to the left of a."""
+
+    apart: tuple[float, float]
+    own: tuple[float, float]
+    other: tuple[float, float]
 
 
-def _rates(
-    sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str
-) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Velocities of both along and across, towards ahead and left of a."""
+def _encounter(sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str) -> _Encounter | None:
     if system == "entity":
-        return _turned(velocity(a), a.h), _turned(velocity(b), a.h)
+        return _Encounter(_turned((b.x - a.x, b.y - a.y), a.h), _turned(velocity(a), a.h), _turned(velocity(b), a.h))
     if system == "trajectory":
-        path = distances.trajectory(a)
-        if path is None:
-            return None
-        headings = [path.at(nearest(path, e.x, e.y)).h for e in (a, b)]
-        return _turned(velocity(a), headings[0]), _turned(velocity(b), headings[1])
+        return _on_trajectory(a, b)
     seen = distances.bearing(sim, a, b, system == "lane", routing)
     if seen is None or sim.network is None:
         return None
     here, there = sim.network.roads[seen.a.road_id], sim.network.roads[seen.b.road_id]
-    ours, theirs = _on_road(velocity(a), here, seen.a, seen.line_a), _on_road(velocity(b), there, seen.b, seen.line_b)
+    own, other = _on_road(velocity(a), here, seen.a, seen.line_a), _on_road(velocity(b), there, seen.b, seen.line_b)
     side = distances.facing(a, here, seen.a.s)
-    other = side if seen.aligned else -side
-    return (side * ours[0], side * ours[1]), (other * theirs[0], other * theirs[1])
+    turn = side if seen.aligned else -side
+    return _Encounter((side * seen.ds, side * seen.dt), (side * own[0], side * own[1]), (turn * other[0], turn * other[1]))
+
+
+def _on_trajectory(a: Entity, b: Entity | Placement) -> _Encounter | None:
+    path = distances.trajectory(a)
+    if path is None:
+        return None
+    (s, t, h), (other_s, other_t, other_h) = distances.on_path(path, a), distances.on_path(path, b)
+    return _Encounter((other_s - s, other_t - t), _turned(velocity(a), h), _turned(velocity(b), other_h))
 
 
 def _turned(v: tuple[float, float], h: float) -> tuple[float, float]:

@@ -258,11 +258,17 @@ def trajectory(a: Entity) -> Path | None:
     return a.motion.path if isinstance(a.motion, PathMotion) else None
 
 
+def on_path(path: Path, b: Entity | Placement) -> tuple[float, float, float]:
+    """Place on a trajectory: s along it, t to its left (m), and its heading there (rad)."""
+    s = nearest(path, b.x, b.y)
+    pose = path.at(s)
+    return s, (b.y - pose.y) * math.cos(pose.h) - (b.x - pose.x) * math.sin(pose.h), pose.h
+
+
 def _trace(path: Path, b: Entity | Placement, freespace: bool) -> Footprint:
     """Extent in the coordinates of a trajectory, which is taken as straight under the box."""
-    s = nearest(path, b.x, b.y)
-    track = path.at(s)
-    here = Spot(track.x, track.y, track.z, track.h)
-    seen = outlook(here, _boxed(b) if freespace else Spot(b.x, b.y, b.z, b.h))
-    rear, front, right, left = spans(seen, b.box if freespace and isinstance(b, Entity) else here.box)
-    return Footprint(s + rear, s + front, right, left)
+    s, t, h = on_path(path, b)
+    if not (freespace and isinstance(b, Entity)):
+        return Footprint(s, s, t, t)
+    rear, front, right, left = spans(outlook(Spot(b.x, b.y, b.z, h), b), b.box)
+    return Footprint(s + rear, s + front, t + right, t + left)

@@ -72,6 +72,7 @@ class TrafficSignals:
         """state of each signal that has one, by its id"""
         self.phases: dict[str, str] = {}
         """name of the present phase of each controller"""
+        self._present: dict[str, Phase] = {}
         self._network = network
 
     @classmethod
@@ -115,7 +116,8 @@ class TrafficSignals:
         """Bring all controllers to the simulation's time; changes go to the event log."""
         for name, controller in self.controllers.items():
             phase = controller.at(sim.time)
-            if phase is not None and self.phases.get(name) != phase.name:
+            if phase is not None and self._present.get(name) is not phase:
+                self._present[name] = phase
                 self.phases[name] = phase.name
                 sim.note("trafficSignalPhase", name, phase.name)
                 for signal, state in phase.states.items():
@@ -131,7 +133,7 @@ class TrafficSignals:
     def set_phase(self, sim: Simulation, controller: str, phase: str) -> None:
         """Let a controller go on from a phase; the signals of that phase are set even if it was in it already."""
         self.controllers[controller].go_to(phase, sim.time)
-        self.phases.pop(controller, None)
+        self._present.pop(controller, None)
         self.advance(sim)
 
 

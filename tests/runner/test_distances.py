@@ -15,7 +15,7 @@ from runner.following import PathMotion
 from runner.motion import Placement
 from runner.paths import Corner, Polyline
 from runner.simulation import Simulation
-from tests.runner.scene import CAR, put, put_free, scene
+from tests.runner.scene import CAR, drive, put, put_free, scene
 
 SIDES = [("straight", -1), ("straight", 1), ("straight_lht", 1), ("straight_lht", -1)]
 """{RHT, LHT} × {lane of traffic with s, against s}: lanes −1 and 1 drive with and against s, on LHT roads against and with."""
@@ -197,3 +197,14 @@ def test_a_box_without_length_is_a_point() -> None:
     ego, other = put_free(sim, "Ego", 0.0, 0.0), put_free(sim, "Other", 3.0, 4.0)
     ego.box = other.box = point
     assert euclidean(ego, other, True) == pytest.approx(5.0)
+
+
+def test_trajectory_freespace_takes_the_box_along_the_tangent() -> None:
+    sim = scene("Ego", "Other", road=None)
+    ego, other = put_free(sim, "Ego", 5.0, 0.0), put_free(sim, "Other", 30.0, 3.0)
+    ego.motion = PathMotion(sim, Polyline([Corner(0.0, 0.0, 0.0), Corner(50.0, 0.0, 0.0)]), 5.0)
+    assert longitudinal(sim, ego, other, "trajectory", True) == pytest.approx(25.0 - 5.0)
+    assert lateral(sim, ego, other, "trajectory", True) == pytest.approx(1.0)
+    drive(ego, 20.0)
+    drive(other, 5.0)
+    assert closing.longitudinal(sim, ego, other, "trajectory", "undefined") == pytest.approx(15.0)
