@@ -132,7 +132,7 @@ class LaneOffsetAction(PrivateAction):
         running = _Transition(actor, goal, self.shape, extent, False, False)
         if not self.continuous:
             return _begin(running, extent, actor, sim)
-        return _Kept(running, lambda: self.goal(actor, sim))
+        return _Kept(running, lambda: goal if self.reference is None else self.goal(actor, sim))
 
     def goal(self, actor: Entity, sim: Simulation) -> float:
         """Offset (m) to be reached, positive to the actor's left."""

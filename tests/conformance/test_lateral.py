@@ -127,6 +127,16 @@ def test_what_is_no_lane_is_refused(target: str) -> None:
         change_run(Target=target)
 
 
+@pytest.mark.parametrize("dimension", ("time", "distance"))
+def test_a_lane_change_goes_on_where_the_next_road_is_laid_the_other_way_round(dimension: str) -> None:
+    value = 4.0 if dimension == "time" else 40.0
+    car = track(change_run(Road="../roads/opposed.xodr", S=270.0, Shape="linear", Dimension=dimension, Value=value), "Car")
+    assert set(car["road_id"]) == {"1", "2"}
+    assert np.abs(np.diff(car["y"])).max() <= LANE / 4.0 * DT * 1.01
+    assert (car["y"][-1], int(car["lane_id"][-1])) == (pytest.approx(-1.5 * LANE), 2)
+    assert np.diff(car["x"]).min() > 0.0
+
+
 # LaneOffsetAction ---------------------------------------------------------------------------
 
 
@@ -153,6 +163,14 @@ def test_an_offset_is_in_the_roads_t_direction(lane: str, heading: float, offset
     car = track(offset_run(Lane=lane, Heading=heading, Offset=offset), "Car")
     assert car["y"][-1] - car["y"][0] == pytest.approx(offset)
     assert car["lane_offset"][-1] == pytest.approx(offset)
+
+
+@pytest.mark.parametrize("continuous", (True, False))
+def test_an_offset_stays_on_its_side_where_the_next_road_is_laid_the_other_way_round(continuous: bool) -> None:
+    car = track(offset_run(Road="../roads/opposed.xodr", S=280.0, Offset=0.7, Continuous=continuous), "Car")
+    assert set(car["road_id"]) == {"1", "2"}
+    assert car["y"][-1] == pytest.approx(-LANE / 2 + 0.7)
+    assert car["lane_offset"][-1] == pytest.approx(-0.7)
 
 
 def test_a_relative_offset_adds_to_the_references() -> None:
