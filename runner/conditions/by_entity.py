@@ -79,8 +79,9 @@ class OffroadCondition(_Lasting):
     def from_xml(cls, node: Node, context: Context) -> EntityCondition:
         """Read the duration, and keep time from the beginning of the run."""
         self = cls(node.float("duration"))
-        triggering = node.parent and node.parent.parent and node.parent.parent.need("TriggeringEntities")
-        entities = context.triggering_entities(triggering) if triggering else []
+        above = node.parent
+        by_entity = above.parent if above is not None else None
+        entities = context.triggering_entities(by_entity.need("TriggeringEntities")) if by_entity is not None else []
         context.each_step(lambda sim: self._observe(entities, sim))
         return self
 

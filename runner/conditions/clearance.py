@@ -9,6 +9,7 @@ from runner.conditions.base import EntityCondition
 from runner.distances import Bearing, bearing, facing, footprint
 from runner.entities import Entity
 from runner.registry import condition
+from xodr.relative import lanes_between
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -117,8 +118,9 @@ class RelativeClearanceCondition(EntityCondition):
 
     def _first_inside(self, entity: Entity, sim: Simulation, lanes: frozenset[int]) -> Entity | None:
         """Someone in one of the lanes within the distances."""
+        own = (entity, entity.trailer, entity.tractor)
         for other in self.others:
-            if other is not entity and other.active and other.placed and self._inside(entity, other, sim, lanes):
+            if other.active and other.placed and other not in own and self._inside(entity, other, sim, lanes):
                 return other
         return None
 
@@ -145,23 +147,17 @@ class RelativeClearanceCondition(EntityCondition):
 def _lanes_beside(road: Road, point: RoadPoint, side: int) -> dict[int, int]:
     """Lanes of the road at a point: relative lane, positive to the left of who faces `side` (±1 for ±s) → lane id."""
     ids = [lane for lane in road.lane_ids(point.s) if road.lane_width(point.s, lane) > _NO_WIDTH]
-    own = _rank(point.lane_id)
-    return {side * (_rank(lane) - own): lane for lane in ids}
+    return {side * lanes_between(point.lane_id, lane): lane for lane in ids}
 
 
 def _lanes_under(road: Road, seen: Bearing, right: float, left: float) -> list[int]:
     """Lanes that a stretch of t covers, counted from the lane of the reference point towards +t of its road."""
-    s, own = seen.b.s, _rank(seen.b.lane_id)
+    s = seen.b.s
     section = road.section(s)
     found = []
     for lane_id in road.lane_ids(s):
         lane = section.lanes[lane_id]
         low, high = sorted((lane.inner(s), lane.outer(s)))
         if low < left and high > right:
-            found.append(_rank(lane_id) - own)
+            found.append(lanes_between(seen.b.lane_id, lane_id))
     return found
-
-
-def _rank(lane_id: int) -> int:
-    """Place of a lane across the road, the centre lane left out."""
-    return lane_id - 1 if lane_id > 0 else lane_id
