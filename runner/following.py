@@ -64,6 +64,10 @@ class PathMotion:
             place = in_world(self.sim.network, _pose(entity), z_known=False, hint=self.sim.road_point(entity))
             entity.z, entity.pitch, entity.roll = place.z, place.pitch, place.roll
 
+    def backwards(self) -> bool:
+        """Whether the orientation that the path prescribes faces against its direction, so that one reverses along it."""
+        return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < 0.0
+
     def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
         """Distance (m) along the path to the point of it nearest to a place; negative once passed."""
         if self._target is None or self._target[0] is not placement:
@@ -80,11 +84,12 @@ def join(path: Path, s: float, ahead: float, entity: Entity) -> tuple[Path, floa
     """
     here = path.at(s)
     dx, dy = here.x - entity.x, here.y - entity.y
-    gap = math.hypot(dx, dy)
-    if gap <= _ON_PATH:
+    if math.hypot(dx, dy) <= _ON_PATH:
         return None
-    reach = max(_ASIDE * gap, JOINING * abs(entity.speed))
-    before = max(dx * math.cos(here.h) + dy * math.sin(here.h), 0.0)
+    h = tangent(path, s)
+    aside = abs(dy * math.cos(h) - dx * math.sin(h))
+    reach = max(_ASIDE * aside, JOINING * abs(entity.speed))
+    before = max(dx * math.cos(h) + dy * math.sin(h), 0.0)
     station = min(max(s + reach - before, ahead, s), path.length)
     return approach(entity.x, entity.y, entity.h, entity.z, path.at(station)), station
 

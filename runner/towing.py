@@ -1,7 +1,8 @@
 """How trailers move: the coupler stays on the tractor's hitch, the trailer's axle rolls along the trailer's own heading.
 
-The axle's path is the tractrix of the hitch's: in each step the trailer turns to the line from where its axle was to where
-its hitch point is now. The tractor is not influenced; its trailer may have a trailer of its own.
+The axle's path is the tractrix of the hitch's. Where the hitch moves straight by d, the angle α between its direction and
+the trailer's heading goes by tan(α/2) ~ exp(−d / L), L the length from axle to coupler (also backwards, where it grows);
+each step's motion of the hitch is taken as straight. The tractor is not influenced; its trailer may tow another one.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from runner.entities import Entity
     from runner.simulation import Simulation
 
-_ON_AXLE = 1e-6
-"""Distance (m) of coupler or axle from the hitch at which no direction follows from them."""
+_STILL = 1e-9
+"""Distance (m) from which no direction follows."""
 
 
 def train(entity: Entity) -> Iterator[Entity]:
@@ -38,7 +39,9 @@ def connect(sim: Simulation, tractor: Entity, trailer: Entity) -> None:
     if not trailer.placed:
         line_up(sim, tractor)
     else:
-        _place(tractor, trailer, _turned(tractor, trailer))
+        x, y = _hitch_point(tractor)
+        on_hitch = math.hypot(x - trailer.x, y - trailer.y) < _STILL
+        _place(tractor, trailer, tractor.h if on_hitch else math.atan2(y - trailer.y, x - trailer.x))
         _follow(sim, trailer)
 
 
@@ -68,7 +71,7 @@ def tow(sim: Simulation, tractor: Entity, dt: float) -> None:
     if trailer is None or not trailer.active:
         return
     x, y = trailer.x, trailer.y
-    _place(tractor, trailer, _turned(tractor, trailer))
+    _place(tractor, trailer, _pulled(tractor, trailer))
     trailer.vx, trailer.vy = (trailer.x - x) / dt, (trailer.y - y) / dt
     trailer.speed = trailer.demand = tractor.speed
     trailer.acceleration = tractor.acceleration
@@ -83,11 +86,17 @@ def _hitch_point(tractor: Entity) -> tuple[float, float]:
     return tractor.x + reach * math.cos(tractor.h), tractor.y + reach * math.sin(tractor.h)
 
 
-def _turned(tractor: Entity, trailer: Entity) -> float:
-    """Heading from the trailer's axle to the tractor's hitch; that of the tractor where the two coincide."""
+def _pulled(tractor: Entity, trailer: Entity) -> float:
+    """Heading (rad) of a trailer whose coupler goes straight to where the hitch is now."""
+    reach = trailer.coupler or 0.0
     x, y = _hitch_point(tractor)
-    dx, dy = x - trailer.x, y - trailer.y
-    return math.atan2(dy, dx) if math.hypot(dx, dy) > _ON_AXLE and trailer.coupler else tractor.h
+    dx, dy = x - trailer.x - reach * math.cos(trailer.h), y - trailer.y - reach * math.sin(trailer.h)
+    distance = math.hypot(dx, dy)
+    if distance < _STILL or reach <= 0.0:
+        return trailer.h if reach > 0.0 else tractor.h
+    direction = math.atan2(dy, dx)
+    half = math.tan(0.5 * math.remainder(trailer.h - direction, math.tau))
+    return direction + 2.0 * math.atan(half * math.exp(-distance / reach))
 
 
 def _place(tractor: Entity, trailer: Entity, h: float) -> None:

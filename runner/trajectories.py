@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 _GAP = 1e-3
 """Distance (m) from which the end of a closed shape is joined to its beginning by a line."""
 _JUMP = 1e-6
+"""Way (m) that may be covered in no time: vertices that coincide but for rounding."""
+_FASTEST = 1e4
+"""Speed (m/s) beyond which times are taken for a mistake."""
+_LATEST = 1e9
+"""Time (s) beyond which, or before whose negative, times are taken for a mistake."""
+_LONGEST = 1e7
+"""Length (m) beyond which a trajectory is taken for a mistake."""
 
 
 class Track(NamedTuple):
@@ -117,7 +124,9 @@ def _bent(x: float, y: float, z: float, h: float, bends: tuple[_Bend, ...]) -> S
             segment = Arc(start, bend.start) if bend.start else Line(start)
         segments.append(segment)
         x, y, h = segment.at(bend.length)
-    return Segments(segments, z)
+    path = Segments(segments, z)
+    path.knots()  # a curve that winds too often to be searched is refused now
+    return path
 
 
 class ClothoidShape(Shape):
@@ -306,18 +315,22 @@ class Trajectory:
         """
         return self.fixed or self._build(sim, actor)
 
-    def schedule(self, track: Track) -> Schedule:
+    def schedule(self, track: Track, scale: float) -> Schedule:
         """When a follower is where on a track of this trajectory; between the times given it moves evenly.
+
+        Args:
+            scale: what the times are multiplied by when they are used.
 
         Raises:
             InvalidFile: the times do not describe a motion.
         """
         known = [(time, station) for time, station in zip(track.times, track.stations, strict=True) if time is not None]
         for (before, here), (after, there) in pairwise(known):
-            if after < before:
-                raise self.node.invalid(f"the time {after:g} s follows {before:g} s, but times must not decrease")
-            if after == before and there > here + _JUMP:
-                raise self.node.invalid(f"the trajectory covers {there - here:.2f} m in no time, at {after:g} s")
+            if after < before or max(-before, after) > _LATEST:
+                raise self.node.invalid(f"the time {after:g} s follows {before:g} s, but times must grow from one to the next")
+            duration = scale * (after - before)
+            if there - here > _FASTEST * duration + _JUMP:
+                raise self.node.invalid(f"the trajectory covers {there - here:g} m in {duration:g} s, after {before:g} s")
         return Schedule([time for time, _ in known], [station for _, station in known])
 
     def _build(self, sim: Simulation | None, actor: Entity | None) -> Track:
@@ -326,4 +339,6 @@ class Trajectory:
         if self.closed:
             start = path.at(0.0)
             path = _to(path, start.x, start.y, start.z)
+        if not path.length <= _LONGEST:
+            raise self.node.invalid(f"the trajectory {self.name!r} is {path.length:g} m long")
         return track._replace(path=path, grounded=self.shape.grounded)

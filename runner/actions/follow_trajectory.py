@@ -62,7 +62,7 @@ class FollowTrajectoryAction(PrivateAction):
         if timing is not None and not trajectory.timed:
             raise node.invalid(f"TimeReference/Timing needs times in the trajectory {trajectory.name!r}, from start to end")
         if timing is not None and trajectory.fixed is not None:
-            trajectory.schedule(trajectory.fixed)
+            trajectory.schedule(trajectory.fixed, timing.scale)
         self.places = not follow
 
     @classmethod
@@ -94,7 +94,7 @@ class FollowTrajectoryAction(PrivateAction):
         pace: Pace | None = None
         s = self.skip
         if self.timing is not None:
-            schedule = self.trajectory.schedule(track)
+            schedule = self.trajectory.schedule(track, self.timing.scale)
             skipped = schedule.time(self.skip) - schedule.times[0] if self.skip else 0.0
             pace = Pace(schedule, self.timing.origin(sim.time, skipped), self.timing.scale)
             s = max(pace.station(sim.time), self.skip)
@@ -187,7 +187,8 @@ class _Following:
         if abs(motion.s - self.expected) > _SAME_PLACE:
             pace.resume(now, motion.s)
         self.expected = max(pace.station(now + dt), motion.s)
-        self.actor.demand = (self.expected - motion.s) / dt
+        speed = (self.expected - motion.s) / dt
+        self.actor.demand = -speed if motion.backwards() else speed
         return now + dt >= pace.end - _SAME_TIME
 
     def stop(self) -> None:

@@ -1,9 +1,10 @@
 """What all position kinds share: orientations, and world poses with the road under them.
 
 Orientation (OpenSCENARIO XML 1.3, class Orientation): angles are absolute (world frame) or relative to a reference
-direction; absent attributes are 0 and relative, an absent element means the reference direction itself. The reference is
-the lane's direction of traffic for lane positions, the +s direction for road positions, the direction of travel for routes,
-the tangent for trajectories, and the entity's orientation for positions relative to its pose.
+direction. Absent angles are 0, an absent type is relative (absolute before version 1.2), an absent element means the
+reference direction itself. The reference is the lane's direction of traffic for lane positions, the +s direction for road
+positions, the direction of travel for routes, the tangent for trajectories, and the entity's orientation for positions
+relative to its pose.
 """
 
 from __future__ import annotations
@@ -91,13 +92,14 @@ class Orientation(NamedTuple):
     absolute: bool = False
 
     @classmethod
-    def from_xml(cls, node: Node) -> Orientation:
+    def from_xml(cls, node: Node, context: Context) -> Orientation:
         """The Orientation of a position's element."""
         orientation = node.find("Orientation")
         if orientation is None:
             return cls()
         h, pitch, roll = (orientation.finite(name, 0.0) for name in ("h", "p", "r"))
-        return cls(h, pitch, roll, orientation.choice("type", ("absolute", "relative"), "relative") == "absolute")
+        usual = "absolute" if context.version < (1, 2) else "relative"
+        return cls(h, pitch, roll, orientation.choice("type", ("absolute", "relative"), usual) == "absolute")
 
     def heading(self, reference: float) -> float:
         """World heading, given that of the reference direction (rad)."""

@@ -51,7 +51,7 @@ class GeoPosition(FixedPosition):
         x, y, height = _projection(network).to_world(Geodetic(latitude, longitude, node.finite("height", 0.0)))
         if not (math.isfinite(x) and math.isfinite(y)):
             raise node.invalid("the position is outside the area of the road network's map projection")
-        orientation, altitude = Orientation.from_xml(node), node.finite("altitude", 0.0)
+        orientation, altitude = Orientation.from_xml(node, context), node.finite("altitude", 0.0)
         point = network.locate(x, y, height if node.has("height") else _SKY)
         if network.on_road(point):
             placement = on_road(network, point, network.pose(point).h, orientation)

@@ -62,7 +62,7 @@ class RoadPosition(FixedPosition):
         network = network_of(node, context)
         road, s = _road_and_s(node, network)
         point = road.point(s, node.finite("t"))
-        return cls(node, on_road(network, point, road.heading(s), Orientation.from_xml(node)))
+        return cls(node, on_road(network, point, road.heading(s), Orientation.from_xml(node, context)))
 
 
 @registry.position("LanePosition")
@@ -78,7 +78,7 @@ class LanePosition(FixedPosition):
             point = road.lane_point(s, read_lane_id(node), node.finite("offset", 0.0))
         except RoadError as error:
             raise node.invalid(error.message) from None
-        return cls(node, lane_placement(network, point, Orientation.from_xml(node)))
+        return cls(node, lane_placement(network, point, Orientation.from_xml(node, context)))
 
 
 class _RelativeRoadPosition(Position):
@@ -88,7 +88,7 @@ class _RelativeRoadPosition(Position):
         super().__init__(node)
         self.network = network_of(node, context)
         self.entity = context.entity(node)
-        self.orientation = Orientation.from_xml(node)
+        self.orientation = Orientation.from_xml(node, context)
 
     def references(self) -> tuple[Entity, ...]:
         """The entity referred to."""
@@ -165,8 +165,8 @@ class RelativeLanePosition(_RelativeRoadPosition):
         lane = road.lane_beside(reached.s, reached.lane_id, side * self.lanes)
         if lane is None:
             raise self.node.invalid(
-                f"road {road.id!r} has no lane {self.lanes} beside lane {reached.lane_id} of {self.entity.name!r}"
-                f" at s = {reached.s:.2f} m"
+                f"dLane={self.lanes} leads from lane {reached.lane_id} of {self.entity.name!r}"
+                f" beyond the lanes of road {road.id!r} at s = {reached.s:.2f} m"
             )
         return lane_placement(self.network, road.lane_point(reached.s, lane, side * self.offset), self.orientation)
 

@@ -38,7 +38,7 @@ class RoutePosition(Position):
         super().__init__(node)
         self.network = network_of(node, context)
         self.route = Route.from_xml(node.need("RouteRef", "Route"), context)
-        self.orientation = Orientation.from_xml(node)
+        self.orientation = Orientation.from_xml(node, context)
         self.where = node.need("InRoutePosition").only()
         self.entity = context.entity(self.where) if self.where.tag == "FromCurrentEntity" else None
         if self.route.fixed and self.entity is None:
@@ -97,7 +97,7 @@ class TrajectoryPosition(Position):
         self.context = context
         self.trajectory = Trajectory.from_xml(node.need("TrajectoryRef", "Trajectory"), context)
         self.s, self.t = node.finite("s"), node.finite("t", 0.0)
-        self.orientation = Orientation.from_xml(node)
+        self.orientation = Orientation.from_xml(node, context)
         if self.trajectory.fixed is not None:
             self.fixed = self.resolve(None)
 

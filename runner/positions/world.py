@@ -40,7 +40,7 @@ class _RelativePosition(Position):
         super().__init__(node)
         self.entity = context.entity(node)
         self.dx, self.dy, self.dz = node.finite("dx"), node.finite("dy"), node.finite("dz", 0.0)
-        self.orientation = Orientation.from_xml(node)
+        self.orientation = Orientation.from_xml(node, context)
         self.grounded = False
 
     def references(self) -> tuple[Entity, ...]:
