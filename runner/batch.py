@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner import journal
-from runner.jobs import Job, Outcome, failure
+from runner.jobs import Job, Outcome, failure, one_line
 from runner.outputs import report
 from runner.pool import Pool
 from schemas.errors import UsageError
@@ -83,7 +83,7 @@ def _run(job: Job, options: Options, out: Path | None) -> Outcome:
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
         return failure(job, error)
     state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
-    return Outcome(job, state, code, "; ".join(result.verdict.reasons), result.status, result.end_time, measures)
+    return Outcome(job, state, code, one_line("; ".join(result.verdict.reasons)), result.status, result.end_time, measures)
 
 
 def _write(result: RunResult, folder: Path) -> dict[str, Any]:

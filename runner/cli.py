@@ -86,7 +86,7 @@ def xosc_run(
         raise UsageError("--resume needs the --out folder to go on with")
     if junit is not None:
         junit.parent.mkdir(parents=True, exist_ok=True)
-        junit.touch()  # what can't be written is better known before the runs than after them
+        junit.open("a").close()  # what can't be written is better known before the runs than after them
     source = jobs_of(files, _parameters(param or []), constraints)
     if dry_run:
         outcomes = rehearse_batch(source, options)

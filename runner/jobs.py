@@ -110,4 +110,9 @@ def describe(error: Exception) -> tuple[str, int]:
         message, code = ": ".join(str(part) for part in (error.strerror or error, error.filename) if part), 2
     else:
         message, code = f"internal error: {type(error).__name__}: {error}", 5
-    return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in message), code
+    return one_line(message), code
+
+
+def one_line(text: str) -> str:
+    """Text from files and plug-ins as a terminal may see it: no line breaks, no control characters."""
+    return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in text)

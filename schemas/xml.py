@@ -36,7 +36,7 @@ def parse(path: str | PathLike[str]) -> etree._ElementTree:
         raise _doctype_refused(path, doctype.group().count(b"\n") + 1)
     parser = etree.XMLParser(resolve_entities=False, load_dtd=False, no_network=True, huge_tree=False)
     try:
-        tree = etree.parse(BytesIO(data), parser, base_url=str(path))
+        tree = etree.parse(BytesIO(data), parser, base_url=str(path).encode(errors="backslashreplace").decode())
     except etree.XMLSyntaxError as error:
         message = _HINTS_OF_THE_PARSER.sub("", error.msg or "no XML was found")
         raise InvalidFile(f"not well-formed XML: {message}", path=path, line=error.lineno) from None

@@ -1,4 +1,4 @@
-"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end."""
+"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on standard error."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ _WORDS = {"passed": "PASSED", "failed": "FAILED", "error": "ERROR"}
 _COLOURS = {"passed": "\033[32m", "failed": "\033[31m", "error": "\033[35m"}
 _BOLD, _OFF, _CLEAR = "\033[1m", "\033[0m", "\r\033[K"
 _NAME = 44
+_ENDS = {"completed": "stop trigger", "timeout": "time limit", "compiled": "not run (--dry-run)"}
+_ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 
 
 class Table:
@@ -20,27 +22,26 @@ class Table:
     Args:
         verbose: print tracebacks of errors too.
         quiet: print failures and errors only.
-        total: number of runs, where it is known.
     """
 
-    def __init__(self, *, verbose: bool, quiet: bool, total: int | None = None) -> None:
-        self._verbose, self._quiet, self._total = verbose, quiet, total
+    def __init__(self, *, verbose: bool, quiet: bool) -> None:
+        self._verbose, self._quiet = verbose, quiet
         self._terminal = sys.stdout.isatty()
-        self._progress = sys.stderr.isatty() and not quiet and total != 1
+        self._progress = sys.stderr.isatty() and not quiet
         self._counts = dict.fromkeys(_WORDS, 0)
-        if not quiet:
-            self._print(f"{'verdict':8}{'run':{_NAME}}  {'end':>9}  ended by")
 
     def show(self, outcome: Outcome) -> None:
         """Print one run's line."""
+        if not self._quiet and not any(self._counts.values()):
+            self._print(f"{'verdict':8}{'run':{_NAME}}  {'end':>9}  ended by")
         self._counts[outcome.state] += 1
         if not self._quiet or outcome.state != "passed":
             self._print(self._line(outcome))
-            if self._verbose and outcome.trace:
-                self._print(outcome.trace.rstrip())
+        if outcome.state == "error":
+            trace = outcome.trace if self._verbose else ""
+            print(f"{trace}xosc-run: {outcome.message}", file=sys.stderr, flush=True)
         if self._progress:
-            done = sum(self._counts.values())
-            sys.stderr.write(f"{_CLEAR}{done}{f' of {self._total}' if self._total else ''} runs done")
+            sys.stderr.write(f"{_CLEAR}{sum(self._counts.values())} runs done")
             sys.stderr.flush()
 
     def _line(self, outcome: Outcome) -> str:
@@ -50,11 +51,11 @@ class Table:
         name = outcome.job.name
         if len(name) > _NAME:
             name = name[: _NAME // 2 - 1] + "…" + name[-_NAME // 2 :]
-        if outcome.state == "error":
-            return f"{word}{name:{_NAME}}  {outcome.message}"
         end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
-        how = {"completed": "stop trigger", "timeout": "time limit", "compiled": "not run (--dry-run)"}.get(outcome.status, "")
-        return f"{word}{name:{_NAME}}  {end:>9}  {how}{': ' if how and outcome.message else ''}{outcome.message}".rstrip()
+        how = _ERRORS[outcome.exit_code] if outcome.state == "error" else _ENDS[outcome.status]
+        if outcome.state == "failed":
+            how += f": {outcome.message}"
+        return f"{word}{name:{_NAME}}  {end:>9}  {how}"
 
     def close(self) -> None:
         """Print the summary, where there was more than one run."""

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from schemas.version import version
+
 if TYPE_CHECKING:
+    import numpy as np
+
     from runner.recording import Recording, Track
     from runner.result import RunResult
 
 _GROUP = (
-    "Entitity_Name [-]",
-    "Entitity_ID [-]",
+    "Entity_Name [-]",
+    "Entity_ID [-]",
     "Current_Speed [m/s]",
     "Wheel_Angle [deg]",
     "Wheel_Rotation [-]",
@@ -34,13 +37,17 @@ _GROUP = (
     "Acc_Z [m/s2]",
     "Distance_Travelled_Along_Road_Segment [m]",
     "Lateral_Distance_Lanem [m]",
+    "lane_id",
+    "lane_offset[m]",
     "World_Heading_Angle [rad]",
-    "Heading_Angle_Driving_Direction [rad]",
+    "Heading_Angle_Rate [rad/s]",
+    "Relative_Heading_Angle [rad]",
+    "Relative_Heading_Angle_Drive_Direction [rad]",
     "World_Pitch_Angle [rad]",
     "Road_Curvature [1/m]",
     "collision_ids",
 )
-"""Columns of one entity, spelled as readers of that format expect them (the misspellings are part of it)."""
+"""Columns of one entity, spelled as readers of esmini's files (since 3.6) expect them."""
 
 
 def write_parquet(result: RunResult, path: Path) -> None:
@@ -51,46 +58,62 @@ def write_parquet(result: RunResult, path: Path) -> None:
 
 
 def write_csv(result: RunResult, path: Path) -> None:
-    """Write one line a step with a group of columns for each entity present, as esmini's `--csv_logger` does.
+    """Write six lines of preamble and one line a step with a group of columns for each entity present, as esmini does.
 
-    Wheel angles and rotations, which this runner does not model, and collisions, which are in the event log, are 0 and
-    empty. Entities that join or leave shorten and lengthen the lines, as they do there.
+    Wheel angles and rotations, which this runner does not model, are 0; collisions are in the event log. Entities that
+    join or leave shorten and lengthen the lines, as they do there.
     """
     recording = result.recording.locate()
     tracks = list(recording.tracks.values())
-    frames: dict[float, list[list[object]]] = {}
+    frames: dict[float, list[str]] = {}
     for number, track in enumerate(tracks):
-        for time, cells in _cells(track, number, recording):
-            frames.setdefault(time, []).append(cells)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        file.write(f"xosc-run trajectories\nOpenSCENARIO: {result.scenario.name}\nentities: {len(tracks)}\n")
-        writer = csv.writer(file, lineterminator="\n")
-        names = [f"#{number} {name}" for number in range(1, len(tracks) + 1) for name in _GROUP]
-        writer.writerow(["Index [-]", "TimeStamp [s]", *names])
+        for time, text in zip(track.columns["time"].tolist(), _groups(track, number, recording), strict=True):
+            frames.setdefault(time, []).append(text)
+    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
+        file.write(f"Written by: xosc-toolchain {version()}\nTime step: {result.settings['timestep']}\n")
+        file.write(f"Ego: {result.ego or '-'}\nSystem under test: {result.sut}\n")
+        file.write(f"Scenario File Name: {result.scenario.name}\nNumber of Vehicles: {len(tracks)}\n")
+        names = [f"#{number} {name}, " for number in range(1, len(tracks) + 1) for name in _GROUP]
+        file.write(f"Index [-], TimeStamp [s], {''.join(names)}\n")
         for index, time in enumerate(sorted(frames)):
-            writer.writerow([index, f"{time:.3f}", *(cell for cells in frames[time] for cell in cells)])
+            file.write(f"{index}, {time:.6f}, {''.join(frames[time])}\n")
 
 
-def _cells(track: Track, number: int, recording: Recording) -> list[tuple[float, list[object]]]:
-    """Time and cells of each row of a track; velocities and accelerations by finite differences."""
+def _groups(track: Track, number: int, recording: Recording) -> list[str]:
+    """Text of each row of a track; velocities, accelerations and the heading's rate by finite differences."""
     import numpy as np
 
     columns = track.columns
     time = columns["time"]
     velocity = [_rate(columns[axis], time) for axis in ("x", "y", "z")]
-    acceleration = [_rate(values, time) for values in velocity]
-    numeric = np.column_stack([columns["x"], columns["y"], columns["z"], *velocity, *acceleration])
-    box = [f"{value:.3f}" for value in track.box]
-    done = []
-    for i, moment in enumerate(time):
-        h, road = columns["h"][i], columns["road_id"][i]
-        curvature, relative = _on_road(recording, road, float(columns["s"][i]), float(h))
-        cells: list[object] = [track.name, number, f"{columns['speed'][i]:.3f}", "0.000", "0.000", *box]
-        cells += [f"{value:.6f}" for value in numeric[i]]
-        cells += [f"{columns['s'][i]:.6f}", f"{columns['t'][i]:.6f}", f"{math.remainder(h, math.tau):.6f}", f"{relative:.6f}"]
-        cells += [f"{columns['pitch'][i]:.6f}", f"{curvature:.6f}", ""]
-        done.append((float(moment), cells))
-    return done
+    motion = [columns["x"], columns["y"], columns["z"], *velocity, *(_rate(values, time) for values in velocity)]
+    motion += [columns["s"], columns["t"]]
+    heading = np.unwrap(columns["h"])
+    turning = _rate(heading, time)
+    fixed = f"{_quoted(track.name)}, {number}, "
+    box = "".join(f"{value:.3f}, " for value in track.box)
+    rows = []
+    for i, values in enumerate(np.column_stack(motion).tolist()):
+        h, lane = float(heading[i]), int(columns["lane_id"][i])
+        curvature, relative, driving = _on_road(recording, columns["road_id"][i], values[-2], lane, h)
+        angles = (_turn(h), turning[i], _turn(relative), _turn(driving), columns["pitch"][i], curvature)
+        rows.append(
+            f"{fixed}{columns['speed'][i]:.6f}, 0.000, 0.000, {box}"
+            + "".join(f"{value:.6f}, " for value in values)
+            + f"{lane}, {columns['lane_offset'][i]:.6f}, "
+            + "".join(f"{value:.6f}, " for value in angles)
+            + ", "
+        )
+    return rows
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\r\n') else name
+
+
+def _turn(angle: float) -> float:
+    """An angle from 0 to 2π, as esmini writes them; what is all but 0 is 0."""
+    return round(angle, 9) % math.tau
 
 
 def _rate(values: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -99,13 +122,10 @@ def _rate(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.gradient(values, time) if len(time) > 1 else np.zeros_like(values)
 
 
-def _on_road(recording: Recording, road_id: str | None, s: float, h: float) -> tuple[float, float]:
-    """Curvature of the road (1/m) and heading relative to it (rad); zeros off the network."""
+def _on_road(recording: Recording, road_id: str | None, s: float, lane: int, h: float) -> tuple[float, float, float]:
+    """Curvature of the road (1/m), heading relative to it and to the driving direction (rad); zeros off the network."""
     if recording.network is None or road_id is None:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     road = recording.network.road(road_id)
-    return road.curvature(s), math.remainder(h - road.heading(s), math.tau)
-
-
-if TYPE_CHECKING:
-    import numpy as np
+    relative = h - road.heading(s)
+    return road.curvature(s), relative, relative + (math.pi if lane and road.direction(lane, s) < 0 else 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 
@@ -44,8 +45,8 @@ def find_system(name: str | None) -> Callable[[], SystemUnderTest | WorldDriven]
     if name is None or name == "none":
         return None
     known = {entry.name: entry for entry in entry_points(group=GROUP)}
-    if name not in known and ":" not in name:
-        there = ", ".join(sorted([*known, "none"]))
+    if name not in known and not re.fullmatch(r"[\w.]+:[\w.]+", name):
+        there = ", ".join(sorted({*known, "none"}))
         raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class")
     entry = known.get(name) or EntryPoint(name, name, GROUP)
     try:
