@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner import rss
-from runner.relations import Flags, Floats, Motion, Rows, View, boxes_overlap, reach, relation
+from runner.boxes import reach
+from runner.relations import Flags, Floats, Motion, Rows, View, boxes_overlap, relation
 
 if TYPE_CHECKING:
     from runner.result import RunResult
@@ -101,10 +102,10 @@ def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_
     Args:
         longest: the time above which there is no encounter, s.
     """
-    step = max(_PET_STEP, float(np.min(np.diff(ego.time), initial=_PET_STEP)))
-    mine, theirs = _ticks(ego, step), _ticks(other, step)
     if not _paths_meet(ego, other):
         return None
+    step = max(_PET_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
+    mine, theirs = _ticks(ego, step), _ticks(other, step)
     for lag in range(int(longest / step) + 1):
         for shift in {lag, -lag}:
             _, rows, others = np.intersect1d(mine[0] + shift, theirs[0], assume_unique=True, return_indices=True)

@@ -19,6 +19,9 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
 
+_STEEPEST = 0.3
+"""Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -28,10 +31,10 @@ class Motion:
         name: its name.
         box: its bounding box about the reference point.
         time: s, ascending.
-        x, y: reference point in the world, m.
+        x, y, z: reference point in the world, m.
         h: heading, rad.
         speed: along the heading.
-        road: id of the road, None (or empty arrays of it) where unknown.
+        road: id of the road, None where unknown.
         s, t: road coordinates, m.
     """
 
@@ -40,6 +43,7 @@ class Motion:
     time: Floats
     x: Floats
     y: Floats
+    z: Floats
     h: Floats
     speed: Floats
     road: NDArray[np.object_]
@@ -49,12 +53,12 @@ class Motion:
     @classmethod
     def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> Motion:
         """From the columns of a trajectory table (`runner.recording.COLUMNS`)."""
-        values = {key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "h", "speed", "s", "t")}
+        values = {key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "z", "h", "speed", "s", "t")}
         return cls(name, box, road=np.asarray(columns["road_id"], dtype=object), **values)
 
     def at(self, rows: Rows) -> Motion:
         """The same at some of its instants."""
-        names = ("time", "x", "y", "h", "speed", "road", "s", "t")
+        names = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
@@ -84,10 +88,6 @@ class Relation(NamedTuple):
 # boxes --------------------------------------------------------------------------------------
 
 
-def reach(box: BoundingBox) -> float:
-    return float(np.hypot(abs(box.x) + box.length / 2, abs(box.y) + box.width / 2))
-
-
 class _Sight(NamedTuple):
     """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own one."""
 
@@ -105,7 +105,12 @@ def _sight(a: Motion, b: Motion) -> _Sight:
 
 
 def boxes_overlap(a: Motion, b: Motion) -> Flags:
-    """Where two boxes overlap or touch in the plane (separating-axis theorem), row by row."""
+    """Where two upright boxes overlap or touch, row by row."""
+    return _outlines_overlap(a, b) & (vertical_gap(a, b) == 0.0)
+
+
+def _outlines_overlap(a: Motion, b: Motion) -> Flags:
+    """The same in the plane, by the separating-axis theorem."""
     x, y, c, s = _sight(a, b)
     al, aw, bl, bw = a.box.length / 2, a.box.width / 2, b.box.length / 2, b.box.width / 2
     cos, sin = np.abs(c), np.abs(s)
@@ -115,10 +120,16 @@ def boxes_overlap(a: Motion, b: Motion) -> Flags:
     return np.logical_not(apart)
 
 
+def vertical_gap(a: Motion, b: Motion) -> Floats:
+    """Height between the vertical spans of two upright boxes, row by row; 0 where they overlap."""
+    middle = np.abs(b.z + b.box.z - a.z - a.box.z)
+    return np.maximum(middle - (a.box.height + b.box.height) / 2, 0.0)
+
+
 def box_distance(a: Motion, b: Motion) -> Floats:
     """Shortest distance of two boxes in the plane, row by row; 0 where they overlap."""
     squares = np.minimum(_corner_squares(_sight(a, b), b.box, a.box), _corner_squares(_sight(b, a), a.box, b.box))
-    return np.where(boxes_overlap(a, b), 0.0, np.sqrt(squares))
+    return np.where(_outlines_overlap(a, b), 0.0, np.sqrt(squares))
 
 
 def _corner_squares(seen: _Sight, other: BoundingBox, box: BoundingBox) -> Floats:
@@ -136,10 +147,14 @@ def _corner_squares(seen: _Sight, other: BoundingBox, box: BoundingBox) -> Float
 
 
 def relation(ego: Motion, other: Motion) -> Relation:
-    """Where another participant is as the ego sees it, at the instants that both have in common."""
+    """Where another participant is as the ego sees it, at the instants at which both are there, on the same level."""
     rows, theirs = _common(ego.time, other.time)
     a, b = ego.at(rows), other.at(theirs)
     distance = box_distance(a, b)
+    level = vertical_gap(a, b) <= _STEEPEST * distance
+    if not level.all():
+        rows, theirs, distance = rows[level], theirs[level], distance[level]
+        a, b = ego.at(rows), other.at(theirs)
     view = _in_ego_frame(a, b)
     same = np.array([road is not None and road == there for road, there in zip(a.road, b.road, strict=True)], dtype=bool)
     if same.any():

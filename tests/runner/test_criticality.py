@@ -38,6 +38,7 @@ def motion(
     road: str | None = None,
     start: float = 0.0,
     sideways: float = 0.0,
+    z: float = 0.0,
 ) -> Motion:
     """Constant velocity from x, y; on a road, s and t are x and y."""
     time = np.round(np.arange(round(start / dt), round(until / dt) + 1) * dt, 9)
@@ -45,9 +46,9 @@ def motion(
     xs = x + since * speed * math.cos(h)
     ys = y + since * (speed * math.sin(h) + sideways)
     count = len(time)
-    return Motion(
-        name, CAR, time, xs, ys, np.full(count, h), np.full(count, speed), np.full(count, road, object), xs.copy(), ys.copy()
-    )
+    roads = np.full(count, road, object)
+    h_, v_, z_ = (np.full(count, value) for value in (h, speed, z))
+    return Motion(name, CAR, time, xs, ys, z_, h_, v_, roads, xs.copy(), ys.copy())
 
 
 def test_measures_of_a_lead_are_those_of_the_textbook() -> None:
@@ -235,3 +236,16 @@ def test_post_encroachment_time_of_a_follower_is_its_time_gap() -> None:
     found = post_encroachment_time(motion("Ego", 0.0, 10.0), motion("Follower", -25.0, 10.0))
     assert found is not None
     assert found.value == pytest.approx(2.0, abs=0.1)
+
+
+def test_someone_on_a_bridge_is_not_met() -> None:
+    ego, above = motion("Ego", 0.0, 10.0), motion("Above", 50.0, 0.0, z=6.0)
+    found = criticality(ego, [above])
+    assert found.summary["pet"] is None
+    assert found.distance.value[found.distance.valid].min() > 5.0
+    assert not found.violation["r157"][~found.distance.valid].any()
+
+
+def test_someone_higher_up_the_same_slope_is_met() -> None:
+    found = criticality(motion("Ego", 0.0, 20.0, until=1.0), [motion("Lead", 105.0, 10.0, z=6.0, until=1.0)])
+    assert found.ttc.value[0] == pytest.approx(10.0)
