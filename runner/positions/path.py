@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner import registry
+from runner import registry, routes
 from runner.motion import Placement
 from runner.paths import tangent
 from runner.positions.base import Orientation, Position, in_world, network_of, on_road
-from runner.routes import Route
 from runner.trajectories import Trajectory
 from xodr.model import Pose, RoadError
 
@@ -37,7 +36,7 @@ class RoutePosition(Position):
     def __init__(self, node: Node, context: Context) -> None:
         super().__init__(node)
         self.network = network_of(node, context)
-        self.route = Route.from_xml(node.need("RouteRef", "Route"), context)
+        self.route = routes.Route.from_xml(node.need("RouteRef", "Route"), context)
         self.orientation = Orientation.from_xml(node, context)
         self.where = node.need("InRoutePosition").only()
         self.entity = context.entity(self.where) if self.where.tag == "FromCurrentEntity" else None
