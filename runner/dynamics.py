@@ -190,4 +190,5 @@ def _safe_closing(gap: float, brake: float, slope: float) -> float:
     far = abs(gap)
     if slope * slope * far <= brake:
         return slope * gap
-    return math.copysign(math.sqrt(2.0 * brake * far - (brake / slope) ** 2), gap)
+    knee = brake / slope
+    return math.copysign(math.sqrt(2.0 * brake * far - knee * knee), gap)

@@ -14,9 +14,21 @@ if TYPE_CHECKING:
 
     from runner.entities import Entity
     from runner.simulation import Simulation
+    from xosc.node import Node
 
 LONGITUDINAL, LATERAL, LIGHTING, ANIMATION = "longitudinal", "lateral", "lighting", "animation"
 """Control domains of an entity (OpenSCENARIO XML 1.3, 6.6.1): at most one action owns each at a time."""
+
+
+def need_places(node: Node, *entities: Entity) -> None:
+    """Make sure that entities are somewhere before an action deals with where they are.
+
+    Raises:
+        InvalidFile: one of them has no position yet.
+    """
+    for entity in entities:
+        if not entity.placed:
+            raise node.invalid(f"{entity.name} has no position yet; a TeleportAction has to come first")
 
 
 class Running(Protocol):

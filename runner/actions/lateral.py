@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner.actions.base import LATERAL, PrivateAction, Running
+from runner.actions.base import LATERAL, PrivateAction, Running, need_places
 from runner.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
 from runner.entities import Entity
 from runner.registry import action
@@ -73,20 +73,19 @@ class LaneChangeAction(PrivateAction):
         return _begin(running, extent, actor, sim)
 
     def _lane(self, actor: Entity, sim: Simulation) -> int:
-        road, s = actor.road, actor.s
+        road = actor.road
         assert road is not None
+        there = road.lane_ids(actor.s)
         lane: int | None = self.value
         if self.reference is not None:
-            start, along = _lane_of(self.reference, sim, self.node)
-            lane = road.lane_beside(s, start, self.value * along)
-        there = road.lane_ids(s)
-        if lane not in there:
+            point, along = _place(self.reference, sim, self.node)
+            lane = road.lane_beside(actor.s, point.lane_id, self.value * along) if point.lane_id in there else None
+        if lane is None or lane not in there:
             wanted = f"{self.value}" if self.reference is None else f"{self.value:+d} from that of {self.reference.name}"
             raise self.node.invalid(
-                f"{actor.name} can't change to lane {wanted}: road {road.id} at s = {s:.1f} m has the lanes "
+                f"{actor.name} can't change to lane {wanted}: road {road.id} at s = {actor.s:.1f} m has the lanes "
                 f"{', '.join(map(str, there))}"
             )
-        assert lane is not None
         return lane
 
 
@@ -138,10 +137,7 @@ class LaneOffsetAction(PrivateAction):
         """Offset (m) to be reached, positive to the actor's left."""
         if self.reference is None:
             return self.value * actor.along
-        point = sim.road_point(self.reference)
-        if point is None:
-            raise self.node.invalid(f"{self.reference.name} is not on a road, so it has no lane offset")
-        return (point.offset + self.value) * actor.along
+        return (_place(self.reference, sim, self.node)[0].offset + self.value) * actor.along
 
     def _duration(self, change: float) -> float:
         if self.shape.bend == 0.0 or change == 0.0:
@@ -161,13 +157,9 @@ def follow_road(actor: Entity, sim: Simulation, node: Node) -> None:
     sim.follow_lane(actor, point, along)
 
 
-def _lane_of(entity: Entity, sim: Simulation, node: Node) -> tuple[int, int]:
-    point, along = _place(entity, sim, node)
-    return point.lane_id, along
-
-
 def _place(entity: Entity, sim: Simulation, node: Node) -> tuple[RoadPoint, int]:
     """Road point of an entity, and +1 where it faces increasing s."""
+    need_places(node, entity)
     point = sim.road_point(entity)
     if point is None or sim.network is None:
         raise node.invalid(f"{entity.name} is not on a road, so it has no lane")

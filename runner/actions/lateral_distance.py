@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from runner import distances
-from runner.actions.base import LATERAL, PrivateAction, Running
+from runner.actions.base import LATERAL, PrivateAction, Running, need_places
 from runner.actions.lateral import follow_road, settle_lane
 from runner.actions.longitudinal_distance import read_system
 from runner.dynamics import GapController, read_constraints
@@ -69,6 +69,7 @@ class LateralDistanceAction(PrivateAction):
 
     def start(self, actor: Entity, sim: Simulation) -> Running | None:
         """Begin; an initial action without limits sets the place at time 0."""
+        need_places(self.node, self.reference)
         follow_road(actor, sim, self.node)
         running = _Sidestep(self, actor, sim)
         if not sim.initialising or self.constraints is not None:
@@ -107,8 +108,10 @@ class _Sidestep:
             self._distance = max(self._side * left - self._cover(), 0.0)
 
     def _left(self) -> float | None:
-        """How far (m) the actor is to the left of the reference."""
+        """How far (m) the actor is to the left of the reference; None where that is not defined (any more)."""
         action = self._action
+        if not action.reference.active:
+            return None
         return distances.lateral(self._sim, action.reference, self._actor, action.system, False)
 
     def _cover(self) -> float:

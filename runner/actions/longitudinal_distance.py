@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from runner import distances
-from runner.actions.base import LONGITUDINAL, PrivateAction, Running
+from runner.actions.base import LONGITUDINAL, PrivateAction, Running, need_places
 from runner.actions.longitudinal import set_speed
 from runner.dynamics import GapController, completed, read_constraints
 from runner.entities import Entity, Performance, box_corners
+from runner.following import PathMotion
 from runner.motion import wrap
 from runner.registry import action
 from xosc.node import Node
@@ -40,6 +41,7 @@ class LongitudinalDistanceAction(PrivateAction):
 
     domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
 
+    node: Node
     reference: Entity
     distance: float | None
     time_gap: float
@@ -58,6 +60,7 @@ class LongitudinalDistanceAction(PrivateAction):
         if (distance or 0.0) < 0.0 or (time_gap or 0.0) < 0.0:
             raise node.invalid("distance and timeGap must not be negative; displacement says on which side")
         return cls(
+            node=node,
             reference=context.entity(node),
             distance=distance,
             time_gap=time_gap or 0.0,
@@ -74,6 +77,7 @@ class LongitudinalDistanceAction(PrivateAction):
 
     def start(self, actor: Entity, sim: Simulation) -> Running | None:
         """Take the place at once where nothing limits the motion, and keep it where `continuous`."""
+        need_places(self.node, actor, self.reference)
         gap = _Gap(self, actor, sim)
         if self.constraints is not None or (actor.system is not None and not sim.initialising):
             limits = completed(self.constraints or Performance(), actor.performance)
@@ -107,10 +111,12 @@ class _Gap:
         self.side = action.side or (1 if (self._ahead() or 0.0) >= 0.0 else -1)
 
     def _ahead(self) -> float | None:
+        if not self.action.reference.active:
+            return None
         return distances.longitudinal(self.sim, self.actor, self.action.reference, self.action.system, False)
 
     def error(self) -> float | None:
-        """How far (m) the actor has to go forward for the distance to hold; None where no way leads to the reference."""
+        """How far (m) the actor has to go forward for the distance to hold; None where it is not defined (any more)."""
         ahead = self._ahead()
         return None if ahead is None else ahead - self.side * self._wanted()
 
@@ -137,8 +143,18 @@ class _Gap:
             error = self.error()
             if error is None or abs(error) < _EXACT:
                 break
-            actor.motion.advance(actor, error, 1.0)
+            _move(actor, error)
         actor.next_offset = sideways
+
+
+def _move(actor: Entity, distance: float) -> None:
+    """Move an entity forward (m; backward where negative) on the way that it follows, in no time."""
+    motion = actor.motion
+    if isinstance(motion, PathMotion):
+        motion.s = max(motion.s + distance, 0.0)
+        motion.put(actor, actor.speed)
+    else:
+        motion.advance(actor, distance, 1.0)
 
 
 class _Rigid:

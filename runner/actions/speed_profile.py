@@ -92,8 +92,15 @@ class Piece(NamedTuple):
 
 
 class _Segment(NamedTuple):
+    """A straight line of the profile: duration (s), slope (m/s²), and the speed reached (m/s)."""
+
     duration: float
     slope: float
+    reached: float
+
+    def stretched(self, factor: float) -> _Segment:
+        """The same change of speed in more time."""
+        return _Segment(self.duration * factor, self.slope / factor, self.reached)
 
 
 def plan(speed: float, entries: Iterable[Entry], limits: Performance, smooth: bool) -> list[Piece]:
@@ -105,32 +112,30 @@ def plan(speed: float, entries: Iterable[Entry], limits: Performance, smooth: bo
         limits: infinite where there are none.
         smooth: whether corners are rounded with the jerk limits, with no acceleration at the start and the end.
     """
-    segments, speeds = _segments(speed, entries, limits)
+    segments = _segments(speed, entries, limits)
     if smooth and limits.max_acceleration_rate < math.inf and limits.max_deceleration_rate < math.inf:
         return _rounded(speed, segments, limits)
     pieces, time = [Piece(0.0, speed, 0.0, 0.0)], 0.0
-    for segment, reached in zip(segments, speeds, strict=True):
-        pieces.append(Piece(time, reached - segment.slope * segment.duration, segment.slope, 0.0))
-        time += segment.duration
-        pieces.append(Piece(time, reached, 0.0, 0.0))
+    for segment in segments:
+        pieces.append(Piece(time, speed, segment.slope, 0.0))
+        time, speed = time + segment.duration, segment.reached
+        pieces.append(Piece(time, speed, 0.0, 0.0))
     return pieces
 
 
-def _segments(speed: float, entries: Iterable[Entry], limits: Performance) -> tuple[list[_Segment], list[float]]:
-    """Durations and slopes between the targets, and the targets' speeds, within the limits of speed and acceleration."""
-    segments, speeds = [], []
+def _segments(speed: float, entries: Iterable[Entry], limits: Performance) -> list[_Segment]:
+    """The ways between the targets within the limits of speed and acceleration; a last one may have no end."""
+    segments: list[_Segment] = []
     for entry in entries:
         target = min(max(entry.speed, -limits.max_speed), limits.max_speed)
         change = target - speed
         limit = limits.max_acceleration if abs(target) > abs(speed) else limits.max_deceleration
-        needed = abs(change) / limit if limit > 0.0 else (math.inf if change else 0.0)
-        duration = max(entry.time or 0.0, needed)
-        segments.append(_Segment(duration, change / duration if 0.0 < duration < math.inf else 0.0))
-        speeds.append(target)
-        if duration == math.inf:
-            break
+        if change and limit == 0.0:
+            return [*segments, _Segment(math.inf, 0.0, speed)]
+        duration = max(entry.time or 0.0, abs(change) / limit if change else 0.0)
+        segments.append(_Segment(duration, change / duration if duration > 0.0 else 0.0, target))
         speed = target
-    return segments, speeds
+    return segments
 
 
 def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> list[Piece]:
@@ -144,7 +149,7 @@ def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> lis
         tight = _tight(segments, limits)
         if not tight:
             break
-        segments = [_Segment(d * _STRETCH, a / _STRETCH) if i in tight else _Segment(d, a) for i, (d, a) in enumerate(segments)]
+        segments = [s.stretched(_STRETCH) if i in tight else s for i, s in enumerate(segments)]
     slopes = [0.0, *(segment.slope for segment in segments), 0.0]
     corners = _corners(segments, _blend(slopes[0], slopes[1], limits) / 2.0)
     pieces = [Piece(0.0, speed, 0.0, 0.0)]

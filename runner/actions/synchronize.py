@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from runner.actions.base import LONGITUDINAL, PrivateAction, Running
+from runner.actions.base import LONGITUDINAL, PrivateAction, Running, need_places
 from runner.actions.longitudinal import RELATIVE
 from runner.entities import Entity
 from runner.motion import Placement
@@ -105,6 +105,7 @@ class SynchronizeAction(PrivateAction):
 
     def start(self, actor: Entity, sim: Simulation) -> Running:
         """Find both targets on the ways that lead to them."""
+        need_places(self.node, actor, self.master)
         return _Synchronisation(
             self,
             actor,
