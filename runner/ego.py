@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 from runner.actions.base import LATERAL, LONGITUDINAL, PrivateAction
 from runner.steering import SteeredMotion
+from runner.sut import System, system_name
 from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
 from runner.world import Wish
 from schemas.errors import ToolchainError, UsageError
@@ -152,7 +153,7 @@ class WorldDriver(_HandedOver):
         sim.world.add(ego)
 
     def _wanted(self, ego: Entity) -> bool:
-        return (self.longitudinal or self.lateral) and LATERAL not in ego.controls
+        return (self.longitudinal or self.lateral) and LATERAL not in ego.controls and ego.next_offset is None
 
     def _take_back(self, ego: Entity, sim: Simulation) -> None:
         sim.take_back(ego)
@@ -217,12 +218,13 @@ class Driver(_HandedOver):
         return max(speed, 0.0) if ego.speed >= 0.0 else min(speed, 0.0)
 
 
-def _failed(system: object, error: Exception, sim: Simulation) -> ToolchainError:
+def _failed(system: System, error: Exception, sim: Simulation) -> ToolchainError:
     """An error of a system under test, which is named."""
     if isinstance(error, ToolchainError):
         return error
-    name = f"{type(system).__module__}:{type(system).__qualname__}"
-    return ToolchainError(f"the system under test {name} failed at {sim.time:.2f} s: {type(error).__name__}: {error}")
+    return ToolchainError(
+        f"the system under test {system_name(system)} failed at {sim.time:.2f} s: {type(error).__name__}: {error}"
+    )
 
 
 def returning(ego: Entity, demand: float, dt: float) -> float:

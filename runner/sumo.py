@@ -6,6 +6,9 @@ SUMO drives are read back. libsumo holds one simulation a process. SUMO moves in
 Frames: SUMO's positions are those of the middle of the front bumper and its angles are degrees clockwise from north;
 `_front` and `_reference` convert from and to the reference point and the mathematical heading, `mirror` does so in line.
 
+Lengths: all lanes of an edge have one length in SUMO, so in curves its drivers cover a little more or less ground than their
+speed says (3 % for a lane 5 m from the middle of the edge's lanes where the radius is 150 m).
+
 Drivers: SUMO's default car-following (Krauss) and lane-changing (LC2013) models without imperfection and without
 differences in desired speed between drivers, so that nothing in them is random; lane changes take 3 s.
 """
@@ -37,7 +40,9 @@ _NEAR = 3.0
 _LANE_CHANGE = 3.0
 """Duration (s) of SUMO's lane changes."""
 _STEERING = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.3"}
-"""A car moves sideways with at most 0.3 of its speed, and does not when it stands."""
+"""Parameters of SUMO's lane changes: sideways with at most 0.3 of the speed, so not at all when standing."""
+_STAYING = {"lcKeepRight": "0"}
+"""The same for participants that the scenario declares: they leave the lane where it puts them for a reason only."""
 _LARGEST_SEED = 2**31 - 1
 _SMALLEST = 0.1
 """Length and width (m) that SUMO needs at least."""
@@ -81,6 +86,13 @@ _KINDS = {
 _OBSTACLE = _Kind("ignoring", 1.0, 1.0, 55.0)
 
 
+class _Arrival(NamedTuple):
+    """Where SUMO's driver takes a participant over, and the heading (rad) of its lane there."""
+
+    here: RoadPoint
+    h: float
+
+
 class _Shown(NamedTuple):
     """A participant in SUMO: its SUMO id, and where the middle of its front bumper is in its own frame (m)."""
 
@@ -89,12 +101,10 @@ class _Shown(NamedTuple):
     aside: float
 
 
-def _front(entity: Entity, shown: _Shown) -> tuple[float, float, float]:
-    """The middle of the front bumper x, y (m) and SUMO's angle (degrees) of an entity."""
-    cos, sin = math.cos(entity.h), math.sin(entity.h)
-    x = entity.x + shown.ahead * cos - shown.aside * sin
-    y = entity.y + shown.ahead * sin + shown.aside * cos
-    return x, y, 90.0 - math.degrees(entity.h)
+def _front(shown: _Shown, x: float, y: float, h: float) -> tuple[float, float, float]:
+    """The middle of the front bumper x, y (m) and SUMO's angle (degrees) for a reference point (m) and heading (rad)."""
+    cos, sin = math.cos(h), math.sin(h)
+    return x + shown.ahead * cos - shown.aside * sin, y + shown.ahead * sin + shown.aside * cos, 90.0 - math.degrees(h)
 
 
 def _reference(shown: _Shown, x: float, y: float, angle: float) -> tuple[float, float, float]:
@@ -115,11 +125,11 @@ class SumoWorld:
         self._open = False
         self._network: RoadNetwork | None = None
         self._shown: dict[Entity, _Shown] = {}
-        self._arriving: dict[Entity, RoadPoint] = {}
-        """those whom SUMO's driver takes over in the coming step, and where"""
+        self._arriving: dict[Entity, _Arrival] = {}
+        """those whom SUMO's driver takes over in the coming step"""
         self._driven: dict[Entity, float] = {}
         """those whom SUMO drives, with the odometer (m) at which their route is found anew"""
-        self._arrived: dict[Entity, RoadPoint] = {}
+        self._arrived: dict[Entity, _Arrival] = {}
         """those whom SUMO's driver has taken over in the step before, at the speed that they had"""
         self._wishes: dict[Entity, Wish] = {}
         self._types: dict[tuple[str, BoundingBox, Performance], str] = {}
@@ -225,19 +235,17 @@ class SumoWorld:
 
     def step(self) -> None:
         """Advance SUMO; those who arrive are its drivers' from then on."""
-        for entity in self._arriving:
-            shown = self._shown[entity]
-            x, y, angle = _front(entity, shown)
-            way = entity.speed * self._dt
-            x, y = x + way * math.cos(entity.h), y + way * math.sin(entity.h)
+        for entity, (_, h) in self._arriving.items():
+            shown, way = self._shown[entity], entity.speed * self._dt
+            x, y, angle = _front(shown, entity.x + way * math.cos(h), entity.y + way * math.sin(h), h)
             libsumo.vehicle.moveToXY(shown.id, "", -1, x, y, angle, _ANYWHERE, _NEAR)
         try:
             libsumo.simulationStep()
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             raise ToolchainError(f"SUMO can't go on: {error}") from None
         self._arrived, self._arriving = self._arriving, {}
-        for entity, here in self._arrived.items():
-            self._hand_over(entity, here)
+        for entity, arrival in self._arrived.items():
+            self._hand_over(entity, arrival.here)
 
     # SUMO's drivers -------------------------------------------------------------------------
 
@@ -245,14 +253,14 @@ class SumoWorld:
         """Hand a participant to SUMO's driver where SUMO has a lane for it."""
         if round(self._dt, 3) != self._dt:
             raise UsageError(f"SUMO counts in milliseconds: its drivers can't drive in steps of {self._dt!r} s")
-        here = self._place_on_lane(entity)
-        if here is None:
+        arrival = self._arrival(entity)
+        if arrival is None:
             return False
         self.add(entity)
-        self._arriving[entity] = here
+        self._arriving[entity] = arrival
         return True
 
-    def _place_on_lane(self, entity: Entity) -> RoadPoint | None:
+    def _arrival(self, entity: Entity) -> _Arrival | None:
         """Where an entity is on a lane on which SUMO lets it drive, None where it is not."""
         network = self._network
         if network is None or not entity.visible["traffic"]:
@@ -262,16 +270,17 @@ class SumoWorld:
         if lane is None or not network.on_road(here):
             return None
         road = network.road(here.road_id)
-        heading = road.heading(here.s) + (0.0 if road.direction(here.lane_id, here.s) > 0 else math.pi)
+        slope = math.atan(road.lane_slope(here.s, here.lane_id))
+        h = road.heading(here.s) + slope + (0.0 if road.direction(here.lane_id, here.s) > 0 else math.pi)
         allowed = libsumo.lane.getAllowed(lane)
         fits = not allowed or _KINDS.get(entity.category, _OBSTACLE).vehicle_class in allowed
-        return here if fits and math.cos(entity.h - heading) > 0.0 else None
+        return _Arrival(here, h) if fits and math.cos(entity.h - h) > 0.0 else None
 
     def _hand_over(self, entity: Entity, here: RoadPoint) -> None:
         """Let SUMO's driver go on with a participant that is in its place."""
         name = self._shown[entity].id
         libsumo.vehicle.setPreviousSpeed(name, max(entity.speed, 0.0))
-        for parameter, value in _STEERING.items():
+        for parameter, value in (_STEERING if entity.spawned else _STEERING | _STAYING).items():
             libsumo.vehicle.setParameter(name, f"laneChangeModel.{parameter}", value)
         self._find_route(entity, here, entity.odometer)
         self._apply(entity, self._wishes.get(entity, Wish()))

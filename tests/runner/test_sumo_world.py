@@ -1,0 +1,333 @@
+"""SUMO as the world: what its traffic sees, how its driver drives the ego, and that it leaves nothing behind."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import runner
+import xodr
+from runner import sumo
+from runner.entities import BoundingBox, Entity
+from runner.sumo_lights import link_state
+from runner.world import Wish
+from schemas.errors import Unsupported, UsageError
+from tests.conformance.support import at, events, track
+from tests.runner.files import ROADS, car, place, scenario, speed_action, story
+from tests.runner.scene import CAR
+
+LINEAR = 'dynamicsShape="linear" dynamicsDimension="time" value="3"'
+LANE_CHANGE = (
+    f"<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics {LINEAR}/>"
+    '<LaneChangeTarget><AbsoluteTargetLane value="-2"/></LaneChangeTarget></LaneChangeAction></LateralAction></PrivateAction>'
+)
+
+
+def controller(longitudinal: bool, lateral: bool) -> str:
+    """A PrivateAction that activates or deactivates the controller in both domains."""
+    domains = f'longitudinal="{str(longitudinal).lower()}" lateral="{str(lateral).lower()}"'
+    return f"<PrivateAction><ControllerAction><ActivateControllerAction {domains}/></ControllerAction></PrivateAction>"
+
+
+def teleport(s: float) -> str:
+    """A PrivateAction that puts its actor somewhere in lane -1."""
+    where = f'<LanePosition roadId="1" laneId="-1" s="{s}"/>'
+    return f"<PrivateAction><TeleportAction><Position>{where}</Position></TeleportAction></PrivateAction>"
+
+
+def visibility(traffic: str) -> str:
+    """A PrivateAction that hides its actor from traffic, or shows it."""
+    return f'<PrivateAction><VisibilityAction graphics="true" sensors="true" traffic="{traffic}"/></PrivateAction>'
+
+
+def run(folder: Path, init: str, events: Any = (), stop: float = 20.0, **options: Any) -> runner.RunResult:
+    """Run Ego and Lead with these initial actions, and events of the Ego, driven by SUMO."""
+    path = scenario(folder, init=init, stories=story("Ego", events), stop=stop, road=options.pop("road", "straight"))
+    return runner.run(path, **{"sut": "sumo", "timestep": 0.05, **options})
+
+
+def steps(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """How far a participant moved in each step."""
+    return np.hypot(np.diff(columns["x"]), np.diff(columns["y"]))
+
+
+# the simulator ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def world() -> Any:
+    """SUMO on the straight road of the conformance tests."""
+    world = sumo.SumoWorld()
+    world.open(xodr.load(ROADS / "straight.xodr"), 0.05, 0)
+    yield world
+    world.close()
+
+
+def entity(x: float, y: float, h: float = 0.0, **more: Any) -> Entity:
+    """A car at a pose."""
+    return Entity("Car", "vehicle", "car", CAR, x=x, y=y, h=h, placed=True, **more)
+
+
+def seen(world: sumo.SumoWorld, participant: Entity) -> tuple[str, float, float]:
+    """Lane, lane position and angle that SUMO has a participant at."""
+    vehicle, name = sumo.libsumo.vehicle, world._shown[participant].id
+    return vehicle.getLaneID(name), vehicle.getLanePosition(name), vehicle.getAngle(name)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "h", "lane", "position", "angle"),
+    [
+        (100.0, -1.75, 0.0, "1/0+_2", 104.0, 90.0),
+        (100.0, -5.25, 0.0, "1/0+_1", 104.0, 90.0),
+        (100.0, 1.75, math.pi, "1/0-_2", 1000.0 - 96.0, 270.0),
+        (100.0, 40.0, 0.0, "", None, 90.0),
+        (1e9, -1e9, math.pi / 2, "", None, 0.0),
+    ],
+)
+def test_sumo_sees_a_scripted_participant_by_its_front_bumper(
+    world: sumo.SumoWorld, x: float, y: float, h: float, lane: str, position: float | None, angle: float
+) -> None:
+    participant = entity(x, y, h)
+    world.add(participant)
+    world.mirror([participant])
+    world.step()
+    found = seen(world, participant)
+    assert found[0] == lane
+    assert position is None or found[1] == pytest.approx(position, abs=1e-6)
+    assert found[2] == pytest.approx(angle)
+
+
+def test_participants_come_and_go_at_any_time(world: sumo.SumoWorld) -> None:
+    first, second = entity(100.0, -1.75), entity(200.0, -1.75)
+    for present in ([first], [first, second], [second], [], [second, first]):
+        for participant in (first, second):
+            (world.add if participant in present else world.remove)(participant)
+        world.mirror([first, second])
+        world.step()
+        assert len(sumo.libsumo.vehicle.getIDList()) == len(present)
+
+
+def test_names_that_sumo_does_not_take_are_fine(world: sumo.SumoWorld) -> None:
+    for name in ("a b", "ü", "<&>", "", "a b"):
+        world.add(Entity(name, "vehicle", "car", CAR, x=100.0, y=-1.75, placed=True))
+    world.step()
+
+
+@pytest.mark.parametrize(
+    "category", ["car", "pedestrian", "obstacle", "bicycle", "semitrailer", "tram", "wheelchair", "anything"]
+)
+def test_every_kind_of_participant_is_shown_where_it_is(world: sumo.SumoWorld, category: str) -> None:
+    participant = Entity("it", "any", category, BoundingBox(0, 0, 0, 0, 0, 0), x=100.0, y=-1.75, placed=True)
+    world.add(participant)
+    world.mirror([participant])
+    world.step()
+    assert seen(world, participant)[0] == "1/0+_2"
+
+
+@given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5), st.floats(-10.0, 10.0), st.floats(-3.0, 10.0), st.floats(-1.0, 1.0))
+def test_bumper_and_reference_point_are_converted_both_ways(x: float, y: float, h: float, ahead: float, aside: float) -> None:
+    shown = sumo._Shown("it", ahead, aside)
+    back = sumo._reference(shown, *sumo._front(shown, x, y, h))
+    assert back[:2] == pytest.approx((x, y), abs=1e-6)
+    assert math.remainder(back[2] - h, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_entity_is_driven_only_where_sumo_has_a_lane_for_it(world: sumo.SumoWorld) -> None:
+    assert world.drive(entity(100.0, -1.75))
+    assert not world.drive(entity(100.0, -1.75, math.pi))  # against the traffic
+    assert not world.drive(entity(100.0, -8.0))  # on the sidewalk
+    assert not world.drive(entity(100.0, 30.0))  # off the road
+
+
+def test_a_driven_participant_that_leaves_is_not_read_any_more(world: sumo.SumoWorld) -> None:
+    participant = entity(980.0, -1.75, speed=20.0)
+    assert world.drive(participant)
+    world.ask(participant, Wish(20.0))
+    world.step()
+    readings = []
+    while (reading := world.read(participant)) is not None:
+        readings.append(reading)
+        world.step()
+    assert readings[0].x == pytest.approx(981.0)
+    assert readings[0].speed == pytest.approx(20.0)
+    assert readings[-1].x == pytest.approx(996.0, abs=1.1)
+    world.remove(participant)
+
+
+def test_runs_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    path = scenario(tmp_path / "in")
+    monkeypatch.chdir(tmp_path)
+    tables = [runner.run(path, sut="sumo").trajectories for _ in range(3)]
+    assert tables[0].equals(tables[1])
+    assert tables[0].equals(tables[2])
+    assert list(tmp_path.iterdir()) == [tmp_path / "in"]
+    captured = capfd.readouterr()
+    assert captured.out == captured.err == ""
+
+
+def test_a_scenario_without_roads_runs(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    text = path.read_text().replace('<LogicFile filepath="straight.xodr"/>', "")
+    for lane, x in (("100", "100"), ("${100 + $Gap}", "150")):
+        text = text.replace(f'<LanePosition roadId="1" laneId="-1" s="{lane}"/>', f'<WorldPosition x="{x}" y="0"/>')
+    path.write_text(text)
+    result = runner.run(path, sut="sumo", timestep=0.05)
+    assert at(track(result, "Ego"), 2.0, "x") == pytest.approx(140.0)
+    assert "can't be driven" in events(result, "world", "Ego")[0].text
+
+
+# SUMO's driver as the ego -------------------------------------------------------------------
+
+
+def test_the_driver_has_the_scripted_speed_also_above_the_limit(tmp_path: Path) -> None:
+    ego = track(run(tmp_path, place("Ego", 100, 35), [(5.0, speed_action(20, LINEAR))], stop=20.0), "Ego")
+    assert at(ego, 4.9, "speed") == pytest.approx(35.0)
+    assert at(ego, 15.0, "speed") == pytest.approx(20.0)
+    assert np.all(np.abs(np.diff(ego["speed"])) <= 9.0 * 0.05 + 1e-6)
+
+
+def test_without_a_scripted_speed_the_driver_goes_by_the_limit(tmp_path: Path) -> None:
+    init = place("Ego", 100, 0).replace(speed_action(0), "")
+    assert at(track(run(tmp_path, init, stop=25.0), "Ego"), 24.0, "speed") == pytest.approx(100 / 3.6, abs=0.01)
+
+
+def test_a_scripted_stop_is_kept(tmp_path: Path) -> None:
+    ego = track(run(tmp_path, place("Ego", 100, 0), stop=5.0), "Ego")
+    assert at(ego, 5.0, "x") == pytest.approx(100.0, abs=0.01)
+
+
+@pytest.mark.parametrize("speed", [0, 6])
+def test_the_driver_neither_runs_into_others_nor_jumps(tmp_path: Path, speed: float) -> None:
+    blocked = car("Second").replace('name="Second"', 'name="Lead2"')
+    init = place("Ego", 100, 25) + place("Lead", 300, speed) + place("Lead2", 310, speed, lane=-2)
+    path = scenario(tmp_path, entities=[car("Ego"), car("Lead"), blocked], init=init, stop=30.0)
+    result = runner.run(path, sut="sumo", timestep=0.05)
+    ego = track(result, "Ego")
+    assert not events(result, "collision")
+    assert at(ego, 30.0, "speed") == pytest.approx(speed, abs=0.5)
+    assert steps(ego).max() <= 25.0 * 0.05 + 1e-3
+
+
+def test_the_driver_overtakes_without_sliding(tmp_path: Path) -> None:
+    result = run(tmp_path, place("Ego", 100, 25, lane=-2) + place("Lead", 200, 8, lane=-2), stop=25.0)
+    ego = track(result, "Ego")
+    assert not events(result, "collision")
+    assert at(ego, 25.0, "x") > at(track(result, "Lead"), 25.0, "x")
+    assert ego["y"].max() > -2.0  # through the left lane
+    assert np.abs(np.diff(ego["y"])).max() < 0.15
+    assert np.abs(np.diff(ego["h"])).max() < 0.05
+
+
+def test_a_participant_hidden_from_traffic_is_run_through(tmp_path: Path) -> None:
+    init = place("Ego", 100, 20) + place("Lead", 200, 0, more=visibility("false"))
+    both = run(tmp_path, init + place("Lead", 200, 0), stop=8.0)
+    assert events(both, "collision")
+
+
+def test_the_ego_itself_can_not_be_hidden_from_the_traffic_that_drives_it(tmp_path: Path) -> None:
+    with pytest.raises(Unsupported, match="can't be hidden"):
+        run(tmp_path, place("Ego", 100, 20), [(1.0, visibility("false"))])
+
+
+def test_a_scripted_lane_change_is_driven_as_scripted_and_then_handed_back(tmp_path: Path) -> None:
+    result = run(tmp_path, place("Ego", 100, 20), [(2.0, LANE_CHANGE)], stop=12.0)
+    ego = track(result, "Ego")
+    assert at(ego, 2.0, "y") == pytest.approx(-1.75, abs=0.01)
+    assert at(ego, 3.5, "y") == pytest.approx(-3.5, abs=0.1)
+    assert at(ego, 5.1, "y") == pytest.approx(-5.25, abs=0.02)
+    assert steps(ego).max() <= 20.0 * 0.05 + 1e-3
+    assert np.abs(np.diff(ego["y"])).max() < 0.06
+    assert np.all(np.abs(ego["speed"] - 20.0) < 0.01)
+
+
+def test_controller_activation_hands_the_ego_over_and_back(tmp_path: Path) -> None:
+    stages = [(2.0, controller(True, True)), (6.0, controller(False, False))]
+    ego = track(run(tmp_path, place("Ego", 100, 20) + place("Lead", 200, 5) + place("Lead", 200, 5), stages, stop=12.0), "Ego")
+    assert np.all(ego["speed"][ego["time"] < 2.0] == 20.0)
+    assert np.all(np.abs(np.diff(ego["speed"])) <= 9.0 * 0.05 + 1e-6)
+    assert at(ego, 12.0, "speed") == pytest.approx(20.0)  # scripted again, reached by no more than 3.5 m/s²
+    assert steps(ego).max() <= 20.0 * 0.05 + 1e-3
+
+
+def test_the_longitudinal_domain_alone_keeps_the_lane(tmp_path: Path) -> None:
+    init = place("Ego", 100, 25, more=controller(True, False)) + place("Lead", 250, 5)
+    result = run(tmp_path, init, stop=25.0)
+    ego = track(result, "Ego")
+    assert np.all(np.abs(ego["y"] + 1.75) < 0.01)
+    assert at(ego, 25.0, "speed") == pytest.approx(5.0, abs=0.5)
+    assert not events(result, "collision")
+
+
+def test_the_lateral_domain_alone_keeps_the_scripted_speed(tmp_path: Path) -> None:
+    init = place("Ego", 100, 25, more=controller(False, True)) + place("Lead", 200, 24)
+    ego = track(run(tmp_path, init, stop=15.0), "Ego")
+    assert np.all(np.abs(ego["speed"] - 25.0) < 1e-6)
+
+
+def test_a_teleport_moves_the_ego_under_sumo_too(tmp_path: Path) -> None:
+    ego = track(run(tmp_path, place("Ego", 100, 20), [(2.0, teleport(500))], stop=4.0), "Ego")
+    jumps = np.flatnonzero(steps(ego) > 2.0)
+    assert len(jumps) == 1
+    assert ego["x"][jumps[0] + 1] == pytest.approx(501.0, abs=0.01)
+    assert np.all(np.abs(ego["speed"] - 20.0) < 0.01)
+
+
+def test_at_the_end_of_the_roads_the_ego_goes_on_as_scripted_and_stands(tmp_path: Path) -> None:
+    result = run(tmp_path, place("Ego", 900, 20), stop=10.0)
+    ego = track(result, "Ego")
+    assert events(result, "left", "Ego")
+    assert at(ego, 10.0, "x") == pytest.approx(1000.0)
+    assert at(ego, 10.0, "speed") == 0.0
+    assert steps(ego).max() <= 20.0 * 0.05 + 1e-3
+
+
+@pytest.mark.parametrize("road", ["curve", "straight_lht"])
+def test_the_driver_keeps_to_its_lane_on_curves_and_in_left_hand_traffic(tmp_path: Path, road: str) -> None:
+    lane = 1 if road == "straight_lht" else -1
+    ego = track(run(tmp_path, place("Ego", 20, 10, lane=lane), stop=8.0, road=road), "Ego")
+    assert set(ego["lane_id"]) == {lane}
+    assert np.abs(ego["lane_offset"]).max() < 0.15
+    assert at(ego, 8.0, "s") == pytest.approx(100.0, rel=0.05)  # SUMO gives the lanes of a curve one length
+
+
+def test_the_driver_drives_at_small_time_steps_but_not_in_fractions_of_a_millisecond(tmp_path: Path) -> None:
+    assert at(track(run(tmp_path, place("Ego", 100, 20), stop=1.0, timestep=0.01), "Ego"), 1.0, "x") == pytest.approx(120.0)
+    with pytest.raises(UsageError, match="milliseconds"):
+        run(tmp_path, place("Ego", 100, 20), stop=1.0, timestep=0.0125)
+
+
+def test_a_world_without_drivers_refuses_the_system(tmp_path: Path) -> None:
+    with pytest.raises(Unsupported, match="no driver of its own"):
+        run(tmp_path, place("Ego", 100, 20), world="kinematic")
+
+
+# traffic lights -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("states", "link"),
+    [
+        (("red", "Red", "TRAFFIC_LIGHT_RED", "on;off;off", "on; off"), "r"),
+        (("yellow", "amber", "off;on;off"), "y"),
+        (("redYellow", "red-amber", "on;on;off"), "u"),
+        (("green", "off;off;on", "off;on "), "g"),
+        (("flashing yellow", "off;flashing;off"), "o"),
+        (("off", "", "off;off;off"), ""),
+        (("go faster", "7", "red green"), None),
+    ],
+)
+def test_states_are_understood_in_the_words_in_use(states: tuple[str, ...], link: str | None) -> None:
+    for state in states:
+        assert link_state(state) == link
+
+
+@pytest.mark.parametrize("lamps", list(itertools.product(("on", "off"), repeat=3)))
+def test_every_combination_of_three_lamps_says_something_or_nothing(lamps: tuple[str, ...]) -> None:
+    assert (link_state(";".join(lamps)) is None) == (lamps in [("on", "off", "on"), ("on", "on", "on")])
