@@ -10,7 +10,7 @@ driving backwards, a stop with a wait. To arrive in time is the action's purpose
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -104,46 +104,41 @@ class SynchronizeAction(PrivateAction):
         return (self.master,)
 
     def start(self, actor: Entity, sim: Simulation) -> Running:
-        """Find both targets on the ways that lead to them."""
+        """Find both targets on the ways that lead to them.
+
+        Raises:
+            InvalidFile: a target is not on the way of its entity.
+        """
         need_places(self.node, actor, self.master)
-        return _Synchronisation(
-            self,
-            actor,
-            _way(self.master, self.master_target.resolve(sim, self.master), sim, self.node),
-            _way(actor, self.target.resolve(sim, actor), sim, self.node),
-        )
-
-
-def _way(entity: Entity, target: Placement, sim: Simulation, node: Node) -> Callable[[], float]:
-    """What measures the way (m) that is left to a target, negative once it has been passed."""
-
-    def left() -> float:
-        way = entity.motion.distance_to(entity, target, sim)
-        if way is None:
-            raise node.invalid(f"the target position of {entity.name} is not on the way that it follows")
-        return way
-
-    left()
-    return left
+        targets = self.master_target.resolve(sim, self.master), self.target.resolve(sim, actor)
+        for entity, target in zip((self.master, actor), targets, strict=True):
+            if entity.motion.distance_to(entity, target, sim) is None:
+                raise self.node.invalid(f"the target position of {entity.name} is not on the way that it follows")
+        return _Synchronisation(self, actor, sim, *targets)
 
 
 class _Synchronisation:
-    """Under way to the target."""
+    """Under way to the target; while a way is lost (an entity has left its road, say), the speed stays."""
 
-    __slots__ = ("_action", "_actor", "_left", "_master_left")
+    __slots__ = ("_action", "_actor", "_master_target", "_sim", "_target")
 
     def __init__(
-        self, action: SynchronizeAction, actor: Entity, master_left: Callable[[], float], left: Callable[[], float]
+        self, action: SynchronizeAction, actor: Entity, sim: Simulation, master_target: Placement, target: Placement
     ) -> None:
         self._action = action
         self._actor = actor
-        self._master_left = master_left
-        self._left = left
+        self._sim = sim
+        self._master_target = master_target
+        self._target = target
 
     def step(self, dt: float) -> bool:
         """Ask for the planned speed at the end of the step."""
         action, actor, master = self._action, self._actor, self._action.master
-        left, master_left = self._left() - action.tolerance, self._master_left() - action.master_tolerance
+        left = actor.motion.distance_to(actor, self._target, self._sim)
+        master_left = master.motion.distance_to(master, self._master_target, self._sim)
+        if left is None or master_left is None or not master.active:
+            return False
+        left, master_left = left - action.tolerance, master_left - action.master_tolerance
         arrived = left <= 0.0 or master_left <= 0.0
         time = master_left / abs(master.speed) if abs(master.speed) > _STILL else math.inf
         if action.final is None:
