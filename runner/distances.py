@@ -22,6 +22,7 @@ from runner.boxes import Spot, gap, interval_gap, outlook, spans
 from runner.entities import BoundingBox, Entity
 from runner.following import PathMotion
 from runner.paths import nearest
+from runner.routes import AssignedRoute
 
 if TYPE_CHECKING:
     from runner.motion import Placement
@@ -159,12 +160,11 @@ def bearing(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, routi
 
 def _along_route(a: Entity, here: RoadPoint, there: RoadPoint) -> float | None:
     """Distance along the route assigned to a, towards +s of its road; None where one of the two is not on a route."""
-    start = a.route.position(here) if a.route is not None else None
-    end = a.route.position(there, start) if start is not None else None
-    if start is None or end is None:
+    route = a.route
+    distance = route.distance(here, there) if isinstance(route, AssignedRoute) else None
+    if distance is None:
         return None
-    _, _, forward = a.route.at(start)
-    return end - start if forward else start - end
+    return distance if route.forward(here) else -distance
 
 
 def facing(a: Entity, road: Road, s: float) -> int:

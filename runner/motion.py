@@ -136,6 +136,8 @@ class LaneMotion:
         entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
         entity.section = entity.road.section(entity.s)
         entity.along = 1 if forward != backwards else -1
+        if entity.route is not None:
+            entity.route.enter(reached.road_id, forward)
         self._pose(entity, 0.0, distance)
         if left <= 0.0:
             return distance / dt

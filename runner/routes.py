@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from runner.simulation import Simulation
     from xodr.model import LaneLink, RoadPoint
     from xodr.network import RoadNetwork
-    from xodr.routes import RoadPath
+    from xodr.routes import Leg, RoadPath
     from xosc.node import Node
 
 STRATEGIES = ("shortest", "fastest", "leastIntersections", "random")
@@ -103,6 +103,10 @@ class Guide(Protocol):
         """The way on at the end of a road: one of the lanes reached; None to stop there."""
         ...
 
+    def enter(self, road_id: str, forward: bool) -> None:
+        """The entity has come to a road, moving towards its +s or not."""
+        ...
+
     def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
         """Distance (m, in s) along the route from one point to another, negative backwards; None where it says nothing."""
         ...
@@ -111,6 +115,8 @@ class Guide(Protocol):
 class AssignedRoute:
     """Following a route: at junctions its roads, elsewhere and off the route the straightest way.
 
+    A route can use a road more than once, so it is remembered which of its legs the entity is on.
+
     Args:
         path: the way through the road network.
         closed: whether it starts again at its end.
@@ -118,17 +124,50 @@ class AssignedRoute:
 
     def __init__(self, path: RoadPath, closed: bool = False) -> None:
         self.path, self.closed = path, closed
-        self.choose = path.choose
+        self._leg = 0
+
+    def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """The lane that goes on along the route, if possible one that leads on to the leg after."""
+        index = self._find(point.road_id, forward)
+        following = self._following(index) if index is not None else None
+        if following is not None:
+            onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
+            leading = [link for link in onwards if link.lane_id in following.exit_lanes]
+            if onwards:
+                return (leading or onwards)[0]
+        return self.path.choose(point, forward, links)
+
+    def enter(self, road_id: str, forward: bool) -> None:
+        """Remember the leg."""
+        index = self._find(road_id, forward)
+        if index is not None:
+            self._leg = index
 
     def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
         """Distance along the route."""
-        start = self.path.position(here)
-        end = self.path.position(there, start or 0.0)
+        start = self.path.position(here, self.path.legs[self._leg].before)
+        end = self.path.position(there, start) if start is not None else None
         if start is None or end is None:
             return None
-        if self.closed and end < start:
-            end += self.path.length
-        return end - start
+        return end - start + (self.path.length if self.closed and end < start else 0.0)
+
+    def forward(self, here: RoadPoint) -> bool:
+        """Whether the route goes towards +s at a point that is on it."""
+        position = self.path.position(here, self.path.legs[self._leg].before)
+        return self.path.at(position or 0.0)[2]
+
+    def _find(self, road_id: str, forward: bool) -> int | None:
+        """Index of the leg on a road: the present one, the next one after it, or else one before."""
+        legs = self.path.legs
+        ahead = (*range(self._leg, len(legs)), *range(self._leg))
+        return next((index for index in ahead if legs[index][:2] == (road_id, forward)), None)
+
+    def _following(self, index: int) -> Leg | None:
+        legs = self.path.legs
+        if index + 1 < len(legs):
+            return legs[index + 1]
+        # the last leg of a closed route ends where the first one began, on the same road
+        return legs[1] if self.closed and len(legs) > 1 else None
 
 
 class RandomRoute:
@@ -144,6 +183,9 @@ class RandomRoute:
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """Any of the ways on."""
         return self.rng.choice(links) if links else None
+
+    def enter(self, road_id: str, forward: bool) -> None:
+        """Nothing to remember."""
 
     def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
         """Unknown."""

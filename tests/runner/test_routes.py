@@ -1,0 +1,58 @@
+"""The choice at junctions that follows from a route."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from runner.routes import AssignedRoute, RandomRoute
+from xodr.model import LaneLink, RoadPoint
+from xodr.routes import Leg, RoadPath
+
+LINKS = [LaneLink("west", -1, True), LaneLink("east", -2, True), LaneLink("east", -1, True)]
+
+
+def end_of(road_id: str) -> RoadPoint:
+    """The end of a road, 100 m long."""
+    return RoadPoint(road_id, 100.0, -1.75, -1, 0.0)
+
+
+def path(*names: str) -> RoadPath:
+    """A route along roads of 100 m, all towards +s, left on lane −1."""
+    return RoadPath([Leg(name, True, 0.0, 100.0, 100.0 * index, (-1,)) for index, name in enumerate(names)], lambda *_: LINKS[0])
+
+
+def test_a_route_that_uses_a_road_twice_goes_its_own_way_each_time() -> None:
+    route = AssignedRoute(path("main", "west", "main", "east"))
+    assert route.choose(end_of("main"), True, LINKS) == LINKS[0]
+    route.enter("west", True)
+    assert route.choose(end_of("main"), True, LINKS) == LINKS[2]
+    route.enter("main", True)
+    assert route.distance(RoadPoint("main", 40.0, 0.0, -1, 0.0), RoadPoint("east", 10.0, 0.0, -1, 0.0)) == pytest.approx(70.0)
+
+
+def test_of_several_lanes_that_lead_on_the_one_is_taken_that_leads_to_the_leg_after() -> None:
+    assert AssignedRoute(path("main", "east")).choose(end_of("main"), True, LINKS) == LINKS[2]
+
+
+def test_off_the_route_the_straightest_way_is_taken() -> None:
+    route = AssignedRoute(path("main", "east"))
+    assert route.choose(end_of("elsewhere"), True, LINKS) == LINKS[0]
+    assert route.choose(end_of("main"), True, LINKS[:1]) == LINKS[0]
+    assert route.distance(end_of("elsewhere"), end_of("main")) is None
+
+
+def test_a_closed_route_begins_anew_at_its_end() -> None:
+    route = AssignedRoute(path("main", "east", "main"), closed=True)
+    route.enter("east", True)
+    route.enter("main", True)
+    assert route.choose(end_of("main"), True, LINKS) == LINKS[2]
+    assert route.distance(RoadPoint("east", 90.0, 0.0, -1, 0.0), RoadPoint("east", 40.0, 0.0, -1, 0.0)) == pytest.approx(250.0)
+
+
+def test_random_choices_follow_from_the_seed() -> None:
+    taken = [[RandomRoute(random.Random(seed)).choose(end_of("main"), True, LINKS) for seed in range(20)] for _ in range(2)]
+    assert taken[0] == taken[1]
+    assert set(taken[0]) == set(LINKS)
+    assert RandomRoute(random.Random(1)).choose(end_of("main"), True, []) is None
