@@ -70,7 +70,8 @@ def _car(name: str) -> str:
 def _speed(value: float, seconds: float) -> str:
     shape = f'dynamicsShape="{"sinusoidal" if seconds else "step"}" dynamicsDimension="time" value="{seconds}"'
     return f"""<PrivateAction><LongitudinalAction><SpeedAction><SpeedActionDynamics {shape}/>
-      <SpeedActionTarget><AbsoluteTargetSpeed value="{value}"/></SpeedActionTarget></SpeedAction></LongitudinalAction></PrivateAction>"""
+      <SpeedActionTarget><AbsoluteTargetSpeed value="{value}"/></SpeedActionTarget></SpeedAction></LongitudinalAction>
+      </PrivateAction>"""
 
 
 def _condition(name: str, inner: str) -> str:
@@ -89,13 +90,15 @@ def _near(name: str, other: str) -> str:
 
 
 def _event(name: str, action: str, trigger: str) -> str:
-    return f'<Event name="{name}" priority="parallel"><Action name="{name}A">{action}</Action>{_condition(f"{name}C", trigger)}</Event>'
+    begin = f'<Event name="{name}" priority="parallel"><Action name="{name}A">{action}</Action>'
+    return f"{begin}{_condition(f'{name}C', trigger)}</Event>"
 
 
 def _lane_change(lane: int) -> str:
     return f"""<PrivateAction><LateralAction><LaneChangeAction>
       <LaneChangeActionDynamics dynamicsShape="cubic" dynamicsDimension="time" value="5"/>
-      <LaneChangeTarget><AbsoluteTargetLane value="{lane}"/></LaneChangeTarget></LaneChangeAction></LateralAction></PrivateAction>"""
+      <LaneChangeTarget><AbsoluteTargetLane value="{lane}"/></LaneChangeTarget></LaneChangeAction></LateralAction>
+      </PrivateAction>"""
 
 
 def _group(number: int, start: Start, count: int) -> str:
