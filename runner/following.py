@@ -49,7 +49,7 @@ class PathMotion:
         self.s += abs(speed) * dt
         if self.s >= self.path.length and self.again is not None:
             self.s = (self.s - self.path.length) % max(self.again.length, _SHORTEST)
-            self.path = self.again
+            self.path, self._target = self.again, None
         self.put(entity, speed)
         if self.ending or (self.s >= self.path.length and self.again is None):
             back_to_lane(self.sim, entity)
