@@ -101,10 +101,11 @@ class _HandedOver:
 class WorldDriver(_HandedOver):
     """Lets the world's own driver drive the ego, as far as the scenario leaves it to it.
 
-    A scripted lateral action takes the ego back for as long as it runs. The scripted speed, once there is any, is what the
-    driver wants, and may exceed speed limits; before, the driver goes by the limits. With the longitudinal domain alone, it
-    keeps its lane; with the lateral domain alone, it has exactly the scripted speed. Where the world lets go of the ego, at
-    the end of its roads, the ego goes on as scripted.
+    A scripted lateral action takes the ego back for as long as it runs, and so does a speed backwards. The scripted speed,
+    once there is any, is what the driver wants, and may exceed speed limits; before, the driver goes by the limits. With
+    the longitudinal domain alone, it keeps its lane; with the lateral domain alone, it has exactly the scripted speed.
+    Where the world can't drive the ego, or lets go of it at the end of its roads, the ego goes on as scripted until it is
+    handed over anew.
 
     Args:
         handed_over: whether it drives from the beginning.
@@ -153,7 +154,9 @@ class WorldDriver(_HandedOver):
         sim.world.add(ego)
 
     def _wanted(self, ego: Entity) -> bool:
-        return (self.longitudinal or self.lateral) and LATERAL not in ego.controls and ego.next_offset is None
+        """Whether the ego is the driver's: handed over, not moved sideways by an action, and not reversing."""
+        scripted = LATERAL in ego.controls or ego.next_offset is not None or ego.demand < 0.0 or ego.speed < 0.0
+        return (self.longitudinal or self.lateral) and not scripted
 
     def _take_back(self, ego: Entity, sim: Simulation) -> None:
         sim.take_back(ego)

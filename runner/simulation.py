@@ -187,6 +187,7 @@ class Simulation:
             self.despawn(entity)
         else:
             entity.system.lost(entity, self)
+            self._move(entity, self.dt)
 
     # for storyboard elements ----------------------------------------------------------------
 

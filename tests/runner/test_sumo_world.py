@@ -286,6 +286,16 @@ def test_at_the_end_of_the_roads_the_ego_goes_on_as_scripted_and_stands(tmp_path
     assert at(ego, 10.0, "x") == pytest.approx(1000.0)
     assert at(ego, 10.0, "speed") == 0.0
     assert steps(ego).max() <= 20.0 * 0.05 + 1e-3
+    assert steps(ego)[ego["x"][1:] < 999.0] == pytest.approx(20.0 * 0.05)
+
+
+def test_a_scripted_speed_backwards_is_driven_as_scripted(tmp_path: Path) -> None:
+    result = run(tmp_path, place("Ego", 500, -5), [(4.0, speed_action(10, LINEAR))], stop=12.0)
+    ego = track(result, "Ego")
+    assert at(ego, 4.0, "x") == pytest.approx(480.0)
+    assert at(ego, 12.0, "speed") == pytest.approx(10.0)
+    assert steps(ego).max() <= 10.0 * 0.05 + 1e-3
+    assert not events(result, "left")
 
 
 @pytest.mark.parametrize("road", ["curve", "straight_lht"])
