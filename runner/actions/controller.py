@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from runner.simulation import Simulation
 
 _DOMAINS = ("longitudinal", "lateral", "lighting", "animation")
+_PEDALS = ("Throttle", "Brake", "Clutch", "ParkingBrake")
+_AUTOMATIC_GEARS = {"r": -1.0, "n": 0.0, "p": 0.0, "d": 1.0}
 _INPUTS = ("Throttle", "Brake", "Clutch", "ParkingBrake", "SteeringWheel", "Gear")
 
 
@@ -117,12 +119,18 @@ class OverrideControllerValueAction(PrivateAction):
 
 
 def _input(node: Node) -> float:
-    """Value of an override: brakes as 1.2+ writes them in a child, gears as a number or a mode."""
+    """Value of an override: a share of the pedal, a gear's number; since 1.2 brakes and gears have it in a child.
+
+    Raises:
+        Unsupported: a brake force, which says nothing about the pedal.
+    """
     inner = node.children()
-    if inner:
-        detail = inner[0]
-        modes = {"reverse": -1.0, "neutral": 0.0, "park": 0.0, "drive": 1.0}
-        if detail.has("gear"):
-            return modes[detail.choice("gear", modes)]
-        return float(detail.finite("number" if detail.has("number") else "value"))
-    return float(node.finite("number" if node.has("number") else "value"))
+    detail = inner[0] if inner else node
+    if detail.tag == "BrakeForce":
+        raise detail.unsupported("a brake force can't be told as a pedal's share; use BrakePercent")
+    if detail.tag == "AutomaticGear":
+        return _AUTOMATIC_GEARS[detail.choice("gear", _AUTOMATIC_GEARS)]
+    value = float(detail.finite("number" if detail.has("number") else "value"))
+    if node.tag in _PEDALS and not 0.0 <= value <= 1.0:
+        raise detail.invalid(f"value={value:g} must be from 0 to 1")
+    return value

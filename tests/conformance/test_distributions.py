@@ -1,0 +1,48 @@
+"""One distribution file for each distribution of the standard, and runs of what they give."""
+
+from __future__ import annotations
+
+import statistics
+
+import pytest
+
+import runner
+import xosc
+from tests.conformance.support import SCENARIOS, at, track
+
+
+def values(element: str, parameter: str = "Target") -> list[float]:
+    """Values of a parameter over all variations of an element's file."""
+    return [float(parameters[parameter]) for _, parameters in xosc.variations(SCENARIOS / f"{element}.xosc")]
+
+
+def test_deterministic_distributions_list_their_values_in_order() -> None:
+    assert values("DistributionSet") == [12, 18]
+    assert values("DistributionRange") == [10, 12.5, 15, 17.5, 20]
+    assert list(zip(values("ValueSetDistribution", "StartSpeed"), values("ValueSetDistribution"), strict=True)) == [
+        (5, 15),
+        (25, 5),
+    ]
+
+
+@pytest.mark.parametrize("element", ["UniformDistribution", "NormalDistribution", "LogNormalDistribution", "PoissonDistribution"])
+def test_stochastic_distributions_stay_within_their_range_and_repeat_by_seed(element: str) -> None:
+    drawn = values(element)
+    assert len(drawn) == 200
+    assert all(5 <= value <= 30 for value in drawn)
+    assert drawn == values(element)
+    assert statistics.mean(drawn) == pytest.approx(
+        {"UniformDistribution": 17.5, "PoissonDistribution": 12}.get(element, 15), abs=1.5
+    )
+
+
+def test_histograms_and_probability_sets_respect_their_weights() -> None:
+    low = sum(value < 10 for value in values("Histogram"))
+    assert 30 <= low <= 70
+    assert 20 <= values("ProbabilityDistributionSet").count(10) <= 60
+
+
+def test_the_variations_run() -> None:
+    for scenario, parameters in xosc.variations(SCENARIOS / "DistributionSet.xosc"):
+        result = runner.run(scenario, parameters=parameters, sut=None, world="kinematic", timestep=0.05, max_time=8)
+        assert at(track(result, "Car"), 7.0, "speed") == float(parameters["Target"])
