@@ -122,6 +122,8 @@ def _limited(node: Node, network: RoadNetwork) -> Iterator[Stretch]:
     if len(cursors) < 2:
         raise node.invalid("a RoadRange needs two RoadCursors or more")
     left = float(node.float("length", math.inf))
+    if left < 0.0:
+        raise node.invalid(f"length={left:g} must not be negative")
     for number, (one, other) in enumerate(pairwise(cursors)):
         for road_id, enter, leave in _between(one, other, number == 0, number == len(cursors) - 2):
             length = min(abs(leave - enter), left)

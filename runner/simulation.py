@@ -238,7 +238,8 @@ class Simulation:
         if entity.driven:
             self.leave_lane(entity)
         else:
-            self.note("world", entity.name, f"can't be driven by {self.world.name} here: no lane for it, or against the traffic")
+            reason = "no lane for it, against the traffic, or hidden"
+            self.note("world", entity.name, f"can't be driven by {self.world.name} here: {reason}")
         return entity.driven
 
     def take_back(self, entity: Entity) -> None:
@@ -296,8 +297,10 @@ class Simulation:
         """Bring in a participant that the scenario does not name, for the world's own driver; false where it can't drive."""
         self.place(entity, placement)
         entity.speed = speed
-        if not self.drive(entity):
+        if not self.world.drive(entity):
             return False
+        self.leave_lane(entity)
+        entity.driven = True
         entity.vx, entity.vy = speed * math.cos(entity.h), speed * math.sin(entity.h)
         entity.spawned = True
         self.entities[entity.name] = entity

@@ -43,6 +43,7 @@ _STEERING = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.3"}
 """Parameters of SUMO's lane changes: sideways with at most 0.3 of the speed, so not at all when standing."""
 _STAYING = {"lcKeepRight": "0"}
 """The same for participants that the scenario declares: they leave the lane where it puts them for a reason only."""
+_ROUNDING = 1e-9
 _LARGEST_SEED = 2**31 - 1
 _SMALLEST = 0.1
 """Length and width (m) that SUMO needs at least."""
@@ -50,6 +51,7 @@ _CAREFUL, _REGARDLESS = 31, 32
 """SUMO's speed modes: all checks (the default), and none."""
 _LANE_CHANGES, _NO_LANE_CHANGES = 1621, 512
 """SUMO's lane change modes: its own changes (the default), and none but those asked for."""
+_ERRORS = (libsumo.TraCIException, libsumo.FatalTraCIError)
 _NOWHERE = libsumo.constants.INVALID_DOUBLE_VALUE
 """Coordinate of what is just leaving the network."""
 _DOCK_ROUTE = "dock"
@@ -148,7 +150,7 @@ class SumoWorld:
             for light in libsumo.trafficlight.getIDList():
                 libsumo.trafficlight.setProgram(light, "off")
                 self._dark[light] = libsumo.trafficlight.getRedYellowGreenState(light)
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        except _ERRORS as error:
             raise ToolchainError(f"SUMO does not start: {error}") from None
         self._open = True
         return f"SUMO's drivers have no roads: {self._net.fallback}" if self._net.fallback else ""
@@ -235,13 +237,13 @@ class SumoWorld:
 
     def step(self) -> None:
         """Advance SUMO; those who arrive are its drivers' from then on."""
-        for entity, (_, h) in self._arriving.items():
-            shown, way = self._shown[entity], entity.speed * self._dt
-            x, y, angle = _front(shown, entity.x + way * math.cos(h), entity.y + way * math.sin(h), h)
-            libsumo.vehicle.moveToXY(shown.id, "", -1, x, y, angle, _ANYWHERE, _NEAR)
         try:
+            for entity, (_, h) in self._arriving.items():
+                shown, way = self._shown[entity], entity.speed * self._dt
+                x, y, angle = _front(shown, entity.x + way * math.cos(h), entity.y + way * math.sin(h), h)
+                libsumo.vehicle.moveToXY(shown.id, "", -1, x, y, angle, _ANYWHERE, _NEAR)
             libsumo.simulationStep()
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        except _ERRORS as error:
             raise ToolchainError(f"SUMO can't go on: {error}") from None
         self._arrived, self._arriving = self._arriving, {}
         for entity, arrival in self._arrived.items():
@@ -251,10 +253,11 @@ class SumoWorld:
 
     def drive(self, entity: Entity) -> bool:
         """Hand a participant to SUMO's driver where SUMO has a lane for it."""
-        if round(self._dt, 3) != self._dt:
+        if abs(round(self._dt, 3) - self._dt) > _ROUNDING:
             raise UsageError(f"SUMO counts in milliseconds: its drivers can't drive in steps of {self._dt!r} s")
         arrival = self._arrival(entity)
         if arrival is None:
+            self.release(entity)
             return False
         self.add(entity)
         self._arriving[entity] = arrival
@@ -279,6 +282,8 @@ class SumoWorld:
     def _hand_over(self, entity: Entity, here: RoadPoint) -> None:
         """Let SUMO's driver go on with a participant that is in its place."""
         name = self._shown[entity].id
+        if not libsumo.vehicle.getLaneID(name):
+            return  # its first step has led it off the lane: it counts as having left
         libsumo.vehicle.setPreviousSpeed(name, max(entity.speed, 0.0))
         for parameter, value in (_STEERING if entity.spawned else _STEERING | _STAYING).items():
             libsumo.vehicle.setParameter(name, f"laneChangeModel.{parameter}", value)

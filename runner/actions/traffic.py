@@ -37,12 +37,30 @@ def _name(node: Node) -> str:
     return given or node.tag.removesuffix("Action")
 
 
-def _amount(node: Node, attribute: str, default: float | None = None) -> float:
-    """An attribute that must not be negative; without default it is needed."""
-    value = float(node.float(attribute) if default is None else node.float(attribute, default))
+def _amount(node: Node, attribute: str) -> float:
+    """A finite attribute that must not be negative."""
+    value = float(node.finite(attribute))
     if value < 0.0:
         raise node.invalid(f"{attribute}={value:g} must not be negative")
     return value
+
+
+def _count(node: Node, attribute: str) -> int:
+    """A whole number that must not be negative."""
+    value = int(node.int(attribute))
+    if value < 0:
+        raise node.invalid(f"{attribute}={value} must not be negative")
+    return value
+
+
+def _rate(node: Node) -> float:
+    """How many a second; without end where there is none."""
+    return math.inf if node.float("rate", math.inf) == math.inf else _amount(node, "rate")
+
+
+def _due(rate: float, elapsed: float) -> float:
+    """How many after the first are due after a time (s)."""
+    return rate if rate == math.inf else rate * elapsed + _EPSILON
 
 
 def _optional(node: Node, *attributes: str) -> float | None:
@@ -120,7 +138,7 @@ class _Source(_Running):
     def act(self, dt: float) -> None:
         """Bring in what is due."""
         given = self.action.speed
-        while self.made <= self.action.rate * self.elapsed + _EPSILON:
+        while self.made <= _due(self.action.rate, self.elapsed):
             if not self.spawner.spawn(self.sim, self.places, lambda place: place.speed if given is None else given):
                 break
             self.made += 1
@@ -136,7 +154,7 @@ class TrafficSinkAction(GlobalAction):
 
     def __init__(self, node: Node, position: Position) -> None:
         self.name, self.position = _name(node), position
-        self.radius, self.rate = _amount(node, "radius"), _amount(node, "rate", math.inf)
+        self.radius, self.rate = _amount(node, "radius"), _rate(node)
         definition = node.find("TrafficDefinition")
         self.categories = categories(definition) if definition is not None else None
 
@@ -161,7 +179,7 @@ class _Sink(_Running):
     def act(self, dt: float) -> None:
         """Take out what is there, as far as it is due."""
         for entity in [entity for entity in self.sim.entities.values() if entity.spawned]:
-            if self.taken > self.action.rate * self.elapsed + _EPSILON:
+            if self.taken > _due(self.action.rate, self.elapsed):
                 break
             if self._takes(entity):
                 self.sim.note("sink", entity.name, f"taken out by {self.name}")
@@ -234,7 +252,7 @@ class TrafficSwarmAction(GlobalAction):
         self.central = context.entity(node.need("CentralObject"))
         self.major, self.minor = _amount(node, "semiMajorAxis"), _amount(node, "semiMinorAxis")
         self.inner, self.offset = _amount(node, "innerRadius"), node.finite("offset")
-        self.number = int(_amount(node, "numberOfVehicles"))
+        self.number = _count(node, "numberOfVehicles")
         self.speeds = _speeds(node)
         travel = node.find("DirectionOfTravelDistribution")
         self.same = _share(travel) if travel is not None else None
@@ -317,7 +335,7 @@ class TrafficAreaAction(GlobalAction):
     def __init__(self, node: Node, context: Context) -> None:
         self.network = network_of(node, context)
         self.name, self.mix = _name(node), Mix.from_xml(node)
-        self.number, self.continuous = int(_amount(node, "numberOfEntities")), node.bool("continuous")
+        self.number, self.continuous = _count(node, "numberOfEntities"), node.bool("continuous")
         area = node.need("TrafficArea")
         polygon, ranges = area.find("Polygon"), area.children("RoadRange")
         self.corners: list[Position] = []

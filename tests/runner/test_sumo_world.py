@@ -22,6 +22,7 @@ from schemas.errors import Unsupported, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import ROADS, car, place, scenario, speed_action, story
 from tests.runner.scene import CAR
+from xodr.builders import four_way_intersection
 
 LINEAR = 'dynamicsShape="linear" dynamicsDimension="time" value="3"'
 LANE_CHANGE = (
@@ -161,6 +162,15 @@ def test_a_driven_participant_that_leaves_is_not_read_any_more(world: sumo.SumoW
     world.remove(participant)
 
 
+def test_one_that_its_first_step_leads_off_the_road_has_left(world: sumo.SumoWorld) -> None:
+    participant = entity(100.0, -1.75, speed=1e6)
+    assert world.drive(participant)
+    world.step()
+    assert world.read(participant) is None
+    world.mirror([participant])
+    world.step()
+
+
 def test_runs_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     path = scenario(tmp_path / "in")
     monkeypatch.chdir(tmp_path)
@@ -225,10 +235,17 @@ def test_the_driver_overtakes_without_sliding(tmp_path: Path) -> None:
     assert np.abs(np.diff(ego["h"])).max() < 0.05
 
 
-def test_a_participant_hidden_from_traffic_is_run_through(tmp_path: Path) -> None:
-    init = place("Ego", 100, 20) + place("Lead", 200, 0, more=visibility("false"))
-    both = run(tmp_path, init + place("Lead", 200, 0), stop=8.0)
-    assert events(both, "collision")
+@pytest.mark.parametrize(("traffic", "hit"), [("true", False), ("false", True)])
+def test_a_participant_hidden_from_traffic_is_run_into(tmp_path: Path, traffic: str, hit: bool) -> None:
+    result = run(tmp_path, place("Ego", 100, 20) + place("Lead", 200, 0, more=visibility(traffic)), stop=8.0)
+    assert bool(events(result, "collision")) == hit
+
+
+def test_a_participant_can_be_hidden_and_shown_at_any_time(tmp_path: Path) -> None:
+    init = place("Ego", 100, 0) + place("Lead", 200, 0)
+    stages = [(1.0, visibility("false")), (2.0, visibility("true")), (3.0, visibility("true")), (4.0, visibility("false"))]
+    path = scenario(tmp_path, init=init, stories=story("Lead", stages), stop=5.0)
+    assert runner.run(path, sut="sumo", timestep=0.05).status == "completed"
 
 
 def test_the_ego_itself_can_not_be_hidden_from_the_traffic_that_drives_it(tmp_path: Path) -> None:
@@ -249,7 +266,7 @@ def test_a_scripted_lane_change_is_driven_as_scripted_and_then_handed_back(tmp_p
 
 def test_controller_activation_hands_the_ego_over_and_back(tmp_path: Path) -> None:
     stages = [(2.0, controller(True, True)), (6.0, controller(False, False))]
-    ego = track(run(tmp_path, place("Ego", 100, 20) + place("Lead", 200, 5) + place("Lead", 200, 5), stages, stop=12.0), "Ego")
+    ego = track(run(tmp_path, place("Ego", 100, 20) + place("Lead", 200, 5), stages, stop=12.0), "Ego")
     assert np.all(ego["speed"][ego["time"] < 2.0] == 20.0)
     assert np.all(np.abs(np.diff(ego["speed"])) <= 9.0 * 0.05 + 1e-6)
     assert at(ego, 12.0, "speed") == pytest.approx(20.0)  # scripted again, reached by no more than 3.5 m/s²
@@ -316,6 +333,44 @@ def test_the_driver_drives_at_small_time_steps_but_not_in_fractions_of_a_millise
 def test_a_world_without_drivers_refuses_the_system(tmp_path: Path) -> None:
     with pytest.raises(Unsupported, match="no driver of its own"):
         run(tmp_path, place("Ego", 100, 20), world="kinematic")
+
+
+# junctions ----------------------------------------------------------------------------------
+
+
+def crossing(folder: Path, *privates: str, route_to: str = "") -> runner.RunResult:
+    """Run on an intersection whose arms 1 to 4 lie east, north, west and south; the Ego comes from the east."""
+    four_way_intersection(arm=150.0).write(folder / "crossing.xodr")
+    way = "".join(
+        f'<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="{road}" laneId="{lane}" s="100"/></Position>'
+        "</Waypoint>"
+        for road, lane in (("1", 1), (route_to, -1))
+    )
+    assign = (
+        f'<PrivateAction><RoutingAction><AssignRouteAction><Route name="way" closed="false">{way}</Route></AssignRouteAction>'
+        "</RoutingAction></PrivateAction>"
+    )
+    init = place("Ego", 140, 10, lane=1, more=assign if route_to else "") + "".join(privates)
+    entities = [car(name) for name in ("Ego", "Lead")[: 1 + len(privates)]]
+    path = scenario(folder, entities=entities, init=init, stop=35.0, road="crossing")
+    return runner.run(path, sut="sumo", timestep=0.05)
+
+
+@pytest.mark.parametrize(("route_to", "arm"), [("", "3"), ("2", "2"), ("3", "3"), ("4", "4")])
+def test_the_driver_takes_its_route_or_the_straightest_way(tmp_path: Path, route_to: str, arm: str) -> None:
+    ego = track(crossing(tmp_path, route_to=route_to), "Ego")
+    assert ego["road_id"][-1] == arm
+    assert steps(ego).max() < 10.0 * 0.05 + 0.01
+    assert np.abs(np.diff(np.unwrap(ego["h"]))).max() < 0.1
+
+
+def test_the_driver_yields_to_a_scripted_participant_that_crosses(tmp_path: Path) -> None:
+    other = place("Lead", 140, 10, lane=1).replace('roadId="1"', 'roadId="2"')
+    result = crossing(tmp_path, other)
+    assert not events(result, "collision")
+    ego = track(result, "Ego")
+    assert ego["speed"][ego["time"] < 20.0].min() < 6.0
+    assert ego["road_id"][-1] == "3"
 
 
 # traffic lights -----------------------------------------------------------------------------
