@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    from runner.elements import Process
     from runner.motion import Motion
-    from runner.storyboard import Process
     from xodr.model import LaneSection, RoadPoint
     from xodr.road import Road
 

@@ -1,6 +1,8 @@
 """One run of one scenario: the tick, and what actions and conditions may ask of it.
 
-A tick is: triggers at t, actions act on [t, t + dt], systems under test, motion, world step, contacts, recording.
+A tick is: actions act on [t, t + dt], systems under test, motion, world step, contacts, recording, triggers at t + dt.
+The triggers at time 0 are part of the beginning: what they start and takes no time sets the initial state, as initial
+actions do, so that a recording does not show entities where the scenario has put them only roughly.
 """
 
 from __future__ import annotations
@@ -20,9 +22,9 @@ from runner.towing import disconnect, line_up, tow, train
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
+    from runner.elements import Element, Process, Transition
     from runner.entities import Entities, Entity
     from runner.scenario import Scenario
-    from runner.storyboard import Element, Process, Transition
     from runner.world import World
     from xodr.network import RoadNetwork
 
@@ -67,7 +69,7 @@ class Simulation:
         self.step_index = 0
         self.time = 0.0
         self.initialising = True
-        """Whether the initial actions are being applied: what takes no time then sets the state at time 0."""
+        """Whether the initial actions and the events of time 0 are starting: what takes no time sets the initial state."""
         self.finished = False
         self.processes: list[Process] = []
         self.log: list[LogEntry] = []
@@ -82,7 +84,7 @@ class Simulation:
     # the run --------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Open the world, run the initial actions, record time 0."""
+        """Open the world, run the initial actions and the triggers at time 0, record time 0."""
         told = self.world.open(self.network, self.dt, self.seed)
         if told:
             self.note("world", self.world.name, told)
@@ -90,20 +92,28 @@ class Simulation:
         self.storyboard.begin(self)
         for entity in self.entities.values():
             if entity.active and entity.placed:
-                entity.vx, entity.vy = entity.speed * math.cos(entity.h), entity.speed * math.sin(entity.h)
                 self.world.add(entity)
             elif entity.active:
                 entity.active = False
                 self.note("entity", entity.name, "has no position yet: absent until an action places it")
-        self.initialising = False
         self.contacts.update()
+        self._set_velocities()
+        self._evaluate()
+        self._set_velocities()
+        self.initialising = False
         self.recorder.record()
+
+    def _set_velocities(self) -> None:
+        for entity in self.entities.values():
+            entity.vx, entity.vy = entity.speed * math.cos(entity.h), entity.speed * math.sin(entity.h)
+
+    def _evaluate(self) -> None:
+        self._publish()
+        self.finished = self.storyboard.evaluate(self)
 
     def tick(self) -> bool:
         """One step; false once the storyboard's stop trigger has ended the run (time then stands)."""
-        self._publish()
-        if self.storyboard.evaluate(self):
-            self.finished = True
+        if self.finished:
             return False
         dt = self.dt
         for process in tuple(self.processes):
@@ -125,6 +135,7 @@ class Simulation:
         for observe in self.scenario.observers:
             observe(self)
         self.recorder.record()
+        self._evaluate()
         return True
 
     def _move(self, entity: Entity, dt: float) -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.boxes import Spot, overlap
 from runner.entities import BoundingBox, Entity
 from runner.motion import Placement
-from runner.scenario import read_object
+from runner.scenario_objects import read_object
 from xodr.sumo_net.uses import use_of
 from xosc.node import Node
 
@@ -84,7 +84,8 @@ class _Usual:
         if role is not None:
             entity.properties["role"] = role.get("role")
         if controller is not None:
-            entity.controllers[controller.get("name")] = {}
+            properties = {p.get("name"): p.get("value") for p in controller.iter("Property")}
+            entity.controllers[controller.get("name")] = properties
         return entity
 
 
@@ -103,6 +104,8 @@ def _weighted(holder: Node | None, tag: str) -> Weighted:
     found = tuple((weight, entry) for weight, entry in entries if weight > 0.0)
     if not found:
         raise holder.invalid(f"no {tag} has a weight above 0")
+    if not math.isfinite(sum(weight for weight, _ in found)):
+        raise holder.invalid("the weights are too large")
     return found
 
 
@@ -127,7 +130,7 @@ def _templates(distribution: Node) -> list[tuple[float, Callable[[str, Random], 
     for share, entry in _weighted(distribution, "TrafficDistributionEntry"):
         kinds = _weighted(entry.need("EntityDistribution"), "EntityDistributionEntry")
         total = sum(weight for weight, _ in kinds)
-        makers += [(share * weight / total, _template(kind.need("ScenarioObjectTemplate"))) for weight, kind in kinds]
+        makers += [(share * (weight / total), _template(kind.need("ScenarioObjectTemplate"))) for weight, kind in kinds]
     return makers
 
 

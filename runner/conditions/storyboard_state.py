@@ -6,8 +6,8 @@ from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from runner.conditions.base import Condition
+from runner.elements import Element, State, Transition
 from runner.registry import condition
-from runner.storyboard import Element, State, Transition
 from xosc.node import Node
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from runner.actions.base import GlobalAction
-from runner.storyboard import Act, ActionElement, Event, Maneuver, ManeuverGroup, State, Story, Storyboard
+from runner.elements import ActionElement, State
+from runner.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 
 
 class Script:
