@@ -1,11 +1,11 @@
-"""Actions on parameters, variables and monitors."""
+"""Actions on parameters, variables and monitors: they differ in the table that they change."""
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, NamedTuple
 
 from runner.actions.base import GlobalAction
 from runner.registry import action
@@ -20,121 +20,89 @@ _NUMBERS = ("double", "int", "unsignedInt", "unsignedShort")
 _CHANGES: dict[str, Callable[[float, float], float]] = {"AddValue": operator.add, "MultiplyByValue": operator.mul}
 
 
-class _ValueAction(GlobalAction):
-    """What actions on parameters and on variables share: the two differ in the table that they change."""
+class _Target(NamedTuple):
+    """The parameter or variable that an action changes: `what` it is, its name and its type."""
 
-    store: ClassVar[str]
+    what: str
     name: str
+    type: str
+
+    @classmethod
+    def of(cls, node: Node, context: Context) -> _Target:
+        """What the enclosing ParameterAction or VariableAction refers to; it must be declared."""
+        above = node.parent
+        assert above is not None
+        what = above.tag.removesuffix("Action").lower()
+        types = context.parameter_types if what == "parameter" else context.variable_types
+        name = above.get(f"{what}Ref")
+        if name not in types:
+            raise above.invalid(f"{what}Ref={name!r} is not a {what} that the scenario declares")
+        return cls(what, name, types[name])
+
+    def table(self, sim: Simulation) -> dict[str, Value]:
+        """The table of values that it is in."""
+        return sim.parameters if self.what == "parameter" else sim.variables
 
     def write(self, sim: Simulation, value: Value) -> None:
-        """Put a value into the table."""
-        getattr(sim, self.store)[self.name] = value
-        sim.note(self.store.removesuffix("s"), self.name, f"set to {value}")
+        """Put a value into the table; ParameterConditions and VariableConditions see it."""
+        self.table(sim)[self.name] = value
+        sim.note(self.what, self.name, f"set to {value}")
 
 
-def _declared(node: Node, declared: Mapping[str, str], what: str) -> tuple[str, str]:
-    """Name and type of the parameter or variable that the enclosing element refers to."""
-    above = node.parent
-    assert above is not None
-    name = above.get(f"{what}Ref")
-    if name not in declared:
-        raise above.invalid(f"{what}Ref={name!r} is not a {what} that the scenario declares")
-    return name, declared[name]
+@action("ParameterAction/SetAction", "VariableAction/SetAction")
+@dataclass(frozen=True, slots=True)
+class SetAction(GlobalAction):
+    """Sets a parameter or variable; conditions see the value, attributes keep that of the beginning."""
 
-
-def _literal(node: Node, kind: str) -> Value:
-    try:
-        return typed(kind, node.get("value"))
-    except ValueError as error:
-        raise node.invalid(f"value: {error}") from None
-
-
-def _change(node: Node, kind: str, what: str) -> tuple[Callable[[float, float], float], float]:
-    if kind not in _NUMBERS:
-        raise node.invalid(f"only numbers can be modified, this {what} is a {kind}")
-    rule = node.need("Rule").only()
-    if rule.tag not in _CHANGES:
-        raise rule.invalid(f"{' or '.join(_CHANGES)} is expected")
-    return _CHANGES[rule.tag], rule.finite("value")
-
-
-def _modified(kind: str, value: float) -> Value:
-    return value if kind == "double" else round(value)
-
-
-@dataclass(frozen=True)
-class _Set(_ValueAction):
-    name: str
+    target: _Target
     value: Value
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> SetAction:
+        """Build from the SetAction of a ParameterAction or VariableAction."""
+        target = _Target.of(node, context)
+        try:
+            return cls(target, typed(target.type, node.get("value")))
+        except ValueError as error:
+            raise node.invalid(f"value: {error}") from None
 
     def start(self, sim: Simulation) -> None:
         """Set the value at once."""
-        self.write(sim, self.value)
+        self.target.write(sim, self.value)
 
 
-@dataclass(frozen=True)
-class _Modify(_ValueAction):
-    name: str
-    kind: str
+@action("ParameterAction/ModifyAction", "VariableAction/ModifyAction")
+@dataclass(frozen=True, slots=True)
+class ModifyAction(GlobalAction):
+    """Adds to or multiplies a parameter or variable that is a number; integers stay integers."""
+
+    node: Node
+    target: _Target
     change: Callable[[float, float], float]
     operand: float
 
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> ModifyAction:
+        """Build from the ModifyAction of a ParameterAction or VariableAction."""
+        target = _Target.of(node, context)
+        if target.type not in _NUMBERS:
+            raise node.invalid(f"only numbers can be modified, this {target.what} is a {target.type}")
+        rule = node.need("Rule").only()
+        if rule.tag not in _CHANGES:
+            raise rule.invalid(f"{' or '.join(_CHANGES)} is expected")
+        return cls(node, target, _CHANGES[rule.tag], rule.finite("value"))
+
     def start(self, sim: Simulation) -> None:
-        """Modify the value at once; integers stay integers."""
-        before = getattr(sim, self.store)[self.name]
-        self.write(sim, _modified(self.kind, self.change(float(before), self.operand)))
-
-
-@action("ParameterAction/SetAction")
-class ParameterSetAction(_Set):
-    """Sets a parameter; ParameterConditions see it (deprecated by the standard in favour of variables)."""
-
-    store = "parameters"
-
-    @classmethod
-    def from_xml(cls, node: Node, context: Context) -> ParameterSetAction:
-        """Build from the SetAction of a ParameterAction."""
-        name, kind = _declared(node, context.parameter_types, "parameter")
-        return cls(name, _literal(node, kind))
-
-
-@action("ParameterAction/ModifyAction")
-class ParameterModifyAction(_Modify):
-    """Adds to or multiplies a parameter."""
-
-    store = "parameters"
-
-    @classmethod
-    def from_xml(cls, node: Node, context: Context) -> ParameterModifyAction:
-        """Build from the ModifyAction of a ParameterAction."""
-        name, kind = _declared(node, context.parameter_types, "parameter")
-        return cls(name, kind, *_change(node, kind, "parameter"))
-
-
-@action("VariableAction/SetAction")
-class VariableSetAction(_Set):
-    """Sets a variable."""
-
-    store = "variables"
-
-    @classmethod
-    def from_xml(cls, node: Node, context: Context) -> VariableSetAction:
-        """Build from the SetAction of a VariableAction."""
-        name, kind = _declared(node, context.variable_types, "variable")
-        return cls(name, _literal(node, kind))
-
-
-@action("VariableAction/ModifyAction")
-class VariableModifyAction(_Modify):
-    """Adds to or multiplies a variable."""
-
-    store = "variables"
-
-    @classmethod
-    def from_xml(cls, node: Node, context: Context) -> VariableModifyAction:
-        """Build from the ModifyAction of a VariableAction."""
-        name, kind = _declared(node, context.variable_types, "variable")
-        return cls(name, kind, *_change(node, kind, "variable"))
+        """Modify the value at once."""
+        before = self.target.table(sim)[self.target.name]
+        assert isinstance(before, float | int)
+        after = self.change(before, self.operand)
+        target = self.target
+        try:
+            value = typed(target.type, repr(after if target.type == "double" else round(after)))
+        except (ValueError, OverflowError):
+            raise self.node.invalid(f"{target.what} {target.name} would become {after:g}, which is no {target.type}") from None
+        target.write(sim, value)
 
 
 @action("SetMonitorAction")

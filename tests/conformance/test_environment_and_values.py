@@ -91,6 +91,14 @@ def test_references_and_types_are_checked_before_the_run(tmp_path: Path, element
         run(str(path.with_suffix("")))
 
 
+@pytest.mark.parametrize("operand", ["1e10", "-1"])
+def test_a_number_that_leaves_its_type_ends_the_run_with_a_clear_line(tmp_path: Path, operand: str) -> None:
+    path = edited(tmp_path, "VariableModifyAction", 'MultiplyByValue value="2"', f'MultiplyByValue value="{operand}"')
+    path.write_text(path.read_text().replace('variableType="int"', 'variableType="unsignedInt"'), encoding="utf-8")
+    with pytest.raises(InvalidFile, match="variable Watched would become"):
+        run(str(path.with_suffix("")))
+
+
 def test_a_monitor_is_set_and_written_down() -> None:
     entry = events(run("SetMonitorAction"), "monitor")[0]
     assert (entry.time, entry.subject, entry.text) == (2.0, "Kept", "set to true")
