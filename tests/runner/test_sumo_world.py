@@ -182,6 +182,12 @@ def test_runs_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ca
     assert captured.out == captured.err == ""
 
 
+def test_scripted_motion_is_the_same_in_every_world(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Ego", [(0.5, LANE_CHANGE), (1.0, speed_action(5, LINEAR))]), stop=5.0)
+    tables = [runner.run(path, sut=None, timestep=0.05, world=world).trajectories for world in ("sumo", "kinematic")]
+    assert tables[0].equals(tables[1])
+
+
 def test_a_scenario_without_roads_runs(tmp_path: Path) -> None:
     path = scenario(tmp_path)
     text = path.read_text().replace('<LogicFile filepath="straight.xodr"/>', "")
