@@ -23,6 +23,7 @@ from xosc.node import Node
 
 if TYPE_CHECKING:
     from runner.simulation import Simulation
+    from schemas.errors import ToolchainError
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
 
@@ -64,6 +65,8 @@ class Scenario:
     activated: set[str] = field(default_factory=set)
     """names of entities whose controller the scenario activates or deactivates at some time"""
     signals: TrafficSignals = field(default_factory=TrafficSignals)
+    violations: tuple[ToolchainError, ...] = ()
+    """parameter values outside their constraint groups, where that is allowed"""
     observers: list[Callable[[Simulation], None]] = field(default_factory=list)
     """called at the end of each step, for conditions that watch what goes on before anybody asks them"""
 
@@ -185,6 +188,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         monitors=context.monitors,
         activated=_activated(context.storyboard),
         signals=context.signals,
+        violations=document.violations,
         observers=context.observers,
     )
 

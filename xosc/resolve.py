@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
@@ -31,6 +31,9 @@ _DECLARING = ("ParameterDeclaration", "ValueConstraint")
 _Scopes = dict[etree._Element, Scope]
 """Scopes by the element that opens them."""
 
+_Report = Callable[[ToolchainError], None]
+"""What is done with a violated constraint."""
+
 _symbolic = etree.XPath("descendant-or-self::*[@*[contains(., '$')]]")
 
 
@@ -46,6 +49,7 @@ class Resolved(Document):
         monitors: initial values of the monitors by name.
         logic_file: the road network (an OpenDRIVE file, as a rule); None where the scenario has none.
         scene_graph_file: the 3D model; None where the scenario has none.
+        violations: parameter values that violate their constraint groups, where that was not to be an error.
     """
 
     parameters: dict[str, Parameter]
@@ -53,6 +57,7 @@ class Resolved(Document):
     monitors: dict[str, bool]
     logic_file: Path | None
     scene_graph_file: Path | None
+    violations: tuple[ToolchainError, ...] = ()
 
 
 def resolve(
@@ -69,7 +74,7 @@ def resolve(
     Args:
         document: what `load` returned; it is not changed.
         parameters: values of global parameters by name.
-        enforce_constraints: whether a value that violates its constraint groups is an error.
+        enforce_constraints: whether a value that violates its constraint groups is an error, or only recorded.
 
     Raises:
         UsageError: a given parameter does not exist or is not of its type; the document is no scenario.
@@ -81,8 +86,10 @@ def resolve(
     root = copy.deepcopy(document.root.getroottree()).getroot()
     node = Node(root, document.path)
     assigned = {name: _argument(value, node) for name, value in (parameters or {}).items()}
-    scopes = _bind(node, None, assigned, enforce_constraints)
-    _Inliner(Catalogs(node), enforce_constraints).inline(node, scopes, ())
+    violations: list[ToolchainError] = []
+    report = _refuse if enforce_constraints else violations.append
+    scopes = _bind(node, None, assigned, report)
+    _Inliner(Catalogs(node), report).inline(node, scopes, ())
     return Resolved(
         path=document.path,
         root=root,
@@ -93,23 +100,28 @@ def resolve(
         monitors=monitors(_declared(node, "MonitorDeclarations")),
         logic_file=_file(node, "LogicFile"),
         scene_graph_file=_file(node, "SceneGraphFile"),
+        violations=tuple(violations),
     )
 
 
-def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], enforce: bool) -> _Scopes:
+def _refuse(violation: ToolchainError) -> None:
+    raise violation
+
+
+def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report) -> _Scopes:
     """Make every attribute of the elements of one file a literal, in place; the result has a scope for `top` at least."""
-    scopes = {top.element: _declare(top, outer, assigned, enforce)}
+    scopes = {top.element: _declare(top, outer, assigned, report)}
     for declarations in list(top.element.iter("ParameterDeclarations")):
         owner = declarations.getparent()
         if owner is not None and owner not in scopes:
-            scopes[owner] = _declare(Node(owner, top.path), _scope_around(owner, scopes), {}, enforce)
+            scopes[owner] = _declare(Node(owner, top.path), _scope_around(owner, scopes), {}, report)
     for element in cast(list[etree._Element], _symbolic(top.element)):
         if element.tag not in _DECLARING:
             _substitute(Node(element, top.path), _scope_around(element, scopes))
     return scopes
 
 
-def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment], enforce: bool) -> Scope:
+def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report) -> Scope:
     """The scope that an element opens; its declarations and constraints become literals."""
     declarations = _declared(owner, "ParameterDeclarations")
     scope = Scope(declarations, outer, assigned)
@@ -121,9 +133,8 @@ def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment
             declaration.element.set("parameterType", parameter.type)
         for constraint in declaration.iter("ValueConstraint"):
             _substitute(constraint, scope)
-    if enforce:
-        for violation in scope.violations():
-            raise violation
+    for violation in scope.violations():
+        report(violation)
     return scope
 
 
@@ -151,9 +162,9 @@ def _scope_around(element: etree._Element, scopes: _Scopes) -> Scope:
 class _Inliner:
     """Puts catalogue entries in the place of the references to them."""
 
-    def __init__(self, catalogs: Catalogs, enforce: bool) -> None:
+    def __init__(self, catalogs: Catalogs, report: _Report) -> None:
         self._catalogs = catalogs
-        self._enforce = enforce
+        self._report = report
         self._elements = 0
 
     def inline(self, top: Node, scopes: _Scopes, inside: tuple[Entry, ...]) -> None:
@@ -179,7 +190,7 @@ class _Inliner:
         element.set(LINE, str(entry.element.sourceline))
         node = Node(element, Path(entry.path))
         outer = scope if entry.version < _CATALOGS_CLOSED_SINCE else None
-        scopes = _bind(node, outer, _assignments(reference), self._enforce)
+        scopes = _bind(node, outer, _assignments(reference), self._report)
         self.inline(node, scopes, (*inside, entry))
         return element
 

@@ -228,3 +228,36 @@ def test_any_text_is_resolved_for_good_or_refused(scenario, first, second, given
         return
     node = result.node.need("Storyboard", "x")
     assert node.get("y") == result.parameters["a"].text
+
+
+def test_violations_that_are_not_enforced_are_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "limited.xosc"
+    path.write_text(
+        """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSCENARIO>
+  <FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" description="limited" author="test"/>
+  <ParameterDeclarations>
+    <ParameterDeclaration name="Speed" parameterType="double" value="70">
+      <ConstraintGroup>
+        <ValueConstraint rule="lessOrEqual" value="60"/>
+      </ConstraintGroup>
+    </ParameterDeclaration>
+  </ParameterDeclarations>
+  <CatalogLocations/>
+  <RoadNetwork/>
+  <Entities/>
+  <Storyboard>
+    <Init>
+      <Actions/>
+    </Init>
+    <StopTrigger/>
+  </Storyboard>
+</OpenSCENARIO>
+""",
+        encoding="utf-8",
+    )
+    document = xosc.load(path)
+    (violation,) = xosc.resolve(document, enforce_constraints=False).violations
+    assert "Speed = 70" in str(violation)
+    assert violation.line == 5
+    assert xosc.resolve(document, {"Speed": 50}, enforce_constraints=False).violations == ()
