@@ -12,7 +12,7 @@ from runner.ego import drive_ego, find_ego
 from runner.result import RunResult
 from runner.scenario import Scenario, compile_scenario
 from runner.simulation import Simulation
-from runner.sut import load_system
+from runner.sut import System, load_system, system_name
 from runner.verdict import judge
 from schemas.errors import UsageError
 
@@ -34,7 +34,7 @@ def run(
     *,
     parameters: Mapping[str, Argument] | None = None,
     timestep: float = 0.05,
-    sut: str | None = "cas",
+    sut: str | System | None = "cas",
     ego: str | None = None,
     seed: int = 0,
     max_time: float | None = None,
@@ -48,12 +48,13 @@ def run(
         parameters: values of its global parameters.
         timestep: s.
         sut: the system under test that drives the ego: a name of the entry-point group `xosc.sut`, `module:Class`,
-            or None (as `none`) for what the scenario scripts alone.
+            an instance, or None (as `none`) for what the scenario scripts alone.
         ego: name of the ego entity; found by `runner.ego.find_ego` where not given.
         seed: of everything random in the run.
         max_time: time limit in simulated seconds (default `MAX_TIME`).
         world: `sumo`, or `kinematic` for scripted motion without a simulator.
-        enforce_constraints: refuse parameter values that violate their constraint groups.
+        enforce_constraints: refuse parameter values that violate their constraint groups; otherwise they are noted in the
+            event log.
 
     Raises:
         UsageError: an option or parameter is wrong.
@@ -65,6 +66,8 @@ def run(
     system = load_system(sut)
     compiled, driver = prepare(scenario, parameters, ego, enforce_constraints)
     sim = Simulation(compiled, open_world(world), timestep, seed)
+    for violation in compiled.violations:
+        sim.note("constraint", "parameters", str(violation))
     try:
         drive_ego(sim, driver, system)
         sim.begin()
@@ -80,7 +83,7 @@ def run(
         end_time=sim.time,
         verdict=judge(sim, driver),
         ego=driver.name if driver is not None else None,
-        sut=(sut or "none") if driver is not None else "none",
+        sut=system_name(sut) if driver is not None else "none",
         settings={"timestep": timestep, "seed": seed, "world": world, "max_time": limit},
         events=sim.log,
         recording=sim.recorder.recording(),

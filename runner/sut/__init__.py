@@ -9,17 +9,22 @@ from importlib.metadata import EntryPoint, entry_points
 from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
 from schemas.errors import ToolchainError, UsageError
 
-__all__ = ["Control", "Observation", "SystemUnderTest", "WorldDriven", "find_system", "load_system"]
+__all__ = ["Control", "Observation", "System", "SystemUnderTest", "WorldDriven", "find_system", "load_system", "system_name"]
 
 GROUP = "xosc.sut"
 
 
-def load_system(name: str | None) -> SystemUnderTest | WorldDriven | None:
-    """A new instance of the system under test of that name; None for `none`.
+System = SystemUnderTest | WorldDriven
+
+
+def load_system(name: str | System | None) -> System | None:
+    """A new instance of the system under test of that name, None for `none`; an instance is taken as it is.
 
     Raises:
         UsageError: no such system, with those that there are; or it can't be built.
     """
+    if not isinstance(name, str | None):
+        return name
     factory = find_system(name)
     if factory is None:
         return None
@@ -36,7 +41,14 @@ def load_system(name: str | None) -> SystemUnderTest | WorldDriven | None:
     return system
 
 
-def find_system(name: str | None) -> Callable[[], SystemUnderTest | WorldDriven] | None:
+def system_name(system: str | System | None) -> str:
+    """What a system under test is called in results and messages."""
+    if isinstance(system, str | None):
+        return system or "none"
+    return f"{type(system).__module__}:{type(system).__qualname__}"
+
+
+def find_system(name: str | None) -> Callable[[], System] | None:
     """What builds the system under test of that name; None for `none`.
 
     Raises:

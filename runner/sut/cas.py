@@ -15,9 +15,9 @@ from runner.sut.base import Control, Observation
 class CollisionAvoidance:
     """Brakes as hard as it can while the RSS distances to a participant within sensor range are violated.
 
-    Danger is: a participant no further than the sensor range (between the boxes), ahead of the ego's middle, whose
-    longitudinal and lateral gaps in the ego's frame are both less than the safe ones. Otherwise the ego does what the
-    scenario asks.
+    Danger is: a participant no further than the sensor range (between the boxes), ahead of the ego's middle (behind it
+    while the ego reverses), whose longitudinal and lateral gaps in the ego's frame are both less than the safe ones.
+    Otherwise the ego does what the scenario asks.
 
     Args:
         sensor_range: how far it sees, m.
@@ -39,27 +39,28 @@ class CollisionAvoidance:
     def control(self, observation: Observation, dt: float) -> Control:
         """Full braking with the reason when in danger, else nothing."""
         ego = observation.ego
+        way = -1.0 if ego.speed < 0.0 else 1.0
         far = self.sensor_range + reach(ego.box)
         for other in observation.others:
             if math.hypot(other.x - ego.x, other.y - ego.y) <= far + reach(other.box):
-                danger = self._danger(ego, other)
+                danger = self._danger(ego, other, way)
                 if danger:
-                    return Control(acceleration=-self.brake, reason=danger)
+                    return Control(acceleration=-way * self.brake, reason=danger)
         return Control()
 
-    def _danger(self, ego: Entity, other: Entity) -> str:
-        """Why a participant is dangerous; empty where it is not."""
+    def _danger(self, ego: Entity, other: Entity, way: float) -> str:
+        """Why a participant is dangerous for an ego that drives forwards (way +1) or backwards (−1); empty where it is not."""
         if gap(ego, other) > self.sensor_range:
             return ""
         p = self._parameters
         seen = outlook(ego, other)
-        if seen.x <= 0.0:
+        if way * seen.x <= 0.0:
             return ""
         rear, front, right, left = spans(seen, other.box)
-        ahead = interval_gap(-ego.box.length / 2, ego.box.length / 2, rear, front)
+        ahead = abs(interval_gap(-ego.box.length / 2, ego.box.length / 2, rear, front))
         aside = interval_gap(-ego.box.width / 2, ego.box.width / 2, right, left)
         c, s = math.cos(ego.h), math.sin(ego.h)
-        safe_ahead = longitudinal_distance(ego.speed, other.vx * c + other.vy * s, p)
+        safe_ahead = longitudinal_distance(way * ego.speed, way * (other.vx * c + other.vy * s), p)
         if ahead >= safe_ahead:
             return ""
         # lateral speeds to the right, as RSS counts them
