@@ -218,7 +218,7 @@ class Driver(_HandedOver):
         limits = ego.performance
         grip = _GRAVITY * sim.environment.friction
         speed = ego.speed + max(-min(limits.max_deceleration, grip), min(limits.max_acceleration, grip, acceleration)) * sim.dt
-        return max(speed, 0.0) if ego.speed >= 0.0 else min(speed, 0.0)
+        return min(max(speed, 0.0), max(limits.max_speed, ego.speed)) if ego.speed >= 0.0 else min(speed, 0.0)
 
 
 def _failed(system: System, error: Exception, sim: Simulation) -> ToolchainError:
@@ -232,9 +232,10 @@ def _failed(system: System, error: Exception, sim: Simulation) -> ToolchainError
 
 def returning(ego: Entity, demand: float, dt: float) -> float:
     """Speed (m/s) after dt (s) on the way back to the scripted speed, when something else has driven the ego."""
-    limits = ego.performance
-    most = min(_RETURN, limits.max_acceleration)
-    return ego.speed + max(-limits.max_deceleration * dt, min(most * dt, demand - ego.speed))
+    limits, change = ego.performance, demand - ego.speed
+    faster = change * ego.speed >= 0.0
+    most = dt * (min(_RETURN, limits.max_acceleration) if faster else limits.max_deceleration)
+    return ego.speed + max(-most, min(most, change))
 
 
 def _overridden(control: Control, ego: Entity) -> Control:

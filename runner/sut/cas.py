@@ -39,7 +39,7 @@ class CollisionAvoidance:
     def control(self, observation: Observation, dt: float) -> Control:
         """Full braking with the reason when in danger, else nothing."""
         ego = observation.ego
-        way = -1.0 if ego.speed < 0.0 else 1.0
+        way = -1.0 if (ego.speed or observation.demand) < 0.0 else 1.0
         far = self.sensor_range + reach(ego.box)
         for other in observation.others:
             if math.hypot(other.x - ego.x, other.y - ego.y) <= far + reach(other.box):

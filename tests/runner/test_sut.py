@@ -1,0 +1,252 @@
+"""Systems under test: by name, by module:Class, by entry point; those that fail; and `cas`."""
+
+from __future__ import annotations
+
+import math
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import runner
+from runner.entities import BoundingBox, Entity
+from runner.environment import Environment
+from runner.rss import PARAMETERS, lateral_distance, longitudinal_distance
+from runner.sut import Control, Observation, find_system, load_system, system_name
+from runner.sut.cas import CollisionAvoidance
+from runner.sut.scripted import Scripted
+from schemas.errors import ToolchainError, UsageError
+from tests.conformance.support import at, track
+from tests.runner.files import scenario
+
+
+class HalfSpeed:
+    """As in docs/systems-under-test.md."""
+
+    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+        self.settings = ego.name, timestep, seed
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        wanted = 0.5 * observation.demand
+        return Control(acceleration=(wanted - observation.ego.speed) / dt, reason="half speed")
+
+
+class NeedsArguments(HalfSpeed):
+    def __init__(self, needed: int) -> None: ...
+
+
+NOT_A_CLASS = 3
+
+
+# how they are found -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [None, "none"])
+def test_none_is_nobody(name: str | None) -> None:
+    assert load_system(name) is None
+
+
+def test_the_default_is_cas(tmp_path: Path) -> None:
+    assert runner.run(scenario(tmp_path, stop=0.1), world="kinematic").sut == "cas"
+    assert isinstance(load_system("cas"), CollisionAvoidance)
+
+
+def test_a_class_of_any_module(tmp_path: Path) -> None:
+    name = f"{__name__}:HalfSpeed"
+    result = runner.run(scenario(tmp_path, stop=3), world="kinematic", sut=name)
+    assert result.sut == name
+    assert at(track(result, "Ego"), 3.0, "speed") == pytest.approx(10.0)
+
+
+def test_an_entry_point_of_another_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = EntryPoint("half-speed", f"{__name__}:HalfSpeed", "xosc.sut")
+    monkeypatch.setattr("runner.sut.entry_points", lambda group: [entry] if group == "xosc.sut" else [])
+    assert isinstance(load_system("half-speed"), HalfSpeed)
+    with pytest.raises(UsageError, match="there are half-speed, none, and module:Class"):
+        load_system("cas")
+
+
+def test_an_instance(tmp_path: Path) -> None:
+    system = HalfSpeed()
+    result = runner.run(scenario(tmp_path, stop=0.1), world="kinematic", sut=system, timestep=0.02, seed=9)
+    assert system.settings == ("Ego", 0.02, 9)
+    assert result.sut == system_name(system) == f"{__name__}:HalfSpeed"
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("absent", "no system under test is called 'absent'; there are cas, none, sumo, and module:Class"),
+        ("", "no system"),
+        (":", "no system"),
+        ("a b:C", "no system"),
+        ("absent_module:Class", "No module named 'absent_module'"),
+        (f"{__name__}:Absent", "no attribute 'Absent'"),
+        (f"{__name__}:NOT_A_CLASS", "is not a class"),
+        (f"{__name__}:NeedsArguments", "can't be built: TypeError"),
+        ("pathlib:Path", "has no method reset"),
+    ],
+)
+def test_what_can_not_be_loaded_is_named(name: str, complaint: str) -> None:
+    with pytest.raises(UsageError, match=complaint):
+        load_system(name)
+
+
+def test_a_module_with_an_error_in_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "unfinished_system.py").write_text("class (:")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(UsageError, match="'unfinished_system:X' can't be imported: SyntaxError"):
+        find_system("unfinished_system:X")
+
+
+# those that fail ----------------------------------------------------------------------------
+
+
+class Failing(HalfSpeed):
+    """Answers with whatever it is given, or raises it."""
+
+    def __init__(self, answer: Any) -> None:
+        self.answer = answer
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        answer: Control = self.answer
+        return answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "complaint"),
+    [
+        (KeyError("lidar"), "KeyError: 'lidar'"),
+        (None, "returned None"),
+        (Control(acceleration=math.nan), "finite numbers"),
+        (Control(acceleration=math.inf), "finite numbers"),
+        (Control(steering=math.nan), "finite numbers"),
+        (Control(acceleration="full"), "TypeError"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_failing_system_is_named(tmp_path: Path, answer: object, complaint: str) -> None:
+    with pytest.raises(ToolchainError, match=complaint) as error:
+        runner.run(scenario(tmp_path), world="kinematic", sut=Failing(answer))
+    assert f"{__name__}:Failing failed at 0.00 s" in str(error.value)
+    assert error.value.exit_code == 5
+
+
+def test_a_system_may_complain_in_its_own_words(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no map"):
+        runner.run(scenario(tmp_path), world="kinematic", sut=Failing(UsageError("no map")))
+
+
+# the test double ----------------------------------------------------------------------------
+
+
+def test_the_double_plays_its_script() -> None:
+    double = Scripted([(0.0, Control(acceleration=1.0)), (0.3, Control(steering=0.1))])
+    played = [double.control(SimpleNamespace(time=0.1 * step), 0.1) for step in range(5)]  # type: ignore[arg-type]
+    assert played == [Control(acceleration=1.0)] * 3 + [Control(steering=0.1)] * 2
+    assert Scripted().control(SimpleNamespace(time=1.0), 0.1) == Control()  # type: ignore[arg-type]
+
+
+# cas ----------------------------------------------------------------------------------------
+
+CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
+WALKER = BoundingBox(0.0, 0.0, 0.9, 0.4, 0.6, 1.8)
+
+
+def entity(name: str, x: float, y: float, vx: float, vy: float = 0.0, h: float = 0.0, box: BoundingBox = CAR) -> Entity:
+    made = Entity(name, "vehicle", "car", box)
+    made.x, made.y, made.h, made.vx, made.vy = x, y, h, vx, vy
+    made.speed = vx * math.cos(h) + vy * math.sin(h)
+    return made
+
+
+def brakes(ego: Entity, *others: Entity, **parameters: Any) -> float | None:
+    observation = Observation(0.0, ego, others, ego.speed, None, Environment())
+    return CollisionAvoidance(**parameters).control(observation, 0.05).acceleration
+
+
+def test_it_brakes_when_the_lead_is_nearer_than_rss_allows() -> None:
+    p = PARAMETERS["ad-rss"]
+    safe = longitudinal_distance(5.0, 4.0, p)
+    assert 5.0 < safe < 20.0
+    assert brakes(entity("Ego", 0, 0, 5), entity("Lead", 5 + safe - 0.01, 0, 4), sensor_range=50.0) == -8.0
+    assert brakes(entity("Ego", 0, 0, 5), entity("Lead", 5 + safe + 0.01, 0, 4), sensor_range=50.0) is None
+
+
+def test_it_sees_no_further_than_its_sensors() -> None:
+    assert brakes(entity("Ego", 0, 0, 30), entity("Lead", 15.01, 0, 0)) is None
+    assert brakes(entity("Ego", 0, 0, 30), entity("Lead", 14.99, 0, 0)) == -8.0
+    assert brakes(entity("Ego", 0, 0, 30), entity("Lead", 54.99, 0, 0), sensor_range=50.0, brake=6.0) == -6.0
+
+
+def test_the_range_is_measured_between_the_boxes() -> None:
+    aside = math.sqrt(10.0**2 - 6.0**2)  # 6 m ahead and 8 m aside is 10 m away
+    cutting_in = entity("Other", 11.0, 2.0 + aside - 0.01, 20, -6)
+    assert brakes(entity("Ego", 0, 0, 20), cutting_in) == -8.0
+    cutting_in.y += 0.02
+    assert brakes(entity("Ego", 0, 0, 20), cutting_in) is None
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_neighbour_counts_when_it_comes_closer_than_rss_allows_laterally(side: float) -> None:
+    p = PARAMETERS["ad-rss"]
+    calm = lateral_distance(0.0, 0.0, p.response, p.response_other, p)
+    coming = lateral_distance(0.0, -1.0, p.response, p.response_other, p)
+    assert calm < coming
+    for gap, speed, expected in [
+        (calm + 0.01, 0.0, None),
+        (calm - 0.01, 0.0, -8.0),
+        (coming + 0.01, 1.0, None),
+        (coming - 0.01, 1.0, -8.0),
+    ]:
+        other = entity("Other", 6.0, side * (2.0 + gap), 20, -side * speed)
+        assert brakes(entity("Ego", 0, 0, 20), other) == expected
+
+
+def test_it_does_not_mind_who_is_behind_or_parallel_in_the_next_lane() -> None:
+    ego = entity("Ego", 0, 0, 20)
+    assert brakes(ego, entity("Behind", -6.0, 0, 40)) is None
+    assert brakes(ego, entity("Beside", 1.0, 3.5, 20)) is None
+    assert brakes(ego, entity("Opposite", 10.0, 3.5, -20, h=math.pi)) is None
+    assert brakes(ego) is None
+
+
+def test_it_brakes_for_oncoming_traffic_in_its_own_lane() -> None:
+    assert brakes(entity("Ego", 0, 0, 5), entity("Oncoming", 18.0, 0, -5, h=math.pi)) == -8.0
+
+
+def test_it_brakes_for_a_pedestrian_who_walks_into_its_way_and_not_for_one_who_leaves() -> None:
+    def pedestrian(vy: float) -> Entity:
+        return entity("Walker", 8.0, -2.2, 0.0, vy, h=math.pi / 2, box=WALKER)
+
+    assert brakes(entity("Ego", 0, 0, 10), pedestrian(1.5)) == -8.0
+    assert brakes(entity("Ego", 0, 0, 10), pedestrian(-1.5)) is None
+
+
+def test_it_works_the_same_whatever_the_heading() -> None:
+    for h in (0.0, 1.0, math.pi, -2.5):
+        c, s = math.cos(h), math.sin(h)
+        ego = entity("Ego", 3.0, 4.0, 5 * c, 5 * s, h=h)
+        for ahead, expected in ((5 + 9.0, -8.0), (5 + 15.0, None)):
+            other = entity("Lead", 3.0 + ahead * c, 4.0 + ahead * s, 4 * c, 4 * s, h=h)
+            assert brakes(ego, other, sensor_range=20.0) == expected
+
+
+def test_reversing_it_minds_who_is_behind() -> None:
+    ego = entity("Ego", 0, 0, -3)
+    assert brakes(ego, entity("Behind", -8.0, 0, 0)) == 8.0
+    assert brakes(ego, entity("Ahead", 8.0, 0, 0)) is None
+
+
+def test_it_says_why() -> None:
+    observation = Observation(0.0, entity("Ego", 0, 0, 10), (entity("Lead", 12.0, 0.5, 5),), 10.0, None, Environment())
+    reason = CollisionAvoidance().control(observation, 0.05).reason
+    assert reason == "Lead is 7.0 m ahead and 0.0 m aside, RSS asks for 33.0 m or 0.7 m"
+
+
+def test_parameters_are_checked() -> None:
+    with pytest.raises(UsageError, match=r"ad-rss, r157"):
+        CollisionAvoidance(rss="absent")
