@@ -133,9 +133,9 @@ def read_constraints(node: Node | None) -> Performance | None:
     return Performance(*values)
 
 
-def completed(constraints: Performance, performance: Performance) -> Performance:
-    """Limits of an action: its constraints, and the entity's Performance where they say nothing."""
-    return Performance(*(own if own < math.inf else other for own, other in zip(constraints, performance, strict=True)))
+def tighter(constraints: Performance, performance: Performance) -> Performance:
+    """Limits of a controller that an action activates: nobody drives better than its constraints, or than the vehicle can."""
+    return Performance(*(min(own, other) for own, other in zip(constraints, performance, strict=True)))
 
 
 class GapController:

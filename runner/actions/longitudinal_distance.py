@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 from runner import distances
 from runner.actions.base import LONGITUDINAL, PrivateAction, Running, need_places
 from runner.actions.longitudinal import set_speed
-from runner.dynamics import GapController, completed, read_constraints
+from runner.dynamics import GapController, read_constraints, tighter
 from runner.entities import Entity, Performance, box_corners
 from runner.following import PathMotion
 from runner.motion import wrap
@@ -80,7 +80,7 @@ class LongitudinalDistanceAction(PrivateAction):
         need_places(self.node, actor, self.reference)
         gap = _Gap(self, actor, sim)
         if self.constraints is not None or (actor.system is not None and not sim.initialising):
-            limits = completed(self.constraints or Performance(), actor.performance)
+            limits = tighter(self.constraints or Performance(), actor.performance)
             return _Approach(gap, limits, self.continuous)
         gap.close()
         set_speed(actor, self.reference.speed if sim.initialising else self.reference.demand, sim)

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner.actions.base import LONGITUDINAL, PrivateAction, Running
-from runner.dynamics import FOLLOWING_MODES, completed, read_constraints
+from runner.dynamics import FOLLOWING_MODES, read_constraints, tighter
 from runner.entities import Entity, Performance
 from runner.registry import action
 from xosc.node import Node
@@ -65,7 +65,7 @@ class SpeedProfileAction(PrivateAction):
 
     def start(self, actor: Entity, sim: Simulation) -> Running:
         """Plan the profile from the present speed."""
-        limits = completed(self.constraints, actor.performance) if self.smooth else self.constraints
+        limits = tighter(self.constraints, actor.performance) if self.smooth else self.constraints
         speed = actor.speed - (self.reference.speed if self.reference is not None else 0.0)
         return _Profile(actor, self.reference, plan(speed, self.entries, limits, self.smooth))
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from runner.dynamics import SHAPES, GapController, TransitionDynamics, completed, read_constraints
+from runner.dynamics import SHAPES, GapController, TransitionDynamics, read_constraints, tighter
 from runner.entities import Performance
 from schemas.errors import InvalidFile
 from xosc.node import Node
@@ -101,10 +101,11 @@ def test_meaningless_dynamics_are_refused(attributes: str) -> None:
         TransitionDynamics.from_xml(node(f'<D dynamicsShape="linear" dynamicsDimension="time" {attributes}/>'), (1, 3))
 
 
-def test_constraints_that_are_not_given_are_infinite_and_completed_by_the_performance() -> None:
+def test_constraints_that_are_not_given_are_infinite_and_those_of_the_performance_hold_too() -> None:
     constraints = read_constraints(node('<DynamicConstraints maxAcceleration="2"/>'))
     assert constraints == Performance(math.inf, 2.0, math.inf, math.inf, math.inf)
-    assert completed(constraints, Performance(50.0, 9.0, 8.0)) == Performance(50.0, 2.0, 8.0)
+    assert tighter(constraints, Performance(50.0, 9.0, 8.0)) == Performance(50.0, 2.0, 8.0)
+    assert tighter(constraints, Performance(50.0, 1.0, 8.0)) == Performance(50.0, 1.0, 8.0)
     assert read_constraints(None) is None
 
 
