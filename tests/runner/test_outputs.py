@@ -62,7 +62,7 @@ def test_parquet_has_every_participant_at_every_step(result: runner.RunResult, t
 def test_road_coordinates_are_looked_up_where_the_run_did_not_need_them(result: runner.RunResult) -> None:
     known = result.recording.tracks["Ego"]
     first = {name: values[:1].tolist()[0] for name, values in known.columns.items()}
-    free = track("Ego", first | dict(road_id=None, lane_id=0, s=0.0, t=0.0, lane_offset=0.0))
+    free = track("Ego", first | {"road_id": None, "lane_id": 0, "s": 0.0, "t": 0.0, "lane_offset": 0.0})
     (located,) = Recording([free], 0.1, result.recording.network).table().to_pylist()
     assert (located["road_id"], located["lane_id"]) == ("1", -1)
     assert located["s"] == pytest.approx(20.0, abs=1e-6)
