@@ -1,0 +1,63 @@
+"""The coverage page, the registries and the official XSD say the same, and each element has a conformance scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from runner import coverage, registry
+
+ROOT = Path(__file__).parents[2]
+SCENARIOS = ROOT / "tests" / "conformance" / "scenarios"
+FAMILIES = (registry.action, registry.condition, registry.position)
+
+
+def all_rows() -> list[coverage.Row]:
+    root = coverage.schema_root()
+    found = [row for family in coverage.FAMILIES for row in coverage.rows(root, family)]
+    return found + [row for type_name in coverage.OTHERS for row in coverage.other_rows(root, type_name)]
+
+
+def test_every_element_is_executed_or_refused_with_a_reason() -> None:
+    rows = all_rows()
+    assert len(rows) > 90
+    assert [row.name for row in rows if row.status not in ("executed", "refused")] == []
+    assert [row.name for row in rows if not row.note] == []
+    assert len({row.name for row in rows}) == len(rows)
+
+
+def test_nothing_is_registered_that_no_version_of_the_standard_knows() -> None:
+    for family in FAMILIES:
+        family.load()
+        names = {name.rpartition("/")[2] for name in (*family.classes, *family.refused)}
+        assert names <= coverage.element_names(), family.family
+
+
+def test_the_page_is_up_to_date() -> None:
+    page = ROOT / "docs" / "coverage.md"
+    assert page.read_text(encoding="utf-8") == coverage.markdown(), "run `make docs`"
+
+
+def test_esmini_is_compared_by_elements_that_exist() -> None:
+    assert coverage.ESMINI.keys() <= {row.name for row in all_rows()}
+
+
+def test_other_notes_name_elements_of_the_xsd() -> None:
+    root = coverage.schema_root()
+    for type_name, notes in coverage.OTHERS.items():
+        assert set(notes) == {row.name for row in coverage.other_rows(root, type_name)}
+
+
+def registered() -> list[str]:
+    for family in FAMILIES:
+        family.load()
+    return sorted({name for family in FAMILIES for name in family.classes})
+
+
+@pytest.mark.parametrize("name", registered())
+def test_every_executed_element_has_a_conformance_scenario(name: str) -> None:
+    parent, _, element = name.rpartition("/")
+    scenario = SCENARIOS / f"{parent.removesuffix('Action')}{element}.xosc"
+    assert scenario.is_file()
+    assert f"<{element}" in scenario.read_text(encoding="utf-8")
