@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from runner.simulation import Simulation
 
 _SIDES = {"leftToReferencedEntity": 1, "rightToReferencedEntity": -1, "any": 0}
-_REACHED = 0.05
+_REACHED = 0.01
 """Error (m) below which a lateral distance counts as reached."""
 
 
@@ -92,14 +92,13 @@ def _both_ways(limits: Performance | None) -> Performance | None:
 class _Sidestep:
     """The distance is reached, and kept."""
 
-    __slots__ = ("_action", "_actor", "_before", "_controller", "_distance", "_side", "_sim", "_speed")
+    __slots__ = ("_action", "_actor", "_controller", "_distance", "_side", "_sim", "_speed")
 
     def __init__(self, action: LateralDistanceAction, actor: Entity, sim: Simulation) -> None:
         self._action = action
         self._actor = actor
         self._sim = sim
         self._controller = GapController(action.constraints) if action.constraints is not None else None
-        self._before: float | None = None
         self._speed = 0.0
         left = self._left() or 0.0
         self._side = action.side or (1 if left >= 0.0 else -1)
@@ -146,10 +145,8 @@ class _Sidestep:
         return not self._action.continuous and abs(error) < _REACHED
 
     def _limited(self, controller: GapController, error: float, dt: float) -> float:
-        """Sideways step (m) of a controlled motion; the reference's own is seen in how the error has changed."""
-        closing = (self._before - error) / dt if self._before is not None else self._speed
-        self._before = error
-        self._speed = controller.speed(error, self._speed, self._speed - closing, dt)
+        """Sideways step (m) of a controlled motion; like a driver, it sees where the reference is, not what it is up to."""
+        self._speed = controller.speed(error, self._speed, 0.0, dt)
         return self._speed * dt
 
     def stop(self) -> None:
