@@ -12,6 +12,10 @@ from typing import NamedTuple, Protocol
 from runner.entities import BoundingBox
 
 
+_TOUCHING = 1e-9
+"""Distance (m) that is rounding: boxes so near to each other touch, whichever of them looks."""
+
+
 class Boxed(Protocol):
     """Something with a reference point (x, y, z in m), a heading h (rad) and a bounding box about them: an entity."""
 
@@ -73,7 +77,7 @@ def overlap(a: Boxed, b: Boxed) -> bool:
 def _separated(seen: Outlook, a: BoundingBox, b: BoundingBox) -> bool:
     """Whether one of the four axes of two rectangles separates them; touching rectangles are not separated."""
     x, y, c, s = seen
-    al, aw, bl, bw = a.length / 2, a.width / 2, b.length / 2, b.width / 2
+    al, aw, bl, bw = a.length / 2 + _TOUCHING, a.width / 2 + _TOUCHING, b.length / 2, b.width / 2
     cos, sin = abs(c), abs(s)
     return (
         abs(x) > al + bl * cos + bw * sin
