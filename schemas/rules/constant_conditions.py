@@ -36,12 +36,15 @@ def check(document: Document) -> Iterator[Finding]:
                 yield Finding(element, f"never fires: {reason}", "info" if local_name(element) == "ParameterCondition" else None)
 
 
-@rule("xosc.toolchain:xosc:1.0.0:scenario_logic.start_trigger_is_not_empty", level="warning", kinds=("scenario",))
+@rule("xosc.toolchain:xosc:1.0.0:scenario_logic.start_trigger_is_not_empty", level="info", kinds=("scenario",))
 def check_empty(document: Document) -> Iterator[Finding]:
-    """A start trigger should have a condition: without one it never fires."""
+    """A start trigger should have a condition: the standard gives an empty one no meaning (7.6.1).
+
+    The runner takes it as if it was absent.
+    """
     for trigger in document.elements("StartTrigger"):
         if trigger.find("ConditionGroup") is None:
-            yield Finding(trigger, "never fires: the start trigger has no condition")
+            yield Finding(trigger, "the start trigger has no condition, so its element starts at once; leave it out to say so")
 
 
 def _constant(document: Document, element: etree._Element) -> tuple[bool, str] | None:
