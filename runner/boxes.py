@@ -11,7 +11,6 @@ from typing import NamedTuple, Protocol
 
 from runner.entities import BoundingBox
 
-
 _TOUCHING = 1e-9
 """Distance (m) that is rounding: boxes so near to each other touch, whichever of them looks."""
 
