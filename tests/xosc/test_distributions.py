@@ -474,6 +474,8 @@ def test_the_scenario_must_exist_and_be_one(written) -> None:
 def test_a_value_of_the_wrong_type_is_an_error_and_no_violation(written) -> None:
     with pytest.raises(InvalidFile, match=r"variation\.xosc:3: .*'fast' is not a number"):
         next(variations(written(f"<Deterministic>{single('Speed', values('fast'))}</Deterministic>")))
+    with pytest.raises(InvalidFile, match=r"variation\.xosc:3: .*'left' is not"):
+        next(variations(written(f"<Deterministic>{single('Lane', values('left'))}</Deterministic>"), enforce_constraints=False))
 
 
 def test_public_variation_files_have_the_sizes_of_the_reference_runs(corpora: Path, reference: Path) -> None:

@@ -21,7 +21,7 @@ from xosc.distributions.values import text
 from xosc.document import Document, load
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope, nearest
-from xosc.values import quoted
+from xosc.values import quoted, type_named, typed
 
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""
@@ -106,8 +106,21 @@ class ParameterSpace:
             return {}
         definition = self.distribution.definition
         if isinstance(definition, Deterministic):
-            return definition.assignment(index)
-        return {name: self._written(name, value) for name, value in definition.assignment(index, seed).items()}
+            values = definition.assignment(index)
+        else:
+            values = {name: self._written(name, value) for name, value in definition.assignment(index, seed).items()}
+        for name, value in values.items():
+            self._check(name, value)
+        return values
+
+    def _check(self, name: str, value: str) -> None:
+        """Blame this file for a value that is not of its parameter's type, as far as that is a literal."""
+        kind = self._declarations[name].get("parameterType")
+        try:
+            if "$" not in kind:
+                typed(type_named(kind), value)
+        except ValueError as error:
+            raise self._places[name].invalid(f"the value of the parameter {name}: {error}") from None
 
     def _written(self, name: str, value: str | float) -> str:
         """A drawn number as its parameter's type: the nearest integer for the integer types."""
