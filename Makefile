@@ -17,8 +17,8 @@ install: $(STAMP)
 demo: install  ## run shipped scenarios on SUMO and leave the results in out/demo
 	rm -rf out/demo
 	$(BIN)/xosc-check xosc/library xodr/library
-	$(BIN)/xosc-run xosc/library/*.xosc --out out/demo --junit out/demo/junit.xml; status=$$?; \
-	  echo "Results are in out/demo: for each run its trajectories, event log and result."; \
+	$(BIN)/xosc-run xosc/library/*.xosc --out out/demo --plot --junit out/demo/junit.xml; status=$$?; \
+	  echo "Results are in out/demo: for each run a picture, trajectories, event log and result; look at out/demo/highway_cut_in/picture.png."; \
 	  test $$status -le 1
 
 test: install  ## the whole test suite, in parallel

@@ -61,10 +61,10 @@ def rehearse_batch(jobs: Iterable[Job | Outcome], options: Options) -> Generator
         yield outcome
 
 
-def execute(job: Job, options: Options, out: Path | None = None) -> Outcome:
+def execute(job: Job, options: Options, out: Path | None = None, plot: bool = False) -> Outcome:
     """Do one run, write its results and enter it in the journal; errors become outcomes."""
     try:
-        outcome = _run(job, options, out)
+        outcome = _run(job, options, out, plot)
         if out is not None:
             journal.enter(out, outcome)
         return outcome
@@ -72,12 +72,12 @@ def execute(job: Job, options: Options, out: Path | None = None) -> Outcome:
         return failure(job, error)
 
 
-def _run(job: Job, options: Options, out: Path | None) -> Outcome:
+def _run(job: Job, options: Options, out: Path | None, plot: bool) -> Outcome:
     from runner.execution import run
 
     try:
         result = run(job.scenario, parameters=job.parameters, **asdict(options))
-        measures = _write(result, out / job.name) if out is not None else {}
+        measures = _write(result, out / job.name, plot) if out is not None else {}
     except OSError:
         raise
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
@@ -86,7 +86,7 @@ def _run(job: Job, options: Options, out: Path | None) -> Outcome:
     return Outcome(job, state, code, one_line("; ".join(result.verdict.reasons)), result.status, result.end_time, measures)
 
 
-def _write(result: RunResult, folder: Path) -> dict[str, Any]:
+def _write(result: RunResult, folder: Path, plot: bool) -> dict[str, Any]:
     """Write a run's files into its folder, which appears only when it is complete; its criticality measures."""
     from runner.outputs import trajectories
 
@@ -95,8 +95,13 @@ def _write(result: RunResult, folder: Path) -> dict[str, Any]:
         values = report.summary(result)
         trajectories.write_parquet(result, draft / "trajectories.parquet")
         trajectories.write_csv(result, draft / "trajectories.csv")
+        trajectories.write_criticality(result, draft / "criticality.parquet")
         report.write_events(result.events, draft / "events.jsonl")
         report.write_json(values, draft / "result.json")
+        if plot:
+            from runner.outputs.picture import write_picture
+
+            write_picture(result, draft / "picture.png")
         draft.chmod(0o755)
         _replace(folder, draft)
     finally:
@@ -114,12 +119,18 @@ def _replace(folder: Path, draft: Path) -> None:
 
 
 def run_batch(
-    jobs: Iterable[Job | Outcome], options: Options, *, out: Path | None = None, processes: int = 1, resume: bool = False
+    jobs: Iterable[Job | Outcome],
+    options: Options,
+    *,
+    out: Path | None = None,
+    plot: bool = False,
+    processes: int = 1,
+    resume: bool = False,
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
     With an output folder every finished run is entered in a journal at once; `resume` takes finished runs from there
-    instead of repeating them.
+    instead of repeating them. `plot` adds a picture to the results of each.
 
     Raises:
         UsageError: the folder holds results already (and `resume` is not set), or those of another batch.
@@ -128,11 +139,11 @@ def run_batch(
     known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
     try:
         if processes > 1:
-            pool = Pool(processes, partial(execute, options=options, out=out), partial(_died, out=out))
+            pool = Pool(processes, partial(execute, options=options, out=out, plot=plot), partial(_died, out=out))
             yield from pool.execute(known)
         else:
             for job in known:
-                yield job if isinstance(job, Outcome) else execute(job, options, out)
+                yield job if isinstance(job, Outcome) else execute(job, options, out, plot)
     finally:
         if out is not None:
             journal.clear_drafts(out)

@@ -65,6 +65,7 @@ def xosc_run(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for trajectories, event log and result of each run.")
     ] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
@@ -82,8 +83,8 @@ def xosc_run(
 
     options = Options(timestep, sut, ego, seed, max_time, world, constraints)
     options.verify()
-    if resume and out is None:
-        raise UsageError("--resume needs the --out folder to go on with")
+    if out is None and (resume or plot):
+        raise UsageError("--resume and --plot need the --out folder of the results")
     if junit is not None:
         junit.parent.mkdir(parents=True, exist_ok=True)
         junit.open("a").close()  # what can't be written is better known before the runs than after them
@@ -91,7 +92,7 @@ def xosc_run(
     if dry_run:
         outcomes = rehearse_batch(source, options)
     else:
-        outcomes = run_batch(source, options, out=out, processes=jobs, resume=resume)
+        outcomes = run_batch(source, options, out=out, plot=plot, processes=jobs, resume=resume)
     kept: list[Outcome] | None = [] if junit is not None else None
     code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)
     if junit is not None and kept is not None:

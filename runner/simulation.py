@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from runner.world import World
     from xodr.network import RoadNetwork
 
+_ACROSS = math.radians(45.0)
+"""Heading relative to the lane from which an entity faces across it, rad"""
 _STANDSTILL = 1e-3
 """m/s below which an entity stands still"""
 
@@ -228,13 +230,16 @@ class Simulation:
     # for actions and conditions -------------------------------------------------------------
 
     def place(self, entity: Entity, placement: Placement) -> None:
-        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        """Put an entity somewhere, at its present speed; from there it follows its lane.
+
+        It goes straight ahead where there is no lane, or where it faces across the lane (a pedestrian about to cross).
+        """
         entity.x, entity.y, entity.z = placement.x, placement.y, placement.z
         entity.h, entity.pitch, entity.roll = wrap(placement.h), placement.pitch, placement.roll
         entity.placed = True
         entity.at_road_end, entity.road_end = False, 0.0
         entity.next_offset = None
-        if placement.point is None or self.network is None:
+        if placement.point is None or self.network is None or abs(wrap(placement.heading_offset)) > _ACROSS:
             self.leave_lane(entity)
         else:
             self.follow_lane(entity, placement.point, placement.along, placement.heading_offset)
@@ -268,6 +273,15 @@ class Simulation:
         entity.lane, entity.s, entity.t, entity.offset = point.lane_id, point.s, point.t, point.offset
         entity.along, entity.heading_offset, entity.on_lane = along, heading_offset, True
         entity.motion = self.lane_motion
+
+    def keep_to_road(self, entity: Entity) -> None:
+        """Let an entity that goes straight ahead move along its road instead, facing as it does."""
+        point = self.road_point(entity)
+        if point is None or self.network is None or entity.motion is not self.free_motion:
+            return
+        turn = wrap(entity.h - self.network.pose(point).h)
+        along = 1 if abs(turn) <= math.pi / 2 else -1
+        self.follow_lane(entity, point, along, turn if along > 0 else wrap(turn + math.pi))
 
     def leave_lane(self, entity: Entity) -> None:
         """Let an entity go straight ahead, off any lane."""

@@ -78,6 +78,8 @@ class LongitudinalDistanceAction(PrivateAction):
     def start(self, actor: Entity, sim: Simulation) -> Running | None:
         """Take the place at once where nothing limits the motion, and keep it where `continuous`."""
         need_places(self.node, actor, self.reference)
+        if self.system in ("road", "lane"):
+            sim.keep_to_road(actor)
         gap = _Gap(self, actor, sim)
         if self.constraints is not None or (actor.system is not None and not sim.initialising):
             limits = tighter(self.constraints or Performance(), actor.performance)

@@ -57,6 +57,21 @@ def write_parquet(result: RunResult, path: Path) -> None:
     pq.write_table(result.trajectories, path, compression="zstd")
 
 
+def write_criticality(result: RunResult, path: Path) -> None:
+    """Write the criticality measures of every step; null where a measure is not defined."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    measures = result.criticality
+    table = measures.table() if measures is not None else {}
+    columns = {
+        name: pa.array(values, mask=~table[f"{name}_valid"]) if f"{name}_valid" in table else pa.array(values)
+        for name, values in table.items()
+        if not name.endswith("_valid")
+    }
+    pq.write_table(pa.table(columns), path, compression="zstd")
+
+
 def write_csv(result: RunResult, path: Path) -> None:
     """Write six lines of preamble and one line a step with a group of columns for each entity present, as esmini does.
 
