@@ -66,7 +66,7 @@ def test_results_are_the_same_bytes_in_one_process_in_two_and_again(tmp_path: Pa
         "trajectories.csv",
         "trajectories.parquet",
     ]
-    assert len(serial) == 24
+    assert len(serial) == 30
     assert files(tmp_path / "parallel") == serial
     assert files(tmp_path / "again") == serial
 
