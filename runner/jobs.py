@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 
 _LONGEST = 100
 """Characters of a job's name that come from its file's name."""
@@ -97,7 +97,9 @@ def _jobs_of(path: Path, stem: str, parameters: dict[str, str], enforce_constrai
 
 
 def failure(job: Job, error: Exception) -> Outcome:
-    """The outcome of a run that an error ended (to be called while it is handled)."""
+    """The outcome of a run that an error ended (to be called while it is handled); the file is named in any case."""
+    if isinstance(error, InvalidFile | Unsupported) and error.path is None:  # only the run knew what is wrong
+        error.path = str(job.scenario)
     message, code = describe(error)
     return Outcome(job, "error", code, message, trace=traceback.format_exc())
 

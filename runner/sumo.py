@@ -226,11 +226,12 @@ class SumoWorld:
     def mirror(self, entities: Iterable[Entity]) -> None:
         """Move scripted participants to where they are at the end of the coming step."""
         shown, move, cos, sin, degrees = self._shown, libsumo.vehicle.moveToXY, math.cos, math.sin, math.degrees
+        remainder, tau = math.remainder, math.tau
         for entity in entities:
             item = shown.get(entity)
             if item is not None:
                 name, ahead, aside = item
-                h = entity.h
+                h = remainder(entity.h, tau)  # SUMO itself turns an angle into its range by one whole turn at a time
                 c, s = cos(h), sin(h)
                 x = entity.x + ahead * c - aside * s
                 move(name, "", -1, x, entity.y + ahead * s + aside * c, 90.0 - degrees(h), _ANYWHERE, _NEAR)

@@ -18,8 +18,10 @@ from lxml import etree
 REPOSITORY = Path(__file__).parents[1]
 OWN_SCENARIOS = (REPOSITORY / "xosc" / "library", REPOSITORY / "tests" / "conformance" / "scenarios")
 
+NUMBERS = ("-1", "0", "1", "1e308", "-1e308", "1e-320", "1e9", "-1e18", "0.5", "3.14159", "2147483648", "255")
 VALUES = (
-    *("NaN", "INF", "-INF", "-1", "0", "1", "1e308", "-1e308", "1e-320", "1e9", "2147483648", "9" * 400, "0x10", "1,5", "٣"),
+    *NUMBERS,
+    *("NaN", "INF", "-INF", "9" * 400, "0x10", "1,5", "٣"),
     *("", " ", "x" * 20000, "noSuchWord", "true", "$Nothing", "$", "${", "${1/0}", "${10**10**10}", "${$Nothing + 1}"),
     *("../../../../../../etc/passwd", "/dev/zero", "file:///etc/passwd", ".", "a\n\tb", "\x7f\u202e\ufffd", "%s%n{0}"),
 )
@@ -62,7 +64,7 @@ def _closure(path: Path) -> Iterator[Path]:
 
 def _references(path: Path) -> Iterator[Path]:
     """Files that any attribute names, and the catalogues in directories that one names."""
-    for value in {value for element in etree.parse(path).iter(etree.Element) for value in element.attrib.values()}:
+    for value in {str(value) for element in etree.parse(path).iter(etree.Element) for value in element.attrib.values()}:
         if "/" in value or "." in value:
             target = (path.parent / value).resolve()
             if target.suffix in (".xosc", ".xodr") and target.is_file():
@@ -136,7 +138,8 @@ def _graft(root: etree._Element, random: Random) -> str:
 
 
 def _swap(root: etree._Element, random: Random) -> str:
-    first, second = random.choice(_elements(root)), random.choice(_elements(root))
+    first, others = random.choice(_elements(root)), _elements(root)
+    second = random.choice([other for other in others if other.tag == first.tag] if random.random() < 0.7 else others)
     if first in list(second.iterancestors()) or second in list(first.iterancestors()) or first is second:
         return "nothing"
     holder = etree.Element("holder")
@@ -163,13 +166,13 @@ def _rename(root: etree._Element, random: Random) -> str:
 
 def _drop_attribute(root: etree._Element, random: Random) -> str:
     element, name = _attribute(root, random)
-    element.attrib.pop(name, None)
+    element.attrib.pop(name, "")
     return f"{element.tag}/@{name}"
 
 
 def _set_attribute(root: etree._Element, random: Random) -> str:
-    element, name = _attribute(root, random)
-    value = random.choice(VALUES)
+    element, name = _attribute(root, random, numeric=random.random() < 0.7)
+    value = random.choice(NUMBERS if _is_number(element.get(name, "")) and random.random() < 0.7 else VALUES)
     element.set(name, "".join(c for c in value if c.isprintable() or c in "\n\t\u202e"))
     return f"{element.tag}/@{name} = {value[:40]!r}"
 
@@ -188,6 +191,14 @@ def _scale(root: etree._Element, random: Random) -> str:
     old = element.get(name, "")
     element.set(name, f"-{old}" if value == "-" else _times(value[:-1], old))
     return f"{element.tag}/@{name} {old[:20]} to {element.get(name)}"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _times(factor: str, value: str) -> str:
@@ -243,8 +254,8 @@ def _attribute(
     found = [
         (element, name)
         for element in _elements(root)
-        for name, value in element.attrib.items()
-        if name.endswith(ending) and (not numeric or value[:1].isdigit() or value[:1] == "-")
+        for name, value in ((str(name), str(value)) for name, value in element.attrib.items())
+        if name.endswith(ending) and (not numeric or _is_number(value))
     ]
     return random.choice(found) if found else (root, "noSuchAttribute")
 

@@ -123,8 +123,11 @@ class Scope:
     def _evaluate(self, name: str, source: Assignment) -> Parameter:
         declaration = self.declarations[name]
         try:
-            text = self.literal(source.text) if source.symbolic else source.text
             kind = type_named(self.literal(declaration.get("parameterType")))
+        except (ExpressionError, ValueError) as error:
+            raise declaration.invalid(f"the type of the parameter {name}: {error}") from None
+        try:
+            text = self.literal(source.text) if source.symbolic else source.text
             value = typed(kind, text)
         except ExpressionError as error:
             raise source.complain(f"the value of the parameter {name}: {error.message}") from None

@@ -97,7 +97,7 @@ class Orientation(NamedTuple):
         orientation = node.find("Orientation")
         if orientation is None:
             return cls()
-        h, pitch, roll = (orientation.finite(name, 0.0) for name in ("h", "p", "r"))
+        h, pitch, roll = (wrap(orientation.finite(name, 0.0)) for name in ("h", "p", "r"))
         usual = "absolute" if context.version < (1, 2) else "relative"
         return cls(h, pitch, roll, orientation.choice("type", ("absolute", "relative"), usual) == "absolute")
 

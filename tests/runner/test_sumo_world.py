@@ -105,6 +105,15 @@ def test_sumo_sees_a_scripted_participant_by_its_front_bumper(
     assert found[2] == pytest.approx(angle)
 
 
+@pytest.mark.parametrize("h", [1e18, -1e308])
+def test_an_angle_of_any_number_of_turns_is_taken_at_once(world: sumo.SumoWorld, h: float) -> None:
+    participant = entity(100.0, -1.75, h)
+    world.add(participant)
+    world.mirror([participant])
+    world.step()
+    assert math.cos(math.radians(90.0 - seen(world, participant)[2]) - math.remainder(h, math.tau)) == pytest.approx(1.0)
+
+
 def test_participants_come_and_go_at_any_time(world: sumo.SumoWorld) -> None:
     first, second = entity(100.0, -1.75), entity(200.0, -1.75)
     for present in ([first], [first, second], [second], [], [second, first]):

@@ -217,8 +217,21 @@ def test_a_search_for_samples_inside_impossible_constraints_ends(written) -> Non
 def test_an_enumeration_without_end_inside_impossible_constraints_ends(written, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(space, "MAX_EXCLUDED", 100)
     path = written(f"<Deterministic>{single('Speed', steps('99', '1e12', '1'))}</Deterministic>")
-    with pytest.raises(UsageError, match="100 variations in a row"):
+    with pytest.raises(InvalidFile, match="100 variations in a row"):
         next(variations(path))
+
+
+def test_a_value_that_the_parameter_can_not_have_is_refused_where_it_is_listed(written) -> None:
+    path = written(f"<Deterministic>{single('Speed', values('9', 'fast'))}</Deterministic>")
+    with pytest.raises(InvalidFile, match=r"variation\.xosc:\d+: .*the value of the parameter Speed: 'fast' is not a number"):
+        list(variations(path))
+
+
+def test_the_name_of_a_scenario_may_be_of_any_length(written) -> None:
+    path = written("<Deterministic/>")
+    path.write_text(path.read_text().replace("scenario.xosc", "9" * 4000))
+    with pytest.raises(InvalidFile, match="does not exist"):
+        variations(path)
 
 
 def test_test_runs_are_reproducible_and_streams_are_independent(written) -> None:
@@ -469,6 +482,12 @@ def test_the_scenario_must_exist_and_be_one(written) -> None:
         variations(written("<Deterministic/>", "nowhere.xosc"))
     with pytest.raises(InvalidFile, match=r"variation\.xosc:2: ScenarioFile: .*is a distribution"):
         variations(written("<Deterministic/>", "variation.xosc"))
+
+
+@pytest.mark.parametrize("name", ["absent.xosc", "x" * 300, "a\u0085b"])
+def test_a_scenario_that_is_not_there_is_named(written, name: str) -> None:
+    with pytest.raises(InvalidFile, match=r"variation\.xosc:2: ScenarioFile: the scenario .* does not exist"):
+        variations(written("<Deterministic/>", name))
 
 
 def test_a_value_of_the_wrong_type_is_an_error_and_no_violation(written) -> None:

@@ -26,8 +26,8 @@ from xosc.values import quoted, type_named, typed
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""
 
-MAX_EXCLUDED = 1_000_000
-"""So many variations in a row outside the constraints end an enumeration, which could go on for years."""
+MAX_EXCLUDED = 100_000
+"""So many variations in a row outside the constraints (a few seconds) end an enumeration, which could go on for years."""
 
 Variation = tuple[Path, dict[str, str]]
 """A scenario and values of its parameters."""
@@ -43,6 +43,7 @@ class ParameterSpace:
         scenario: the scenario's path.
         distribution: what the file says, None for a scenario.
         size: number of variations, those outside the scenario's constraints included.
+        node: the ParameterValueDistribution element, where there is one.
 
     Raises:
         InvalidFile: a file is malformed, or the scenario does not declare a distribution's parameter.
@@ -60,11 +61,11 @@ class ParameterSpace:
             raise document.node.invalid("a scenario or a ParameterValueDistribution is expected, this is a catalog")
 
     def _read(self, document: Document) -> None:
-        node = document.node.need("ParameterValueDistribution")
+        self.node = node = document.node.need("ParameterValueDistribution")
         self.distribution = ParameterValueDistribution.read(node)
         self.size = self.distribution.definition.size
         self.scenario = Path(os.path.normpath(document.path.parent / self.distribution.scenario_file.replace("\\", "/")))
-        if not self.scenario.is_file():
+        if not os.path.isfile(self.scenario):  # unlike Path.is_file it takes names of any length
             raise node.need("ScenarioFile").invalid(f"the scenario {self.scenario} does not exist")
         scenario = load(self.scenario)
         if scenario.kind != "scenario":
@@ -156,7 +157,7 @@ class Variations(Iterator[Variation]):
             if not self._enforce or self._space.admits(variation[1]):
                 return variation
             self.excluded += 1
-        raise UsageError(f"{MAX_EXCLUDED} variations in a row violate the constraints of {self._space.scenario}")
+        raise self._space.node.invalid(f"{MAX_EXCLUDED} variations in a row violate the constraints of {self._space.scenario}")
 
 
 def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -> Variations:
@@ -170,9 +171,9 @@ def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -
         enforce_constraints: leave out what violates the scenario's constraint groups; `.excluded` counts that.
 
     Raises:
-        InvalidFile: a file is malformed, or the scenario does not declare a distribution's parameter.
+        InvalidFile: a file is malformed, the scenario does not declare a distribution's parameter, or, while iterating,
+            a value is not of its parameter's type or practically nothing in the space keeps the constraints.
         Unsupported: a user-defined distribution has no plug-in.
-        UsageError: while iterating, practically nothing in the space keeps the constraints.
     """
     return Variations(ParameterSpace(path), enforce_constraints)
 
