@@ -1,7 +1,7 @@
 """Responsibility-Sensitive Safety: safe distances and their parameter sets.
 
 Source: Shalev-Shwartz, Shammah, Shashua, "On a formal model of safe and scalable self-driving cars" (2017), definitions 1
-and 6. Plain arithmetic, so arguments may be floats or numpy arrays; results are not cut off at 0.
+and 6. Plain arithmetic, so arguments may be floats or numpy arrays.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ def longitudinal_distance(rear_speed: Any, front_speed: Any, p: RssParameters) -
     """
     reached = rear_speed + p.response * p.accelerate
     response = rear_speed * p.response + 0.5 * p.accelerate * p.response**2
-    return response + reached**2 / (2.0 * p.brake_min) - front_speed * abs(front_speed) / (2.0 * p.brake_max)
+    distance = response + reached**2 / (2.0 * p.brake_min) - front_speed * abs(front_speed) / (2.0 * p.brake_max)
+    return (distance > 0) * distance
 
 
 def lateral_distance(left_speed: Any, right_speed: Any, left_response: float, right_response: float, p: RssParameters) -> Any:
@@ -71,4 +72,5 @@ def lateral_distance(left_speed: Any, right_speed: Any, left_response: float, ri
     right = right_speed - right_response * p.lateral_accelerate
     closing = (left_speed + left) / 2.0 * left_response + (left > 0) * left**2 / (2.0 * p.lateral_brake)
     opening = (right_speed + right) / 2.0 * right_response - (right < 0) * right**2 / (2.0 * p.lateral_brake)
-    return p.margin + closing - opening
+    distance = closing - opening
+    return p.margin + (distance > 0) * distance

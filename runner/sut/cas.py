@@ -61,7 +61,7 @@ class CollisionAvoidance:
         aside = interval_gap(-ego.box.width / 2, ego.box.width / 2, right, left)
         c, s = math.cos(ego.h), math.sin(ego.h)
         safe_ahead = longitudinal_distance(way * ego.speed, way * (other.vx * c + other.vy * s), p)
-        if ahead >= safe_ahead:
+        if 0.0 < ahead >= safe_ahead:
             return ""
         # lateral speeds to the right, as RSS counts them
         own, its = ego.vx * s - ego.vy * c, other.vx * s - other.vy * c
@@ -69,7 +69,7 @@ class CollisionAvoidance:
             safe_aside = lateral_distance(its, own, p.response_other, p.response, p)
         else:
             safe_aside = lateral_distance(own, its, p.response, p.response_other, p)
-        if abs(aside) >= max(safe_aside, 0.0):
+        if abs(aside) >= safe_aside:
             return ""
         return (
             f"{other.name} is {ahead:.1f} m ahead and {abs(aside):.1f} m aside, "

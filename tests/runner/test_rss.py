@@ -38,8 +38,8 @@ def test_longitudinal(rear: float, front: float, p: object, expected: float) -> 
         (0.0, 0.0, 0.1 + 0.1 + 0.025 + 0.4 + 0.1),
         # left drives right at 1 m/s: 1.1 + 1.44/1.6
         (1.0, 0.0, 0.1 + 1.1 + 0.9 + 0.4 + 0.1),
-        # left drives left at 1 m/s, and does not come back within its response time: −0.9, nothing to brake
-        (-1.0, 0.0, 0.1 - 0.9 + 0.4 + 0.1),
+        # left drives left at 1 m/s, and does not come back within its response time: −0.9 + 0.4 + 0.1 is cut off at 0
+        (-1.0, 0.0, 0.1),
     ],
 )
 def test_lateral(left: float, right: float, expected: float) -> None:
@@ -64,7 +64,7 @@ def test_arrays_give_what_numbers_give() -> None:
     rear, front = np.array([30.0, 0.0]), np.array([20.0, 0.0])
     assert longitudinal_distance(rear, front, AD) == pytest.approx([147.03125, 3.28125])
     lateral = lateral_distance(np.array([0.0, 1.0, -1.0]), np.zeros(3), 1.0, 2.0, AD)
-    assert lateral == pytest.approx([0.725, 2.6, -0.3])
+    assert lateral == pytest.approx([0.725, 2.6, 0.1])
 
 
 def test_parameter_sets_have_names() -> None:

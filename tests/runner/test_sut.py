@@ -206,6 +206,12 @@ def test_a_neighbour_counts_when_it_comes_closer_than_rss_allows_laterally(side:
         assert brakes(entity("Ego", 0, 0, 20), other) == expected
 
 
+@pytest.mark.parametrize("sideways", [-3.0, 0.0, 3.0])
+def test_boxes_in_each_others_way_are_dangerous_however_they_move_sideways(sideways: float) -> None:
+    oncoming = entity("Oncoming", 12.0, 0.5, -9, sideways, h=math.pi)
+    assert brakes(entity("Ego", 0, 0, 3), oncoming) == -8.0
+
+
 def test_it_does_not_mind_who_is_behind_or_parallel_in_the_next_lane() -> None:
     ego = entity("Ego", 0, 0, 20)
     assert brakes(ego, entity("Behind", -6.0, 0, 40)) is None
