@@ -19,6 +19,7 @@ from runner.following import back_to_lane
 from runner.motion import FreeMotion, LaneMotion, Placement, wrap
 from runner.recording import Recorder
 from runner.towing import disconnect, line_up, tow, train
+from schemas.errors import InvalidFile
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
@@ -156,6 +157,8 @@ class Simulation:
         entity.ax, entity.ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
         entity.vx, entity.vy = vx, vy
         entity.acceleration = (speed - entity.speed) / dt
+        if not math.isfinite(entity.ax + entity.ay + entity.acceleration):
+            raise InvalidFile(f"{entity.name!r} moves beyond all numbers at {self.time:g} s")
         entity.speed = speed
         distance = speed * dt
         entity.odometer += distance if distance > 0.0 else -distance

@@ -90,8 +90,8 @@ def write_mutant(source: Source, folder: Path, random: Random) -> Mutant:
 
 
 def _mutate(path: Path, random: Random) -> Iterator[str]:
-    family = random.choices((_TREE_CHANGES, _TEXT_CHANGES, _FILE_CHANGES), (80, 15, 5))[0]
-    for _ in range(random.choice((1, 1, 2, 3)) if family is _TREE_CHANGES else 1):
+    family = random.choices((_NUMBER_CHANGES, _TREE_CHANGES, _TEXT_CHANGES, _FILE_CHANGES), (35, 45, 15, 5))[0]
+    for _ in range(random.choice((1, 1, 2, 3)) if family in (_NUMBER_CHANGES, _TREE_CHANGES) else 1):
         change = random.choice(family)
         yield f"{change.__name__.strip('_')} {change(path, random)}"
 
@@ -171,10 +171,16 @@ def _drop_attribute(root: etree._Element, random: Random) -> str:
 
 
 def _set_attribute(root: etree._Element, random: Random) -> str:
-    element, name = _attribute(root, random, numeric=random.random() < 0.7)
-    value = random.choice(NUMBERS if _is_number(element.get(name, "")) and random.random() < 0.7 else VALUES)
+    element, name = _attribute(root, random)
+    value = random.choice(VALUES)
     element.set(name, "".join(c for c in value if c.isprintable() or c in "\n\t\u202e"))
     return f"{element.tag}/@{name} = {value[:40]!r}"
+
+
+def _set_number(root: etree._Element, random: Random) -> str:
+    element, name = _attribute(root, random, numeric=True)
+    element.set(name, random.choice(NUMBERS))
+    return f"{element.tag}/@{name} = {element.get(name)}"
 
 
 def _exchange_values(root: etree._Element, random: Random) -> str:
@@ -336,8 +342,9 @@ def _exchange_file(path: Path, random: Random) -> str:
 
 _Changes = tuple[Callable[[Path, Random], str], ...]
 
-_VALUE_CHANGES = (_drop_attribute, _set_attribute, _set_attribute, _set_attribute, _exchange_values, _scale, _refer_to_nothing)
+_VALUE_CHANGES = (_drop_attribute, _set_attribute, _set_attribute, _exchange_values, _refer_to_nothing)
 _STRUCTURE_CHANGES = (_delete, _duplicate, _graft, _swap, _empty, _rename, _parameter_cycle, _catalogue_cycle)
+_NUMBER_CHANGES: _Changes = tuple(_on_tree(change) for change in (_set_number, _set_number, _scale))
 _TREE_CHANGES: _Changes = tuple(_on_tree(change) for change in (*_VALUE_CHANGES, *_STRUCTURE_CHANGES))
 _TEXT_CHANGES: _Changes = (_truncate, _flip_bytes, _repeat_text, _lie_about_encoding, _attack_with_entities, _nest_deeply)
 _FILE_CHANGES: _Changes = (_remove, _make_folder, _clear, _exchange_file)

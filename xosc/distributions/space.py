@@ -26,7 +26,7 @@ from xosc.values import quoted, type_named, typed
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""
 
-MAX_EXCLUDED = 100_000
+MAX_EXCLUDED = 20_000
 """So many variations in a row outside the constraints (a few seconds) end an enumeration, which could go on for years."""
 
 Variation = tuple[Path, dict[str, str]]
