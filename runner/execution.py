@@ -98,7 +98,10 @@ def prepare(
     import xosc
 
     document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=enforce_constraints)
-    network = xodr.load(document.logic_file) if document.logic_file is not None else None
+    road_file = document.logic_file
+    if road_file is not None and not road_file.exists():
+        raise document.node.need("RoadNetwork", "LogicFile").invalid(f"the road network {road_file} does not exist")
+    network = xodr.load(road_file) if road_file is not None else None
     compiled = compile_scenario(document, network)
     return compiled, find_ego(compiled, ego)
 
