@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -99,7 +100,7 @@ def prepare(
 
     document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=enforce_constraints)
     road_file = document.logic_file
-    if road_file is not None and not road_file.exists():
+    if road_file is not None and not os.path.exists(road_file):  # unlike Path.exists it takes names of any length
         raise document.node.need("RoadNetwork", "LogicFile").invalid(f"the road network {road_file} does not exist")
     network = xodr.load(road_file) if road_file is not None else None
     compiled = compile_scenario(document, network)

@@ -10,6 +10,7 @@ and beside it tmp/, to be empty after each run, and cache/, the cache of road ne
 
 from __future__ import annotations
 
+import importlib
 import multiprocessing
 import os
 import resource
@@ -41,7 +42,7 @@ class Result(NamedTuple):
         world: in which it ran.
         changes: made to the source.
         code: exit code, the gravest of its runs; 5 where the process died or hung.
-        message: error, one line.
+        message: error, one line that begins with a file, the mutant's own as case/….
         trace: traceback of it.
         seconds: taken by all its runs.
         stray: files written outside the output folder and the cache.
@@ -62,7 +63,8 @@ class Result(NamedTuple):
     @property
     def is_defect(self) -> bool:
         """Whether it shows a defect of the toolchain: what a file holds never is one."""
-        return self.code == 5 or self.code == 2 or bool(self.stray) or "\n" in self.message or self.seconds > LONGEST
+        nameless = bool(self.message) and not self.message.startswith(("case/", "/"))
+        return self.code in (2, 5) or nameless or bool(self.stray) or "\n" in self.message or self.seconds >= LONGEST
 
 
 def run_mutants(sources: Sequence[Source], seed: int, numbers: Sequence[int], scratch: Path) -> Iterator[Result]:
@@ -107,9 +109,15 @@ def _serve(connection: Any, sources: Sequence[Source], seed: int, numbers: Seque
             os.dup2(nothing.fileno(), stream)
     written: list[str] = []
     sys.addaudithook(lambda event, args: written.append(os.fsdecode(args[0])) if _is_writing(event, args) else None)
-    import runner.execution  # heavy imports are not a mutant's time
-    import runner.sumo  # noqa: F401
-
+    for module in (
+        "runner.execution",
+        "runner.sumo",
+        "runner.outputs.trajectories",
+        "pyarrow.parquet",
+        "pyproj",
+        "scipy.special",
+    ):
+        importlib.import_module(module)  # neither its time nor its memory is a mutant's
     connection.send("ready")
     for number in numbers:
         connection.send(tuple(_run(sources, seed, number, scratch, written)))
@@ -142,7 +150,7 @@ def _run(sources: Sequence[Source], seed: int, number: int, scratch: Path, writt
     stray = tuple(sorted(outside | set(map(str, _files(scratch / "tmp")))))
     os.chdir(scratch)
     shutil.rmtree(folder)
-    message = message.replace(str(folder / "case") + os.sep, "")
+    message = message.replace(f"{folder}/", "")
     return Result(number, source.path, _world(number), mutant.changes, code, message, trace, seconds, stray, _peak() - before)
 
 
