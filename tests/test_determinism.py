@@ -1,0 +1,46 @@
+"""Same scenario, parameters and seed: the same bytes, however many processes work and whatever ran before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import runner
+from runner.batch import Options, run_batch
+from runner.jobs import jobs_of
+from runner.outputs.trajectories import write_parquet
+from tests.conformance.support import SCENARIOS
+from tests.mutation import REPOSITORY
+
+CUT_IN = REPOSITORY / "xosc" / "library" / "highway_cut_in.xosc"
+TRAFFIC = SCENARIOS / "TrafficSwarmAction.xosc"
+RANDOM_ROUTE = SCENARIOS / "RandomRouteAction.xosc"
+STOCHASTIC = SCENARIOS / "NormalDistribution.xosc"
+
+
+def tables(folder: Path, seed: int, processes: int) -> dict[str, bytes]:
+    """What each run of a batch writes, by name; two files of traffic first and last, so that something ran before."""
+    files = [TRAFFIC, CUT_IN, RANDOM_ROUTE, STOCHASTIC, TRAFFIC]
+    outcomes = list(run_batch(jobs_of(files, {}, True), Options(seed=seed, max_time=8.0), out=folder, processes=processes))
+    assert {outcome.state for outcome in outcomes} <= {"passed", "failed"}
+    return {path.parent.name: path.read_bytes() for path in folder.glob("*/trajectories.parquet")}
+
+
+def test_batches_with_sumo_traffic_are_the_same_bytes_in_one_process_and_in_two(tmp_path: Path) -> None:
+    serial, parallel = tables(tmp_path / "serial", 3, 1), tables(tmp_path / "parallel", 3, 2)
+    assert len(serial) > 5
+    assert parallel == serial
+    assert serial["TrafficSwarmAction"] == serial["TrafficSwarmAction~2"]
+
+
+@pytest.mark.parametrize("path", [CUT_IN, TRAFFIC], ids=lambda path: path.stem)
+def test_a_run_is_the_same_bytes_twice_in_one_process(path: Path, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        write_parquet(runner.run(path, seed=1, max_time=8.0), tmp_path / name)
+    assert (tmp_path / "first").read_bytes() == (tmp_path / "second").read_bytes()
+
+
+def test_another_seed_gives_other_traffic() -> None:
+    first, second = (runner.run(TRAFFIC, seed=seed, max_time=3.0).trajectories for seed in (1, 2))
+    assert not first.equals(second)
