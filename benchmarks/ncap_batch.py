@@ -63,9 +63,8 @@ def main() -> None:
             f"sut {sut}: {len(outcomes)} runs of {len(files)} files, {len(failed)} errors, {steps} steps, --jobs {options.jobs}"
         )
         for name, seconds in (("xosc-run", ours), ("bare libsumo", theirs)):
-            print(
-                f"    {name:<13}{seconds:5.1f} s, {seconds / len(loads) * 1e3:.0f} ms a run, {seconds / steps * 1e6:.0f} µs a step"
-            )
+            a_run, a_step = seconds / len(loads) * 1e3, seconds / steps * 1e6
+            print(f"    {name:<13}{seconds:5.1f} s, {a_run:.0f} ms a run, {a_step:.0f} µs a step")
         print(f"    ratio {ours / theirs:.2f}", flush=True)
 
 
