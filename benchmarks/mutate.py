@@ -79,7 +79,7 @@ def _report(results: Sequence[Result], jobs: int) -> int:
         print(f"{count:>8}  {code} {_MEANING[code]}")
     defects = [result for result in results if result.is_defect]
     print(
-        f"{len(defects):>8}  defects: internal errors, wrong exit codes, runs over {LONGEST:g} s, files outside the output folder"
+        f"{len(defects):>8}  defects: internal errors, wrong exit codes, errors without a file, over {LONGEST:g} s, stray files"
     )
     slowest, largest = max(results, key=lambda r: r.seconds), max(results, key=lambda r: r.growth)
     print(f"slowest {slowest.seconds:.1f} s: {slowest.number} {slowest.source.name} {'; '.join(slowest.changes)}")
