@@ -30,7 +30,18 @@ def parse(path: str | PathLike[str]) -> etree._ElementTree:
             (neither OpenSCENARIO nor OpenDRIVE has one, and entities are how XML attacks its readers).
     """
     path = Path(path)
-    data = _read(path)
+    return parse_bytes(_read(path), path)
+
+
+def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
+    """Parse the content of a file that was read already (from an archive, say), with the same care.
+
+    Args:
+        path: what complaints call the file.
+
+    Raises:
+        InvalidFile: not well-formed, or declares a document type.
+    """
     doctype = _BEFORE_DOCTYPE.match(data if b"\0" not in data[:4] else data.replace(b"\0", b""))
     if doctype:
         raise _doctype_refused(path, doctype.group().count(b"\n") + 1)

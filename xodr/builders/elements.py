@@ -7,6 +7,7 @@ The same records always give the same bytes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -74,7 +75,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Road:
-    """A road: plan view as segments from a start pose, lane sections and links. Speed limit in m/s."""
+    """A road: plan view as segments from a start pose, lane sections and links. Speed limit in m/s, infinite for none."""
 
     id: int
     name: str
@@ -218,7 +219,8 @@ def _road(root: etree._Element, road: Road, rule: str) -> None:
             if link:
                 _add(links, name, elementType=link.element, elementId=str(link.id), contactPoint=link.contact)
     kind = _add(element, "type", s=0, type=road.type)
-    _add(kind, "speed", max=road.speed_limit * 3.6, unit="km/h")
+    limited = math.isfinite(road.speed_limit)
+    _add(kind, "speed", max=road.speed_limit * 3.6 if limited else "no limit", unit="km/h")
     _plan_view(_add(element, "planView"), road)
     lanes = _add(element, "lanes")
     for section in road.sections:
