@@ -1,0 +1,1 @@
+"""TRFE: recordings of traffic become labelled, unknown and newly discovered scenario classes."""

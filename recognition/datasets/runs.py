@@ -1,0 +1,82 @@
+"""Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as `xosc-run --out` writes them."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recognition.datasets.participants import Participant
+from recognition.datasets.rows import Clock, in_order
+from recognition.datasets.source import Report, Source
+from recognition.datasets.tables import GREATEST, Kind, read_parquet
+from recognition.datasets.tracks import cut
+from runner.entities import BoundingBox
+from runner.recording import COLUMNS, Recording
+from schemas.errors import InvalidFile
+
+FORMAT = "run"
+_TRAJECTORIES, _RESULT = "trajectories.parquet", "result.json"
+_KINDS: dict[str, Kind] = {"entity": "text", **dict.fromkeys(COLUMNS, "number"), "road_id": "label", "lane_id": "integer"}
+_PER_SECOND = 1e6
+"""Times are compared in µs."""
+
+
+def claims(path: Path) -> bool:
+    """Whether a file is the trajectories of a run."""
+    return path.name == _TRAJECTORIES and path.with_name(_RESULT).is_file()
+
+
+def sources(path: Path, roads: Path) -> list[Source]:
+    """The run that a trajectory file belongs to; runs of one scenario have one site."""
+    return [Source(path.parent.name, path.parent.name.partition("~")[0], FORMAT, path, partial(_read, path))]
+
+
+def _read(path: Path) -> tuple[Recording, Report]:
+    file = path.with_name(_RESULT)
+    result = _result(file)
+    step = _finite(_entry(result, file, "settings"), file, "timestep")
+    if step <= 0.0:
+        raise InvalidFile(f"the timestep is {step:g}", path=file)
+    entities = _entry(result, file, "entities")
+    table = read_parquet(path, _KINDS)
+    names = list(dict.fromkeys(table["entity"]))
+    number = {name: index for index, name in enumerate(names)}
+    track = np.fromiter((number[name] for name in table["entity"]), np.int64, len(table))
+    clock = Clock("time", np.round(table["time"] * _PER_SECOND).astype(np.int64), _PER_SECOND, step)
+    rows = in_order(table, track, clock)
+    who = [_participant(_entry(entities, file, name), file, name) for name in names]
+    columns = {name: table[name][rows.order] for name in COLUMNS}
+    return Recording(cut(rows, who, columns), step, None), rows.report(names)
+
+
+def _result(path: Path) -> dict[str, Any]:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InvalidFile(f"not readable as JSON: {error}", path=path) from None
+
+
+def _entry(parent: Any, path: Path, name: str) -> dict[str, Any]:
+    found = parent.get(name) if isinstance(parent, dict) else None
+    if not isinstance(found, dict):
+        raise InvalidFile(f"there is no object {name!r}", path=path)
+    return found
+
+
+def _participant(entity: dict[str, Any], path: Path, name: str) -> Participant:
+    box = _entry(entity, path, "box")
+    kind, category = entity.get("kind"), entity.get("category")
+    if not isinstance(kind, str) or not isinstance(category, str):
+        raise InvalidFile(f"kind or category of {name!r} is missing", path=path)
+    return Participant(name, kind, category, BoundingBox(*(_finite(box, path, field) for field in BoundingBox._fields)))
+
+
+def _finite(values: dict[str, Any], path: Path, name: str) -> float:
+    value = values.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= GREATEST:
+        raise InvalidFile(f"{name} is {value!r}, a number is expected", path=path)
+    return float(value)

@@ -1,0 +1,117 @@
+"""What a data set consists of: sources, each read into one `Recording` when it is asked for, and what reading found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+from runner.recording import Recording
+
+
+class Gap(NamedTuple):
+    """Frames that a track lacks between two rows that it has (at `start` and `end`, s)."""
+
+    track: str
+    start: float
+    end: float
+    missing: int
+
+
+class Exclusion(NamedTuple):
+    """Something of a source that is not in its recording: a track or an element, how many rows of it, and why."""
+
+    what: str
+    rows: int
+    reason: str
+
+
+@dataclass
+class Report:
+    """What reading a source found.
+
+    Attributes:
+        rows, tracks: how many the recording has.
+        gaps: frames missing inside tracks; nothing is put in their place.
+        exclusions: what was left out.
+        remarks: what was assumed, derived or corrected, one sentence each.
+    """
+
+    rows: int = 0
+    tracks: int = 0
+    gaps: list[Gap] = field(default_factory=list)
+    exclusions: list[Exclusion] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+    def add(self, other: Report) -> None:
+        """Take in what was found in another file of the same recording."""
+        self.rows += other.rows
+        self.tracks += other.tracks
+        self.gaps += other.gaps
+        self.exclusions += other.exclusions
+        self.remarks += (remark for remark in other.remarks if remark not in self.remarks)
+
+    @property
+    def missing(self) -> int:
+        """Frames missing inside tracks."""
+        return sum(gap.missing for gap in self.gaps)
+
+    @property
+    def excluded(self) -> int:
+        """Rows that were left out."""
+        return sum(exclusion.rows for exclusion in self.exclusions)
+
+
+@dataclass(eq=False)
+class Source:
+    """One recording of a data set, not read yet.
+
+    Args:
+        name: unique in its data set; splits into training and test data go by it.
+        site: where it was recorded; sources of one site share a map.
+        format: name of the format.
+        path: its main file.
+        read: reads it.
+        map: the site's map, as the data set has it (Lanelet2, CommonRoad); None where there is none, or where the
+            recording brings its road network with it.
+        origin: latitude and longitude (degrees) of the origin of the coordinates, where the data set tells.
+    """
+
+    name: str
+    site: str
+    format: str
+    path: Path
+    read: Callable[[], tuple[Recording, Report]] = field(repr=False)
+    map: Path | None = None
+    origin: tuple[float, float] | None = None
+    report: Report | None = field(default=None, init=False, repr=False)
+    """what the last reading found; None before"""
+
+    def load(self) -> Recording:
+        """Read the recording, afresh each time, and renew `report`.
+
+        Raises:
+            InvalidFile: a file is malformed; names file, line and column.
+            Unsupported: it holds something that is not supported.
+        """
+        recording, self.report = self.read()
+        return recording
+
+
+@dataclass(eq=False)
+class DataSet:
+    """A folder or file with recordings; `sources` lists them without reading their tracks."""
+
+    path: Path
+    find: Callable[[], list[Source]] = field(repr=False)
+
+    @cached_property
+    def sources(self) -> list[Source]:
+        """The recordings, in the order of their files.
+
+        Raises:
+            InvalidFile: there is none of a known format, or an index that has to be read is malformed.
+        """
+        return self.find()
