@@ -49,7 +49,7 @@ def _walk(
         tag = local_name(child)
         if tag == "CatalogReference" and local_name(parent) == "ManeuverGroup" and source is document:
             entry = document.catalogs.entry(document, child)
-            if entry is not None:
+            if entry is not None and local_name(entry.element) == "Maneuver":
                 yield from _named(document, entry.document, entry.element, chain)
         elif tag in _NAMED:
             yield from _named(document, source, child, chain)

@@ -340,6 +340,13 @@ def test_ambiguous_storyboard_reference_is_a_warning(project):
     assert ("resolvable_storyboard_element_reference", "warning") in found
 
 
+def test_a_vehicle_from_a_catalogue_is_no_storyboard_element(project):
+    vehicle = '<CatalogReference catalogName="Vehicles" entryName="van"/>'
+    project.edit("scenario", ("</ManeuverGroup>", f"{vehicle}</ManeuverGroup>"))
+    rules = {problem.rule.rpartition(".")[2] for problem in project.check("scenario")}
+    assert "resolvable_storyboard_element_reference" not in rules
+
+
 def test_parameter_is_resolved_before_a_reference_is_judged(project):
     project.edit("scenario", ('value="-1"', 'value="-2"'))
     assert project.check("scenario") == []  # lane -2 exists at s=10
