@@ -12,6 +12,7 @@ from random import Random
 import pytest
 
 from runner import cli
+from schemas import check
 from schemas.xml import MAX_BYTES
 from tests.guarded import run_mutants
 from tests.mutation import BOMB, EXTERNAL, OWN_SCENARIOS, sources, write_mutant
@@ -199,6 +200,15 @@ def test_mutants_end_in_a_run_or_one_line(seed: int, tmp_path: Path) -> None:
     results = list(run_mutants(sources(OWN_SCENARIOS), seed, range(30), tmp_path))
     assert [result for result in results if result.is_defect] == []
     assert {0, 3} <= {result.code for result in results}
+
+
+def test_mutants_can_be_checked(tmp_path: Path) -> None:
+    found = sources(OWN_SCENARIOS)
+    for number in range(60):
+        random = Random(number)
+        mutant = write_mutant(random.choice(found), tmp_path / str(number), random)
+        if mutant.path.exists():
+            assert all("\n" not in problem.message for problem in check(mutant.path)), mutant.changes
 
 
 def test_a_mutant_can_be_made_again(tmp_path: Path) -> None:
