@@ -32,3 +32,9 @@ def corpora() -> Path:
 def reference() -> Path:
     """Reference trajectories of those libraries, present in development and CI only."""
     return _shared("reference")
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """Recordings of real traffic (TAF-BW, NGSIM), present in development and CI only."""
+    return _shared("data")
