@@ -7,8 +7,8 @@ holds many cases, numbered in `case_id`: each is a scene of its own and becomes 
 `timestamp_ms`: frame numbers count frames of the camera, and need not be regular. Rows of a track at the same time as another
 one are excluded and reported.
 
-Velocities that contradict the positions are replaced, and headings then turned the way the track goes (see `_columns`):
-TAF-BW has a recording with all velocities backwards, and one at half the speed.
+Velocities that contradict the positions are derived from them, and so are headings that then contradict them too: TAF-BW has
+a recording with all velocities backwards and headings folded into one half of the circle, and one at half the speed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.motion import believable, forwards, heading_of_motion, rate
+from recognition.datasets.motion import believable, facing, heading_of_motion, rate
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.rows import Clock, Floats, Rows, in_order
 from recognition.datasets.source import Report, Source
@@ -150,9 +150,9 @@ def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -
         report.remarks.append("the velocities contradict the positions: speeds are derived from the positions")
         vx, vy = rate(x, rows), rate(y, rows)
     h = _headings(table, rows, who, vx, vy)
-    if not credible:
-        h, turned = forwards(h, vx, vy, rows)
-        report.remarks.append(f"the headings of {turned} tracks point backwards: they are turned round")
+    if not credible and not facing(h, vx, vy):
+        h = heading_of_motion(vx, vy, rows)
+        report.remarks.append("the headings contradict the positions too: they are taken from the motion")
     speed = vx * np.cos(h) + vy * np.sin(h)
     report.remarks.append("accelerations are derived from the speeds")
     return columns_of(rows, who, x, y, h, speed, rate(speed, rows))

@@ -12,6 +12,8 @@ STANDING = 0.5
 """Below this speed (m/s) the direction of motion is noise: the heading stays."""
 _CREDIBLE = (0.8, 1.25)
 """Given velocities over those of the positions, as a whole: outside of this the given ones have another unit or sign."""
+_FACING = 0.9
+"""Share of the way that vehicles go forwards at least: none goes backwards for long, and none sidewards."""
 
 
 def rate(values: Floats, rows: Rows) -> Floats:
@@ -50,10 +52,13 @@ def believable(x: Floats, y: Floats, vx: Floats, vy: Floats, rows: Rows) -> bool
     return least <= float((vx * dx + vy * dy).sum()) / travelled <= greatest
 
 
-def forwards(heading: Floats, vx: Floats, vy: Floats, rows: Rows) -> tuple[Floats, int]:
-    """Headings turned round in those tracks that would move backwards on the whole, and how many those are."""
-    backwards = rows.totals(np.cos(heading) * vx + np.sin(heading) * vy) < 0.0
-    return heading + np.pi * rows.each(backwards), int(backwards.sum())
+def facing(heading: Floats, vx: Floats, vy: Floats) -> bool:
+    """Whether nearly all of the way is gone in the direction of the headings.
+
+    A real recording has failed here: its headings are arctan(vy/vx), so that all lie in one half of the circle.
+    """
+    speed = np.hypot(vx, vy)
+    return bool((np.cos(heading) * vx + np.sin(heading) * vy).sum() >= _FACING * speed.sum())
 
 
 def crowded(time: Floats, x: Floats, y: Floats) -> int:

@@ -7,6 +7,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 UPPER, LOWER = (8.0, 12.0, 16.0), (20.0, 24.0, 28.0)
+_SURROUNDINGS = (
+    "frontSightDistance", "backSightDistance", "dhw", "thw", "ttc", "precedingXVelocity", "precedingId", "followingId",
+    "leftPrecedingId", "leftAlongsideId", "leftFollowingId", "rightPrecedingId", "rightAlongsideId", "rightFollowingId",
+)  # fmt: skip
 
 
 class Car(NamedTuple):
@@ -27,10 +31,7 @@ class Car(NamedTuple):
 
 def highd_rows(cars: Iterable[Car], rate: float = 25.0) -> list[dict[str, object]]:
     """Rows of NN_tracks.csv."""
-    zeros = dict.fromkeys(
-        ["frontSightDistance", "backSightDistance", "dhw", "thw", "ttc", "precedingXVelocity", "precedingId", "followingId", "leftPrecedingId", "leftAlongsideId", "leftFollowingId", "rightPrecedingId", "rightAlongsideId", "rightFollowingId"],
-        0,
-    )
+    zeros = dict.fromkeys(_SURROUNDINGS, 0)
     return [
         {
             "frame": car.first + k, "id": car.id, "x": car.x + car.vx * k / rate, "y": car.y + car.vy * k / rate,
