@@ -1,0 +1,71 @@
+"""What the occupancy grids look like: their geometry, channels, times and frame of reference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from schemas.errors import UsageError
+
+Channel = Literal["others", "ego", "velocity_x", "velocity_y", "area", "borders"]
+CHANNELS: tuple[Channel, ...] = ("others", "ego", "velocity_x", "velocity_y", "area", "borders")
+"""Channels by name:
+
+- `others`, `ego`: the share of each cell that boxes cover, 0 to 255;
+- `velocity_x`, `velocity_y`: velocity of others relative to the ego's, in the axes of the grid: 128 + v / `VELOCITY_STEP`,
+  from 1 to 255; 0 where nobody is;
+- `area`: the share of each cell that is drivable lane; `borders`: the same of the lanes' borders, drawn as lines.
+"""
+ROAD_CHANNELS = ("area", "borders")
+VELOCITY_STEP = 0.25
+"""m/s for each step of the code of a velocity: ±31.75 m/s can be told apart."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Grids about an ego vehicle: cells along its heading (columns, rear to front) and across (rows, left to right).
+
+    Attributes:
+        length, width: extent along and across the heading, m.
+        cell_length, cell_width: size of a cell, m.
+        ahead: distance of the grid's centre in front of the centre of the ego's box, m.
+        channels: some of `CHANNELS`, in any order.
+        pose: whose pose the grids are aligned to: `window` (the ego's at the window's centre, the same for all frames, so that
+            its own motion shows) or `frame` (the ego's in each frame).
+        frames, span: that many frames, uniformly over so many seconds about the event's time.
+    """
+
+    length: float = 200.0
+    width: float = 40.0
+    cell_length: float = 2.0
+    cell_width: float = 1.0
+    ahead: float = 0.0
+    channels: tuple[Channel, ...] = ("others", "ego", "area", "borders")
+    pose: Literal["window", "frame"] = "window"
+    frames: int = 4
+    span: float = 1.5
+
+    def __post_init__(self) -> None:
+        for name in ("length", "width", "cell_length", "cell_width"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise UsageError(f"{name} of a grid must be a positive length, not {getattr(self, name)}")
+        if not set(self.channels) <= set(CHANNELS) or len(set(self.channels)) < max(len(self.channels), 1):
+            raise UsageError(f"channels of a grid are different ones of {', '.join(CHANNELS)}, not {self.channels}")
+        if self.frames < 2 or not 0.0 < self.span < math.inf:
+            raise UsageError("a grid needs two or more frames over a positive time")
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Number of rows (across) and columns (along)."""
+        return math.ceil(self.width / self.cell_width - 1e-9), math.ceil(self.length / self.cell_length - 1e-9)
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Shape of one window: frames, channels, rows, columns."""
+        return (self.frames, len(self.channels), *self.cells)
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Times of the frames relative to the event's, s."""
+        return tuple(self.span * (k / (self.frames - 1) - 0.5) for k in range(self.frames))

@@ -1,0 +1,96 @@
+"""The road of a site as pictures, drawn once, from which the grids take what lies about an ego."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.grids.config import Grid
+from recognition.grids.frames import Floats
+from xodr.network import RoadNetwork
+from xodr.road import Road
+from xodr.sampling import lane_borders
+from xodr.ways import DRIVABLE
+
+_PIXEL = 0.5
+"""Edge of a pixel, m."""
+_LARGEST = 20_000
+"""Most pixels along one edge of a picture: 10 km."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Drivable area and lane borders of a site: `planes` uint8 (2, rows, columns), of which pixel (0, 0) begins at x, y (m).
+
+    A pixel's value is the share of the cell around it that is area or border, 0 to 255.
+    """
+
+    planes: NDArray[np.uint8]
+    x: float
+    y: float
+
+    def at(self, plane: int, x: Floats, y: Floats) -> NDArray[np.uint8]:
+        """Values of world positions; 0 outside of the picture."""
+        rows, columns = self.planes.shape[1:]
+        column = ((x - self.x) * (1.0 / _PIXEL)).astype(np.int32)
+        row = ((y - self.y) * (1.0 / _PIXEL)).astype(np.int32)
+        np.clip(column, 0, columns - 1, out=column)
+        np.clip(row, 0, rows - 1, out=row)
+        return self.planes[plane].ravel()[row * columns + column]
+
+
+@lru_cache(maxsize=8)
+def picture(network: RoadNetwork, cell: float) -> Picture:
+    """Draw the drivable lanes of a road network, smoothed over the size of a cell (m)."""
+    from scipy.ndimage import uniform_filter
+
+    lanes = [lane for road in network.roads.values() for lane in _lanes(road)]
+    corners = np.concatenate([line for lane in lanes for line in lane]) if lanes else np.zeros((1, 2))
+    margin = 2.0 * cell + 2.0 * _PIXEL  # empty, also after smoothing: positions outside are clipped to it
+    low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    columns, rows = np.minimum(np.ceil((high - low) / _PIXEL), _LARGEST).astype(int)
+    planes = np.zeros((2, rows, columns), np.uint8)
+    for inner, outer in lanes:
+        share = np.linspace(0.0, 1.0, 2 + int(1.5 * np.abs(outer - inner).max() / _PIXEL))[:, None, None]
+        _draw(planes[0], (1.0 - share) * inner + share * outer, low)
+        _draw(planes[1], np.stack([inner, outer]), low)
+    size = max(1, round(cell / _PIXEL))
+    smooth = np.stack([uniform_filter(plane, size, mode="constant") for plane in planes])
+    return Picture(smooth, float(low[0]), float(low[1]))
+
+
+def _lanes(road: Road) -> list[tuple[Floats, Floats]]:
+    """Inner and outer borders of the drivable lanes, at places that are less than a pixel apart: (n, 2) each."""
+    sections = [section.lanes[lane_id] for section in road.sections for lane_id in (*section.left, *section.right)]
+    return [
+        _refined(inner[:, :2], outer[:, :2])
+        for lane, (_, inner, outer) in zip(sections, lane_borders(road, 2.0), strict=True)
+        if lane.type in DRIVABLE
+    ]
+
+
+def _refined(inner: Floats, outer: Floats) -> tuple[Floats, Floats]:
+    steps = [np.hypot(*np.diff(line, axis=0).T) for line in (inner, outer)]
+    count = 2 + int(1.5 * max(step.sum() for step in steps) / _PIXEL)
+    given = np.concatenate([[0.0], np.cumsum(np.maximum(*steps))])
+    wanted = np.linspace(0.0, given[-1], count)
+    first, second = (np.stack([np.interp(wanted, given, line[:, k]) for k in (0, 1)], axis=1) for line in (inner, outer))
+    return first, second
+
+
+def _draw(plane: NDArray[np.uint8], points: Floats, low: Floats) -> None:
+    column, row = (((points[..., k] - low[k]) / _PIXEL).astype(np.int64) for k in (0, 1))
+    inside = (row < plane.shape[0]) & (column < plane.shape[1])
+    plane[row[inside], column[inside]] = 255
+
+
+def cell_centres(grid: Grid) -> tuple[Floats, Floats]:
+    """Coordinates of the cells' centres, ahead and to the left of the ego (m): shape rows × columns each."""
+    rows, columns = grid.cells
+    along = (np.arange(columns) + 0.5) * grid.cell_length - 0.5 * grid.length + grid.ahead
+    left = 0.5 * grid.width - (np.arange(rows) + 0.5) * grid.cell_width
+    across, ahead = np.meshgrid(left, along, indexing="ij")
+    return ahead, across

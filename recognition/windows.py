@@ -1,0 +1,131 @@
+"""Windows: grids about events, with their labels, as arrays that can be larger than memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.grids import Grid, Site, covered, rasterise
+from runner.recording import Recording
+from schemas.errors import InvalidFile, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_GRIDS, _TABLE = "grids.npy", "windows.parquet"
+
+
+class Event(Protocol):
+    """What a window needs of a labelled event, see `recognition.labels`."""
+
+    @property
+    def recording(self) -> str: ...
+    @property
+    def ego(self) -> str: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def label(self) -> int: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Windows in the order of their events.
+
+    Attributes:
+        grids: uint8 (n, frames, channels, rows, columns), see `recognition.grids.Grid`; may be mapped from a file.
+        labels: int64 (n,), 0 where there is none.
+        recordings, egos: names, str (n,). times: s, float (n,).
+    """
+
+    grids: NDArray[np.uint8]
+    labels: NDArray[np.int64]
+    recordings: NDArray[np.str_]
+    egos: NDArray[np.str_]
+    times: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if len({len(column) for column in self._columns()}) > 1:
+            raise UsageError("the columns of windows must be equally long")
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def select(self, chosen: NDArray[Any] | Sequence[int] | slice) -> Windows:
+        """The windows of an index, mask or slice. Their grids are copied into memory, but for slices."""
+        return Windows(*(column[chosen] for column in self._columns()))
+
+    def save(self, folder: Path) -> None:
+        """Write `grids.npy` and `windows.parquet` into a folder.
+
+        Raises:
+            UsageError: the folder can't be written.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        names = [field.name for field in fields(self)][1:]
+        table = pa.table(dict(zip(names, map(pa.array, self._columns()[1:]), strict=True)))
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            np.save(folder / _GRIDS, self.grids)
+            pq.write_table(table, folder / _TABLE)
+        except OSError as error:
+            raise UsageError(f"the windows can't be written: {error.strerror or error}", path=folder) from None
+
+    @staticmethod
+    def load(folder: Path) -> Windows:
+        """Read what `save` wrote; the grids stay in their file until they are asked for.
+
+        Raises:
+            InvalidFile: the files are missing, truncated, or not windows.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            grids = np.load(folder / _GRIDS, mmap_mode="r", allow_pickle=False)
+            table = pq.read_table(folder / _TABLE)
+            labels, times = (table[name].to_numpy() for name in ("labels", "times"))
+            recordings, egos = (np.array(table[name].to_pylist(), np.str_) for name in ("recordings", "egos"))
+        except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+            raise InvalidFile(f"these are no windows: {error}", path=folder) from None
+        if grids.ndim != 5 or grids.dtype != np.uint8 or len(grids) != len(labels):
+            raise InvalidFile(f"{_GRIDS} and {_TABLE} do not belong together", path=folder)
+        return Windows(grids, labels.astype(np.int64), recordings, egos, times.astype(np.float64))
+
+    def _columns(self) -> tuple[NDArray[Any], ...]:
+        return self.grids, self.labels, self.recordings, self.egos, self.times
+
+
+def windows_of(recording: Recording, events: Sequence[Event], grid: Grid, site: Site | None = None) -> Windows:
+    """The windows about the events of one recording.
+
+    Events whose window reaches beyond the ego's track have none: `len` tells how many there are.
+    """
+    inside = covered(recording, [(event.ego, event.time) for event in events], grid)
+    kept = [event for event, usable in zip(events, inside, strict=True) if usable]
+    return Windows(
+        rasterise(recording, [(event.ego, event.time) for event in kept], grid, site),
+        np.array([int(event.label) for event in kept], np.int64),
+        np.array([event.recording for event in kept], np.str_),
+        np.array([event.ego for event in kept], np.str_),
+        np.array([event.time for event in kept], np.float64),
+    )
+
+
+def joined(parts: Sequence[Windows]) -> Windows:
+    """Windows of several recordings one after the other, in memory.
+
+    Raises:
+        UsageError: there are none, or their grids differ in shape.
+    """
+    if len({part.grids.shape[1:] for part in parts}) != 1:
+        raise UsageError("windows can be joined when there are some, with grids of one shape")
+    columns: Iterator[tuple[NDArray[Any], ...]] = zip(*(part._columns() for part in parts), strict=True)
+    return Windows(*map(np.concatenate, columns))
