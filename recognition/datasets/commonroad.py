@@ -12,6 +12,7 @@ import tarfile
 import zlib
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Self
 
 from lxml import etree
 
@@ -92,16 +93,31 @@ def _document(path: Path, name: str) -> tuple[etree._Element, Path]:
     return root, where
 
 
+class _Entry(tarfile.TarInfo):
+    """An entry of an archive. Python takes a damaged header for the end of the archive; here it is an error."""
+
+    @classmethod
+    def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
+        try:
+            return super().frombuf(buf, encoding, errors)
+        except tarfile.HeaderError as error:
+            if buf and not any(buf):
+                raise  # a block of zeros is how an archive ends
+            raise tarfile.ReadError(str(error)) from None
+
+
 @lru_cache(maxsize=1)
 def _archive(path: Path, _version: int) -> dict[str, tuple[tarfile.TarFile, tarfile.TarInfo]]:
     """The files of an archive by name; it stays open, so that reading them one after the other unpacks it once."""
-    archive = tarfile.open(path)  # noqa: SIM115 - it stays open
+    archive = tarfile.open(path, tarinfo=_Entry)  # noqa: SIM115 - it stays open
     return {member.name: (archive, member) for member in archive.getmembers() if member.isfile()}
 
 
 def _members(path: Path) -> list[str]:
     try:
         return list(_archive(path, path.stat().st_mtime_ns))
+    except tarfile.ReadError:
+        raise InvalidFile("this is no tar archive, or a damaged one", path=path) from None
     except _BROKEN as error:
         raise InvalidFile(f"the archive can't be read: {error}", path=path) from None
 

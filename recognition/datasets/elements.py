@@ -6,7 +6,7 @@ import math
 
 from lxml import etree
 
-from recognition.datasets.tables import GREATEST
+from recognition.datasets.values import GREATEST
 from schemas.errors import InvalidFile
 from schemas.xml import line_of
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -45,8 +47,18 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
 def _find(path: Path, roads: Path) -> list[Source]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     claimed = ((file, next((form for form in _FORMATS if form.claims(file)), None)) for file in files)
-    found = [source for file, form in claimed if form is not None for source in form.sources(file, roads)]
+    found = _told_apart([source for file, form in claimed if form is not None for source in form.sources(file, roads)], path)
     if not found:
         known = "highD, INTERACTION, CommonRoad, NGSIM, or results of xosc-run"
         raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
     return found
+
+
+def _told_apart(sources: list[Source], folder: Path) -> list[Source]:
+    """The sources, with names that several have led by the place of their files in the folder."""
+    counts = Counter(source.name for source in sources)
+
+    def renamed(source: Source) -> Source:
+        return replace(source, name=f"{source.path.relative_to(folder).as_posix()}/{source.name}")
+
+    return [renamed(source) if counts[source.name] > 1 else source for source in sources]

@@ -18,8 +18,9 @@ from recognition.datasets.highway import Highway
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.rows import Clock, Floats, Rows, Whole, in_order
 from recognition.datasets.source import Report, Source
-from recognition.datasets.tables import GREATEST, Kind, Table, read_csv
+from recognition.datasets.tables import Table, read_table
 from recognition.datasets.tracks import Columns, columns_of, cut
+from recognition.datasets.values import GREATEST, Kind
 from runner.recording import Recording
 from xodr.reader import load
 
@@ -45,8 +46,9 @@ _ROUND = 10.0
 
 
 def claims(path: Path) -> bool:
-    """Whether a file is the track file of a recording."""
-    return path.name.endswith(_ENDING) and _meta(path, "recordingMeta").is_file()
+    """Whether a file is the track file of a recording; without its recordingMeta it is one if it is numbered."""
+    number = path.name.removesuffix(_ENDING)
+    return number != path.name and (number.isdecimal() or _meta(path, "recordingMeta").is_file())
 
 
 def sources(path: Path, roads: Path) -> list[Source]:
@@ -60,12 +62,12 @@ def _meta(path: Path, kind: str) -> Path:
 
 
 def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
-    recording = read_csv(_meta(path, "recordingMeta"), _RECORDING)
+    recording = read_table(_meta(path, "recordingMeta"), _RECORDING)
     rate = float(recording["frameRate"][0])
     if rate < 1.0:
         raise recording.fault(0, "frameRate", f"{rate:g} frames a second are too few")
-    vehicles = read_csv(_meta(path, "tracksMeta"), _VEHICLES)
-    table = read_csv(path, _TRACKS)
+    vehicles = read_table(_meta(path, "tracksMeta"), _VEHICLES)
+    table = read_table(path, _TRACKS)
     rows = in_order(table, table["id"], Clock("frame", table["frame"], rate, 1.0 / rate, zero=1))
     index = _matched(table, rows, vehicles)
     who = [_participant(vehicles, row) for row in index.tolist()]

@@ -23,8 +23,9 @@ from recognition.datasets.motion import believable, facing, heading_of_motion, r
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.rows import Clock, Floats, Rows, in_order
 from recognition.datasets.source import Report, Source
-from recognition.datasets.tables import Kind, Table, header, read_csv, sniffed
+from recognition.datasets.tables import Table, column_names, read_table
 from recognition.datasets.tracks import Columns, columns_of, cut
+from recognition.datasets.values import Kind
 from runner.recording import Recording, Track
 
 FORMAT = "INTERACTION"
@@ -54,7 +55,8 @@ def claims(path: Path) -> bool:
     named = _FIRST_LAYOUT.fullmatch(path.name)
     if named:
         return named[1] == "vehicle" or not path.with_name(f"vehicle_tracks_{named[2]}.csv").is_file()
-    return {"track_id", "timestamp_ms", "agent_type"} <= sniffed(path)
+    names = column_names(path)
+    return "track_id" in names and ("timestamp_ms" in names or "agent_type" in names)
 
 
 def sources(path: Path, roads: Path) -> list[Source]:
@@ -62,8 +64,8 @@ def sources(path: Path, roads: Path) -> list[Source]:
     named = _FIRST_LAYOUT.fullmatch(path.name)
     site = path.parent.name if named else _SPLIT.sub("", path.stem)
     lanelets = _map(path, site)
-    if "case_id" in header(path):
-        cases = dict.fromkeys(read_csv(path, {"case_id": "text"})["case_id"])
+    if "case_id" in column_names(path):
+        cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
         names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
         return [Source(name, site, FORMAT, path, partial(_read_case, path, case), lanelets) for case, name in names.items()]
     number = named[2] if named else ""
@@ -79,9 +81,9 @@ def _map(path: Path, site: str) -> Path | None:
 def _origin(path: Path, number: str) -> tuple[float, float] | None:
     """Latitude and longitude of the origin, from a meta_data.csv as TAF-BW has it."""
     meta = path.with_name("meta_data.csv")
-    if not {"id", "originLat", "originLon"} <= sniffed(meta):
+    if not meta.is_file() or not {"id", "originLat", "originLon"} <= set(column_names(meta)):
         return None
-    table = read_csv(meta, {"id": "text", "originLat": "number", "originLon": "number"})
+    table = read_table(meta, {"id": "text", "originLat": "number", "originLon": "number"})
     places = zip(table["id"], table["originLat"].tolist(), table["originLon"].tolist(), strict=True)
     return next(((lat, lon) for name, lat, lon in places if name == number), None)
 
@@ -110,8 +112,8 @@ def _cases(path: Path, _version: int) -> Table:
 
 
 def _table(path: Path, more: dict[str, Kind] | None = None) -> Table:
-    boxes = any(name in header(path) for name in _BOX) or not path.name.startswith("pedestrian")
-    return read_csv(path, (more or {}) | _COLUMNS | (_BOX if boxes else {}))
+    boxes = any(name in column_names(path) for name in _BOX) or not path.name.startswith("pedestrian")
+    return read_table(path, (more or {}) | _COLUMNS | (_BOX if boxes else {}))
 
 
 def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Track], Report]:

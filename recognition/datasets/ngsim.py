@@ -14,7 +14,6 @@ Source: U.S. FHWA, "NGSIM Vehicle Trajectories and Supporting Data" (2016). The 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -24,9 +23,11 @@ from recognition.datasets.motion import crowded, heading_of_motion, rate
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.rows import Clock, Floats, Rows, Whole, in_order
 from recognition.datasets.source import Report, Source
-from recognition.datasets.tables import Kind, Table, header, parquet_header, read_csv, read_parquet, sniffed
+from recognition.datasets.tables import PARQUET, Table, column_names, read_table
 from recognition.datasets.tracks import Columns, columns_of, cut
+from recognition.datasets.values import Kind
 from runner.recording import Recording
+from schemas.errors import InvalidFile
 
 FORMAT = "NGSIM"
 STEP = 0.1
@@ -55,21 +56,21 @@ _CATEGORIES = {1: "motorbike", 2: "car", 3: "truck"}
 
 def claims(path: Path) -> bool:
     """Whether a file is a table in one of the layouts."""
-    if path.suffix not in (".csv", ".parquet"):
+    if path.suffix not in (".csv", PARQUET):
         return False
-    names = {_plain(name) for name in sniffed(path)}
-    return _PUBLIC.keys() <= names or {"vehicle_id", "sim_time", "position_x", "position_y"} <= names
+    names = {_plain(name) for name in column_names(path)}
+    return "vehicle_id" in names and ("frame_id" in names or "sim_time" in names)
 
 
 def sources(path: Path, roads: Path) -> list[Source]:
     """The recording of a table, or one for each of its locations."""
-    spelling = {_plain(name): name for name in _names(path)}
+    spelling = _spelling(path)
     if "sim_time" in spelling:
         return [Source(path.stem, path.stem, FORMAT, path, partial(_read_metric, path))]
     if "location" not in spelling:
         return [Source(path.stem, path.stem, FORMAT, path, partial(_read_public, path, None))]
     column = spelling["location"]
-    places = dict.fromkeys(_table(path, {column: "text"})[column])
+    places = dict.fromkeys(read_table(path, {column: "text"})[column])
     return [Source(f"{path.stem}/{place}", place, FORMAT, path, partial(_read_public, path, place)) for place in places]
 
 
@@ -77,35 +78,42 @@ def _plain(name: str) -> str:
     return name.lower().removesuffix("(m)")
 
 
-def _names(path: Path) -> list[str]:
-    return parquet_header(path) if path.suffix == ".parquet" else header(path)
+def _spelling(path: Path) -> dict[str, str]:
+    """How a file spells its columns, by their plain names.
+
+    Raises:
+        InvalidFile: two of its columns differ in spelling only.
+    """
+    spelling: dict[str, str] = {}
+    for name in column_names(path):
+        other = spelling.setdefault(_plain(name), name)
+        if other != name:
+            raise InvalidFile(f"this column is there as {other!r} too", path=path, element=f"column {name}")
+    return spelling
 
 
-def _table(path: Path, kinds: dict[str, Kind]) -> Table:
-    return read_parquet(path, kinds) if path.suffix == ".parquet" else read_csv(path, kinds)
-
-
-def _renamed(path: Path, kinds: Iterable[tuple[str, Kind]]) -> Table:
-    """Columns by their plain names."""
-    spelling = {_plain(name): name for name in _names(path)}
-    table = _table(path, {spelling[name]: kind for name, kind in kinds if name in spelling})
+def _renamed(path: Path, kinds: dict[str, Kind], more: dict[str, Kind] | None = None) -> Table:
+    """Columns by their plain names; those of `more` where the file has them."""
+    spelling = _spelling(path)
+    wanted = kinds | {name: kind for name, kind in (more or {}).items() if name in spelling}
+    table = read_table(path, {spelling.get(name, name): kind for name, kind in wanted.items()})
     return Table(path, {_plain(name): values for name, values in table.columns.items()}, table.lines)
 
 
 @lru_cache(maxsize=1)
 def _public(path: Path, _version: int) -> Table:
     """A public table, kept while its locations are read one after the other."""
-    return _renamed(path, [*_PUBLIC.items(), *_PUBLIC_MORE.items()])
+    return _renamed(path, _PUBLIC, _PUBLIC_MORE)
 
 
 def _read_public(path: Path, location: str | None) -> tuple[Recording, Report]:
     if location is None:
-        table = _renamed(path, [*_PUBLIC.items(), *_PUBLIC_MORE.items()])
+        table = _renamed(path, _PUBLIC, _PUBLIC_MORE)
     else:
         table = _public(path, path.stat().st_mtime_ns)
         table = table.where(table["location"] == location)
     remarks: list[str] = []
-    unit = _unit(table, any(name.endswith("(m)") for name in _names(path)), remarks)
+    unit = _unit(table, any(name.endswith("(m)") for name in column_names(path)), remarks)
     track, names = _vehicles(table)
     rows = in_order(table, track, _clock(table), sort=True, repeats=True)
     who = [
@@ -185,7 +193,7 @@ def _participant(table: Table, row: int, name: str, kind: str, length: str, widt
 
 
 def _read_metric(path: Path) -> tuple[Recording, Report]:
-    table = _renamed(path, _METRIC.items())
+    table = _renamed(path, _METRIC)
     remarks: list[str] = []
     frame = np.round(table["sim_time"] / STEP).astype(np.int64)
     keys, track = np.unique(table["vehicle_id"], return_inverse=True)

@@ -33,6 +33,7 @@ _CATEGORIES = {
     "median_strip": "obstacle", "unknown": "obstacle",
 }  # fmt: skip
 _ELEMENTS = ("obstacle", "dynamicObstacle", "staticObstacle", "environmentObstacle", "phantomObstacle")
+_MOMENTS = ("initialState", "state", "occupancy")
 
 
 class State(NamedTuple):
@@ -69,7 +70,7 @@ def recording_of(root: etree._Element, path: Path) -> tuple[Recording, Report]:
     for element, role in _obstacles(root):
         reason = _unusable(element, role)
         if reason:
-            exclusions.append(Exclusion(f"{element.tag} {element.get('id')}", 0, reason))
+            exclusions.append(Exclusion(f"{element.tag} {element.get('id')}", sum(1 for _ in element.iter(*_MOMENTS)), reason))
         else:
             obstacles.append(_obstacle(element, role))
     recording, report = _assembled(path, _to_the_end(obstacles), step)

@@ -1,8 +1,12 @@
-"""Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as `xosc-run --out` writes them."""
+"""Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as `xosc-run --out` writes them.
+
+The road network is the file that the run was on, where it is still there.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,11 +16,14 @@ import numpy as np
 from recognition.datasets.participants import Participant
 from recognition.datasets.rows import Clock, in_order
 from recognition.datasets.source import Report, Source
-from recognition.datasets.tables import GREATEST, Kind, read_parquet
+from recognition.datasets.tables import read_table
 from recognition.datasets.tracks import cut
+from recognition.datasets.values import GREATEST, Kind
 from runner.entities import BoundingBox
 from runner.recording import COLUMNS, Recording
 from schemas.errors import InvalidFile
+from xodr.network import RoadNetwork
+from xodr.reader import load
 
 FORMAT = "run"
 _TRAJECTORIES, _RESULT = "trajectories.parquet", "result.json"
@@ -42,7 +49,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
     if step <= 0.0:
         raise InvalidFile(f"the timestep is {step:g}", path=file)
     entities = _entry(result, file, "entities")
-    table = read_parquet(path, _KINDS)
+    table = read_table(path, _KINDS)
     names = list(dict.fromkeys(table["entity"]))
     number = {name: index for index, name in enumerate(names)}
     track = np.fromiter((number[name] for name in table["entity"]), np.int64, len(table))
@@ -50,7 +57,20 @@ def _read(path: Path) -> tuple[Recording, Report]:
     rows = in_order(table, track, clock)
     who = [_participant(_entry(entities, file, name), file, name) for name in names]
     columns = {name: table[name][rows.order] for name in COLUMNS}
-    return Recording(cut(rows, who, columns), step, None), rows.report(names)
+    report = rows.report(names)
+    return Recording(cut(rows, who, columns), step, _network(_entry(result, file, "files"), file, report)), report
+
+
+def _network(files: dict[str, Any], file: Path, report: Report) -> RoadNetwork | None:
+    road = files.get("road")
+    if road is None:
+        return None
+    if not isinstance(road, str):
+        raise InvalidFile(f"road is {road!r}, the path of a file is expected", path=file)
+    if os.path.isfile(road):  # unlike Path.is_file it takes names of any length
+        return load(Path(road))
+    report.remarks.append(f"the road network {road} is not there any more")
+    return None
 
 
 def _result(path: Path) -> dict[str, Any]:

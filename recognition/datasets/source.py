@@ -112,6 +112,7 @@ class DataSet:
         """The recordings, in the order of their files.
 
         Raises:
-            InvalidFile: there is none of a known format, or an index that has to be read is malformed.
+            InvalidFile: there is none of a known format; a table can't be read, so that nobody knows whether it is a recording;
+                or an index that has to be read is malformed.
         """
         return self.find()

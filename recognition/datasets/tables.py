@@ -6,28 +6,19 @@ The fast reader (Arrow) only decides whether a file is good; what is wrong with 
 from __future__ import annotations
 
 import csv
-import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
+from recognition.datasets.values import BLANK, Kind, arrow_type, checked, complaint
 from schemas.errors import InvalidFile
 
 if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
 
-Kind = Literal["whole", "integer", "number", "optional", "text", "label"]
-"""Of a column: whole numbers from 0, integers (both up to 2⁵³), finite numbers, numbers that may be blank (NaN), text, or text
-that may be blank (None)."""
-
-GREATEST = 1e9
-"""Greatest magnitude of a measured value: whatever it measures in m, s or rad, more is a defect of the file."""
-_GREATEST_WHOLE, _DIGITS = 2**53, 25
-_WHOLE = re.compile(r"\s*-?\d+\s*")
-_BLANK = ("", "nan", "na", "n/a", "null")
+PARQUET = ".parquet"
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _LONGEST_HEADER = 1 << 16
 
@@ -60,17 +51,53 @@ class Table:
         """The error for a value in a row counted from 0."""
         row = row if self.index is None else int(self.index[row])
         if not self.lines:
-            return InvalidFile(f"row {row + 1}: {message}", path=self.path, element=f"column {column}")
+            return _fault_of_row(self.path, row, column, message)
         line = next((line for index, (line, _) in enumerate(_rows(self.path)) if index == row), None)
         return InvalidFile(message, path=self.path, line=line, element=f"column {column}")
 
 
-def header(path: Path) -> list[str]:
-    """Column names in the first line of a CSV file.
+def column_names(path: Path) -> list[str]:
+    """Names of the columns of a Parquet file, or in the first line of a CSV file ("" where one has none).
 
     Raises:
-        InvalidFile: the file can't be read, is empty, is not UTF-8 text, or names a column twice.
+        InvalidFile: the file can't be read, is empty, or is not UTF-8 text.
     """
+    return _parquet_names(path) if path.suffix == PARQUET else _csv_names(path)
+
+
+def read_table(path: Path, kinds: Mapping[str, Kind]) -> Table:
+    """Read the columns named in `kinds` from a CSV or Parquet file; others are ignored.
+
+    Whole columns come as int64, numbers as float64, text as arrays of str objects.
+
+    Raises:
+        InvalidFile: a column is missing or there twice, a line has too few or too many values, a value is not of its kind
+            or blank, or there are no rows; names line (or row) and column.
+    """
+    names = column_names(path)
+    _require(path, names, kinds)
+    return _read_parquet(path, kinds) if path.suffix == PARQUET else _read_csv(path, names, kinds)
+
+
+def _require(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None:
+    line = None if path.suffix == PARQUET else 1
+    for name in kinds:
+        if names.count(name) > 1:
+            raise InvalidFile("this column is there twice", path=path, line=line, element=f"column {name}")
+    missing = [name for name in kinds if name not in names]
+    if not missing:
+        return
+    wrong = next((word for mark, word in _SEPARATORS.items() if len(names) == 1 and mark in names[0]), None)
+    if wrong:
+        raise InvalidFile(f"columns are separated by {wrong}, commas are expected", path=path, line=line)
+    shown = ", ".join(name or "''" for name in names[:20])
+    raise InvalidFile(f"no column {', '.join(missing)}; columns: {shown}", path=path, line=line)
+
+
+# CSV ----------------------------------------------------------------------------------------
+
+
+def _csv_names(path: Path) -> list[str]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             first = file.readline(_LONGEST_HEADER)
@@ -83,136 +110,33 @@ def header(path: Path) -> list[str]:
         raise _unreadable(path, error) from None
     if not any(names):
         raise InvalidFile("the file is empty" if not first else "the first line names no columns", path=path, line=1)
-    for name in names:
-        if name and names.count(name) > 1:
-            raise InvalidFile("this column is there twice", path=path, line=1, element=f"column {name}")
     return names
 
 
-def sniffed(path: Path) -> set[str]:
-    """Column names of a CSV or Parquet file, none where it is neither."""
-    try:
-        return set(parquet_header(path) if path.suffix == ".parquet" else header(path))
-    except InvalidFile:
-        return set()
-
-
-def read_csv(path: Path, kinds: Mapping[str, Kind]) -> Table:
-    """Read the columns named in `kinds`; others are ignored.
-
-    Whole columns come as int64, numbers as float64, text as arrays of str objects.
-
-    Raises:
-        InvalidFile: a column is missing, a line has too few or too many values, a value is not of its kind or blank, or
-            there are no rows; names line and column.
-    """
+def _read_csv(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> Table:
     import pyarrow as pa
     import pyarrow.csv as pacsv
 
-    names = header(path)
-    _require(path, names, kinds)
+    differing = [name if name in kinds else f"\0{index}" for index, name in enumerate(names)]
     convert = pacsv.ConvertOptions(
-        column_types={name: _arrow_type(kind) for name, kind in kinds.items()},
+        column_types={name: arrow_type(kind) for name, kind in kinds.items()},
         include_columns=list(kinds),
-        null_values=sorted({*_BLANK, *map(str.upper, _BLANK), "NaN", "Nan"}),
+        null_values=sorted({*BLANK, *map(str.upper, BLANK), "NaN", "Nan"}),
     )
     try:
-        found = pacsv.read_csv(path, pacsv.ReadOptions(skip_rows=1, column_names=_filled(names)), convert_options=convert)
+        found = pacsv.read_csv(path, pacsv.ReadOptions(skip_rows=1, column_names=differing), convert_options=convert)
     except pa.ArrowInvalid as error:
         _find_fault(path, names, kinds)
         raise InvalidFile(f"this is no CSV table: {error}", path=path) from None
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
-    columns = _columns(found, kinds)
+    columns = checked(found, kinds)
     if columns is None:
         _find_fault(path, names, kinds)
         raise InvalidFile("values are missing or out of range", path=path)
     if not found.num_rows:
         raise InvalidFile("there are no rows below the header", path=path, line=1)
     return Table(path, columns)
-
-
-def read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Table:
-    """Read the columns named in `kinds` from a Parquet file, with the same checks."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    _require(path, parquet_header(path), kinds, line=None)
-    try:
-        found = pq.read_table(path, columns=list(kinds))
-        for index, name in enumerate(found.column_names):
-            found = found.set_column(index, name, found[name].cast(_arrow_type(kinds[name]), safe=True))
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
-    if not found.num_rows:
-        raise InvalidFile("the table has no rows", path=path)
-    columns = _columns(found, kinds)
-    if columns is None:
-        raise _parquet_fault(path, found, kinds)
-    return Table(path, columns, lines=False)
-
-
-def parquet_header(path: Path) -> list[str]:
-    """Column names of a Parquet file."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        return list(pq.read_schema(path).names)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
-
-
-def _require(path: Path, names: list[str], kinds: Mapping[str, Kind], line: int | None = 1) -> None:
-    missing = [name for name in kinds if name not in names]
-    if not missing:
-        return
-    wrong = next((word for mark, word in _SEPARATORS.items() if len(names) == 1 and mark in names[0]), None)
-    if wrong:
-        raise InvalidFile(f"columns are separated by {wrong}, commas are expected", path=path, line=line)
-    shown = ", ".join(name or "''" for name in names[:20])
-    raise InvalidFile(f"no column {', '.join(missing)}; columns: {shown}", path=path, line=line)
-
-
-def _filled(names: list[str]) -> list[str]:
-    """Nameless columns, which nobody asks for, need names that differ."""
-    return [name or f"\0{index}" for index, name in enumerate(names)]
-
-
-def _arrow_type(kind: Kind) -> pa.DataType:
-    import pyarrow as pa
-
-    types = {"whole": pa.int64(), "integer": pa.int64(), "text": pa.string(), "label": pa.string()}
-    return types.get(kind, pa.float64())
-
-
-def _columns(table: pa.Table, kinds: Mapping[str, Kind]) -> dict[str, np.ndarray] | None:
-    """The columns as arrays; None where a value is blank or out of its range."""
-    import numpy as np
-
-    columns = {}
-    for name, kind in kinds.items():
-        values = table[name].to_numpy()
-        if kind in ("whole", "integer"):
-            good = not table[name].null_count and bool((np.abs(values) <= _GREATEST_WHOLE).all())
-            good = good and (kind == "integer" or not len(values) or values.min() >= 0)
-        elif kind == "text":
-            good = all(values)
-        else:
-            good = kind == "label" or bool(((np.abs(values) <= GREATEST) | ((kind == "optional") & np.isnan(values))).all())
-        if not good:
-            return None
-        columns[name] = values if values.flags.writeable else values.copy()
-    return columns
-
-
-def _parquet_fault(path: Path, table: pa.Table, kinds: Mapping[str, Kind]) -> InvalidFile:
-    for name, kind in kinds.items():
-        for row, value in enumerate(table[name].to_pylist()):
-            wrong = _complaint("" if value is None else str(value), kind)
-            if wrong:
-                return InvalidFile(f"row {row + 1}: {wrong}", path=path, element=f"column {name}")
-    return InvalidFile("values are missing or out of range", path=path)
 
 
 def _find_fault(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None:
@@ -222,7 +146,7 @@ def _find_fault(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None
         if len(values) != len(names):
             raise InvalidFile(f"{len(values)} values in a table of {len(names)} columns", path=path, line=line)
         for name, place, kind in places:
-            wrong = _complaint(values[place], kind)
+            wrong = complaint(values[place], kind)
             if wrong:
                 raise InvalidFile(wrong, path=path, line=line, element=f"column {name}")
 
@@ -244,29 +168,56 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         raise InvalidFile("this is not UTF-8 text", path=path) from None
 
 
-def _complaint(value: str, kind: Kind) -> str | None:
-    """What is wrong with a value; None where nothing is."""
-    shown = value if len(value) <= 40 else value[:40] + "…"
-    if kind == "label" or (kind == "text" and value):
-        return None
-    if value.strip().lower() in _BLANK:
-        return None if kind == "optional" else f"{shown!r} is no value" if value.strip() else "a value is missing"
-    if kind in ("whole", "integer"):
-        if not _WHOLE.fullmatch(value) or (kind == "whole" and "-" in value):
-            return f"{shown!r} is not a whole number" + (" from 0" if kind == "whole" else "")
-        return None if len(value) <= _DIGITS and abs(int(value)) <= _GREATEST_WHOLE else f"{shown} is too large"
-    number = _number(value)
-    if number is None:
-        return f"{shown!r} is not a number"
-    return None if abs(number) <= GREATEST else f"{shown} is no measured value"
+# Parquet ------------------------------------------------------------------------------------
 
 
-def _number(text: str) -> float | None:
+def _parquet_names(path: Path) -> list[str]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     try:
-        number = float(text)
-    except ValueError:
-        return None
-    return None if math.isnan(number) or "_" in text else number
+        return list(pq.read_schema(path).names)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+
+
+def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        stored = pq.read_table(path, columns=list(kinds))
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    if not stored.num_rows:
+        raise InvalidFile("the table has no rows", path=path)
+    try:
+        columns = checked(pa.table({name: stored[name].cast(arrow_type(kind)) for name, kind in kinds.items()}), kinds)
+    except pa.ArrowException:
+        columns = None
+    if columns is None:
+        raise _parquet_fault(path, stored, kinds)
+    return Table(path, columns, lines=False)
+
+
+def _parquet_fault(path: Path, stored: pa.Table, kinds: Mapping[str, Kind]) -> InvalidFile:
+    for name, kind in kinds.items():
+        for row, value in enumerate(stored[name].to_pylist()):
+            wrong = complaint(_as_text(value), kind)
+            if wrong:
+                return _fault_of_row(path, row, name, wrong)
+    return InvalidFile("values are missing or out of range", path=path)
+
+
+def _as_text(value: Any) -> str:
+    """A value as it would be written in a CSV file."""
+    if value is None:
+        return ""
+    return f"{value:.0f}" if isinstance(value, float) and value.is_integer() else str(value)
+
+
+def _fault_of_row(path: Path, row: int, column: str, message: str) -> InvalidFile:
+    return InvalidFile(f"row {row + 1}: {message}", path=path, element=f"column {column}")
 
 
 def _unreadable(path: Path, error: Any) -> InvalidFile:

@@ -20,8 +20,13 @@ if TYPE_CHECKING:
 
 def summary(result: RunResult) -> dict[str, Any]:
     """A run in a few JSON-able values: what ran, how it ended, why, and how critical it was for the ego."""
+    network = result.recording.network
     return {
         "scenario": result.scenario.name,
+        "files": {
+            "scenario": str(result.scenario.absolute()),
+            "road": str(network.path.absolute()) if network is not None else None,
+        },
         "parameters": result.parameters,
         "status": result.status,
         "verdict": "passed" if result.verdict.passed else "failed",

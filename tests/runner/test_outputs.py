@@ -175,6 +175,8 @@ def test_result_json_has_verdict_settings_and_criticality(result: runner.RunResu
         "passed",
         [],
     )
+    assert Path(values["files"]["scenario"]).is_file()
+    assert Path(values["files"]["road"]).samefile(result.recording.network.path)  # type: ignore[union-attr]
     assert values["settings"] == {"timestep": 0.1, "seed": 0, "world": "kinematic", "max_time": 300.0}
     assert list(values["entities"]) == ["Ego", ODD]
     assert values["criticality"]["min_distance"]["other"] == ODD
