@@ -64,16 +64,20 @@ def write(document: Document, path: str | os.PathLike[str]) -> None:
     Raises:
         UsageError: the file can't be written.
     """
+    try:
+        Path(path).write_bytes(to_bytes(document))
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise UsageError(f"the file cannot be written: {reason}", path=path) from None
+
+
+def to_bytes(document: Document) -> bytes:
+    """The content of the file that `write` makes of a document."""
     tree = copy.deepcopy(document.root.getroottree())
     etree.strip_attributes(tree, SOURCE, LINE)
     etree.cleanup_namespaces(tree, keep_ns_prefixes=["xsi"])
     etree.indent(tree, "  ")
-    content = etree.tostring(tree, xml_declaration=True, encoding="UTF-8") + b"\n"
-    try:
-        Path(path).write_bytes(content)
-    except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise UsageError(f"the file cannot be written: {reason}", path=path) from None
+    return etree.tostring(tree, xml_declaration=True, encoding="UTF-8") + b"\n"
 
 
 def stamp(path: str) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,11 @@ ACTIONS = {
     "relative lane_change": m.lane_change(1, RAMP, relative_to="Ego"),
     "teleport": m.teleport(m.world_position(1, 2, 3, 0.5)),
     "follow_trajectory": m.follow_trajectory(m.trajectory("t", [0, 1], [0, 10], [0, 0], [0, 0], [0, 0.1])),
+    "follow_trajectory of a catalogue": m.follow_trajectory(m.reference("paths", "t"), domain="absolute"),
+    "relative teleport": m.teleport(m.relative_lane_position("Ego", 1, -20)),
+    "assign_route": m.assign_route(m.route("r", [m.world_position(0, 0), m.lane_position("1", -1, 9)])),
+    "add_entity": m.add_entity("Ego", m.world_position(0, 0)),
+    "delete_entity": m.delete_entity("Ego"),
 }
 
 
@@ -73,6 +79,8 @@ TRIGGERS = {
     "time_headway": m.time_headway("Ego", "Target", 1.5),
     "time_to_collision": m.time_to_collision("Ego", "Target", "$Ttc"),
     "all of them": [m.simulation_time(3), m.time_headway("Ego", "Target", 1.5, edge="rising")],
+    "one of them": [[m.simulation_time(3)], [m.time_headway("Ego", "Target", 1.5)]],
+    "later": replace(m.simulation_time(3), delay=1.5),
 }
 
 
@@ -80,6 +88,33 @@ TRIGGERS = {
 @pytest.mark.parametrize("trigger", TRIGGERS.values(), ids=TRIGGERS)
 def test_every_trigger_is_valid_in_every_version(trigger: Any, version: tuple[int, int]) -> None:
     assert is_valid(driven([m.event("e", [m.speed(1)], trigger)], version, stop=m.simulation_time(60)))
+
+
+def test_conditions_of_a_group_hold_together_and_one_group_is_enough() -> None:
+    first, second, third = (replace(m.simulation_time(time), delay="$Delay") for time in (1, 2, 3))
+
+    def groups(start: Any) -> list[int]:
+        trigger = driven([m.event("e", [m.speed(1)], start)]).node.need("Storyboard", "Story", "Act", "ManeuverGroup")
+        return [len(group.children()) for group in next(trigger.iter("StartTrigger")).children()]
+
+    assert (groups(first), groups([first, second]), groups([[first], [second, third]])) == ([1], [2], [1, 2])
+
+
+def test_a_manoeuvre_of_a_catalogue_takes_its_parameters_from_the_scenario() -> None:
+    document = m.scenario(
+        "s.xosc",
+        HEADER,
+        road="road.xodr",
+        entities={"Ego": m.reference("vehicles", "car")},
+        init={},
+        maneuvers=[("Ego", m.reference("maneuvers", "swerve", {"Width": "$Width", "Times": 2}))],
+        controllers={"Ego": m.reference("controllers", "driver")},
+    )
+    assert is_valid(document)
+    group = document.node.need("Storyboard", "Story", "Act", "ManeuverGroup")
+    assigned = {each.get("parameterRef"): each.get("value") for each in group.iter("ParameterAssignment")}
+    assert (group.get("name"), assigned) == ("swerve of Ego", {"Width": "$Width", "Times": "2"})
+    assert document.node.need("Entities", "ScenarioObject", "ObjectController").children()[0].get("entryName") == "driver"
 
 
 def test_coordinate_systems_came_with_1_1() -> None:
@@ -137,16 +172,14 @@ def test_the_same_call_gives_the_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
 
 
-ROUTE = sg.Route("r")
-ROUTE.add_waypoint(m.world_position(0, 0), sg.RouteStrategy.shortest)
-ROUTE.add_waypoint(m.world_position(9, 0), sg.RouteStrategy.shortest)
+ROUTE = m.route("r", [m.world_position(0, 0), m.world_position(9, 0)])
 ENTRIES = {
     "Vehicle": m.vehicle("v", 4, 2, 1.5),
-    "Pedestrian": sg.Pedestrian("p", 80, sg.PedestrianCategory.pedestrian, sg.BoundingBox(1, 1, 2, 0, 0, 1), "walker"),
-    "MiscObject": sg.MiscObject("o", 80, sg.MiscObjectCategory.obstacle, sg.BoundingBox(1, 1, 2, 0, 0, 1)),
-    "Controller": sg.Controller("c", sg.Properties()),
+    "Pedestrian": m.pedestrian("p", 0.5, 0.6, 1.8),
+    "MiscObject": m.obstacle("o", 1, 1, 2),
+    "Controller": m.controller("c", {"driver": "human"}),
     "Environment": sg.Environment("e", timeofday=sg.TimeOfDay(True, 2024, 1, 1, 12, 0, 0)),
-    "Maneuver": m.maneuver("m", [m.event("e", [m.speed(1)], m.simulation_time(1))]),
+    "Maneuver": m.maneuver("m", [m.event("e", [m.speed("$V")], m.simulation_time(1))], [m.parameter("V", "double", 1.0)]),
     "Trajectory": m.trajectory("t", [0, 1], [0, 10], [0, 0]),
     "Route": ROUTE,
 }
@@ -192,6 +225,8 @@ WRONG = {
     "a trajectory of one point": (lambda: m.trajectory("t", [0], [0], [0]), "two points"),
     "a trajectory back in time": (lambda: m.trajectory("t", [1, 0], [0, 1], [0, 1]), "must not go back"),
     "an event that nothing starts": (lambda: m.event("e", [m.speed(1)], []), "a start trigger needs at least one condition"),
+    "a group of no conditions": (lambda: m.event("e", [m.speed(1)], [[]]), "a start trigger needs at least one condition"),
+    "a route to nowhere": (lambda: m.route("r", [m.world_position(0, 0)]), "two waypoints"),
     "an empty profile": (lambda: m.speed_profile([]), "at least one entry"),
     "an actor that is no entity": (
         lambda: m.scenario("s.xosc", HEADER, road="r", entities={}, init={"Ego": []}),

@@ -8,11 +8,16 @@ from xosc.files import Header
 from xosc.maneuvers.actions import (
     STEP,
     Dynamics,
+    add_entity,
+    assign_route,
+    delete_entity,
     event,
     follow_trajectory,
     lane_change,
     lane_position,
     maneuver,
+    relative_lane_position,
+    route,
     speed,
     speed_profile,
     teleport,
@@ -20,26 +25,44 @@ from xosc.maneuvers.actions import (
     world_position,
 )
 from xosc.maneuvers.base import Number
-from xosc.maneuvers.entities import parameter, vehicle
+from xosc.maneuvers.entities import controller, obstacle, parameter, pedestrian, reference, vehicle
 from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario
-from xosc.maneuvers.triggers import Condition, element_state, relative_distance, simulation_time, time_headway, time_to_collision
+from xosc.maneuvers.triggers import (
+    Condition,
+    Conditions,
+    element_state,
+    relative_distance,
+    simulation_time,
+    time_headway,
+    time_to_collision,
+)
 
 __all__ = [
     "CATALOG_KINDS",
     "STEP",
     "Condition",
+    "Conditions",
     "Dynamics",
     "Header",
     "Number",
+    "add_entity",
+    "assign_route",
     "catalog",
+    "controller",
+    "delete_entity",
     "element_state",
     "event",
     "follow_trajectory",
     "lane_change",
     "lane_position",
     "maneuver",
+    "obstacle",
     "parameter",
+    "pedestrian",
+    "reference",
     "relative_distance",
+    "relative_lane_position",
+    "route",
     "scenario",
     "simulation_time",
     "speed",

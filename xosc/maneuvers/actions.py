@@ -10,7 +10,8 @@ from scenariogeneration import xosc as sg
 
 from schemas.errors import UsageError
 from xosc.maneuvers.base import Number, number, word
-from xosc.maneuvers.triggers import Condition, trigger
+from xosc.maneuvers.entities import declarations
+from xosc.maneuvers.triggers import Conditions, trigger
 
 
 class Dynamics(NamedTuple):
@@ -45,6 +46,11 @@ def world_position(x: Number, y: Number, z: Number | None = None, h: Number | No
 def lane_position(road: str, lane: str | int, s: Number, offset: Number = 0.0) -> Any:
     """A position on a lane: s along the road and the lateral offset from the lane's centre, m."""
     return sg.LanePosition(number(s), number(offset), str(lane), road)
+
+
+def relative_lane_position(entity: str, lanes: Number, ds: Number) -> Any:
+    """A position so many lanes to the left of an entity's (negative: to the right) and `ds` (m) ahead of it, along the road."""
+    return sg.RelativeLanePosition(number(lanes), entity, 0.0, number(ds))
 
 
 def teleport(position: Any) -> Any:
@@ -107,20 +113,50 @@ def trajectory(
     return built
 
 
-def follow_trajectory(path: Any, following_mode: str = "position", offset: Number = 0.0) -> Any:
-    """`FollowTrajectoryAction` along a `trajectory` (or a catalogue's) at its times, counted from the action's start.
+def follow_trajectory(path: Any, following_mode: str = "position", offset: Number = 0.0, domain: str = "relative") -> Any:
+    """`FollowTrajectoryAction` along a `trajectory` (or a catalogue's) at its times.
 
     Args:
         path: the trajectory.
         following_mode: position (exactly) or follow (by steering).
         offset: added to the times, s.
+        domain: what the times count from: the action's start (relative) or the scenario's (absolute).
     """
-    timing = word("ReferenceContext", "relative"), 1.0, number(offset)
+    timing = word("ReferenceContext", domain), 1.0, number(offset)
     return sg.FollowTrajectoryAction(path, word("FollowingMode", following_mode), *timing)
 
 
-def event(name: str, actions: Sequence[Any], start: Condition | Sequence[Condition], priority: str = "override") -> Any:
-    """`Event`: actions that begin together when all the conditions of `start` hold."""
+def route(name: str, waypoints: Sequence[Any]) -> Any:
+    """`Route` by the shortest ways from position to position.
+
+    Raises:
+        UsageError: fewer than two positions.
+    """
+    if len(waypoints) < 2:
+        raise UsageError(f"the route {name!r} needs two waypoints at least")
+    built = sg.Route(name)
+    for position in waypoints:
+        built.add_waypoint(position, word("RouteStrategy", "shortest"))
+    return built
+
+
+def assign_route(path: Any) -> Any:
+    """`AssignRouteAction`: take a `route`, or a catalogue's."""
+    return sg.AssignRouteAction(path)
+
+
+def add_entity(name: str, position: Any) -> Any:
+    """`AddEntityAction`: bring an entity into the scenario."""
+    return sg.AddEntityAction(name, position)
+
+
+def delete_entity(name: str) -> Any:
+    """`DeleteEntityAction`: take an entity out of the scenario."""
+    return sg.DeleteEntityAction(name)
+
+
+def event(name: str, actions: Sequence[Any], start: Conditions, priority: str = "override") -> Any:
+    """`Event`: actions that begin together when the conditions of `start` hold."""
     built = sg.Event(name, word("Priority", priority))
     for index, action in enumerate(actions):
         built.add_action(f"{name} action {index + 1}", action)
@@ -128,9 +164,9 @@ def event(name: str, actions: Sequence[Any], start: Condition | Sequence[Conditi
     return built
 
 
-def maneuver(name: str, events: Sequence[Any]) -> Any:
-    """`Maneuver`: events of one participant."""
-    built = sg.Maneuver(name)
+def maneuver(name: str, events: Sequence[Any], parameters: Sequence[Any] = ()) -> Any:
+    """`Maneuver`: events of one participant; with `parameter` declarations of its own where it is for a catalogue."""
+    built = sg.Maneuver(name, declarations(parameters) if parameters else None)
     for each in events:
         built.add_event(each)
     return built

@@ -1,8 +1,8 @@
-"""Participants: vehicles with given dimensions, and parameters with constraints."""
+"""Participants with given dimensions, references to those of catalogues, and parameters with constraints."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from scenariogeneration import xosc as sg
@@ -61,6 +61,41 @@ def vehicle(
     )
 
 
+def pedestrian(name: str, length: float, width: float, height: float, *, category: str = "pedestrian", mass: float = 75.0) -> Any:
+    """A pedestrian whose reference point is the middle of its box, on the ground.
+
+    Args:
+        name: its name in a catalogue or as a type.
+        length: of the bounding box, m; `width` and `height` likewise.
+        category: a PedestrianCategory of the standard.
+        mass: kg.
+    """
+    box = sg.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
+    return sg.Pedestrian(name, mass, word("PedestrianCategory", category), box, name)
+
+
+def obstacle(name: str, length: float, width: float, height: float, *, category: str = "obstacle", mass: float = 100.0) -> Any:
+    """A `MiscObject` whose reference point is the middle of its box, on the ground; see `pedestrian`."""
+    box = sg.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
+    return sg.MiscObject(name, mass, word("MiscObjectCategory", category), box)
+
+
+def controller(name: str, properties: Mapping[str, str]) -> Any:
+    """A `Controller`, which simulators find out about by its properties."""
+    held = sg.Properties()
+    for key, value in properties.items():
+        held.add_property(key, value)
+    return sg.Controller(name, held)
+
+
+def reference(catalog: str, entry: str, assignments: Mapping[str, Number] | None = None) -> Any:
+    """`CatalogReference` to an entry of a catalogue, with values for the entry's parameters."""
+    built = sg.CatalogReference(catalog, entry)
+    for name, value in (assignments or {}).items():
+        built.add_parameter_assignment(name, value)
+    return built
+
+
 Constraint = tuple[str, Number]
 """A rule of the standard (lessThan, equalTo, …) and the value that it compares with."""
 
@@ -83,6 +118,14 @@ def parameter(name: str, kind: str, value: Number | bool, constraints: Sequence[
         for rule, limit in constraint_group:
             group.add_value_constraint(sg.ValueConstraint(word("Rule", rule), _text(limit)))
         declared.add_value_constraint_group(group)
+    return declared
+
+
+def declarations(parameters: Sequence[Any]) -> Any:
+    """`ParameterDeclarations` of some `parameter`."""
+    declared = sg.ParameterDeclarations()
+    for each in parameters:
+        declared.add_parameter(each)
     return declared
 
 

@@ -13,7 +13,8 @@ from schemas.errors import UsageError
 from xosc.document import Document
 from xosc.files import Header, new_document
 from xosc.maneuvers.base import rendered
-from xosc.maneuvers.triggers import Condition, trigger
+from xosc.maneuvers.entities import declarations
+from xosc.maneuvers.triggers import Conditions, trigger
 from xosc.versions import Version
 
 CATALOG_KINDS = ("Vehicle", "Pedestrian", "MiscObject", "Controller", "Environment", "Maneuver", "Trajectory", "Route")
@@ -30,7 +31,8 @@ def scenario(
     maneuvers: Sequence[tuple[str, Any]] = (),
     parameters: Sequence[Any] = (),
     catalogs: Mapping[str, str] | None = None,
-    stop: Condition | Sequence[Condition] = (),
+    stop: Conditions = (),
+    controllers: Mapping[str, Any] | None = None,
     version: Version = (1, 3),
 ) -> Document:
     """A scenario document; `xosc.write(document, document.path)` makes the file.
@@ -39,12 +41,13 @@ def scenario(
         path: the file that it is to become.
         header: what the file says about itself.
         road: the OpenDRIVE file, relative to `path`.
-        entities: participants by name: a `vehicle`, or a CatalogReference.
+        entities: participants by name: a `vehicle`, `pedestrian`, `obstacle`, or a `reference` to one of a catalogue.
         init: actions at the beginning, by participant.
-        maneuvers: a participant and its `maneuver` each; they all may start at once.
+        maneuvers: a participant and its `maneuver` (or a `reference` to one) each; they all may start at once.
         parameters: `parameter` declarations.
         catalogs: directories by the kind of catalogue in them (see `CATALOG_KINDS`).
-        stop: the scenario ends when all these conditions hold; without one it is up to the simulator.
+        stop: the scenario ends when these conditions hold; without one it is up to the simulator.
+        controllers: the `controller`, or a `reference` to one, of participants.
         version: of the standard.
 
     Raises:
@@ -54,9 +57,10 @@ def scenario(
     unknown = [name for name in (*init, *(actor for actor, _ in maneuvers)) if name not in entities]
     if unknown:
         raise UsageError(f"{unknown[0]!r} is not among the entities {', '.join(entities)}")
-    built = [_catalogs(catalogs or {}), sg.RoadNetwork(road), _entities(entities), _storyboard(init, maneuvers, stop)]
+    participants = _entities(entities, controllers or {})
+    built = [_catalogs(catalogs or {}), sg.RoadNetwork(road), participants, _storyboard(init, maneuvers, stop)]
     if parameters:
-        built.insert(0, _declarations(parameters))
+        built.insert(0, declarations(parameters))
     return new_document(path, header, [rendered(part) for part in built], version)
 
 
@@ -86,13 +90,6 @@ def catalog(
     return new_document(path, header, [element], version)
 
 
-def _declarations(parameters: Sequence[Any]) -> Any:
-    declarations = sg.ParameterDeclarations()
-    for each in parameters:
-        declarations.add_parameter(each)
-    return declarations
-
-
 def _catalogs(directories: Mapping[str, str]) -> Any:
     locations = sg.Catalog()
     for kind, directory in directories.items():
@@ -102,16 +99,14 @@ def _catalogs(directories: Mapping[str, str]) -> Any:
     return locations
 
 
-def _entities(entities: Mapping[str, Any]) -> Any:
+def _entities(entities: Mapping[str, Any], controllers: Mapping[str, Any]) -> Any:
     built = sg.Entities()
     for name, entity in entities.items():
-        built.add_scenario_object(name, entity)
+        built.add_scenario_object(name, entity, controllers.get(name))
     return built
 
 
-def _storyboard(
-    init: Mapping[str, Sequence[Any]], maneuvers: Sequence[tuple[str, Any]], stop: Condition | Sequence[Condition]
-) -> Any:
+def _storyboard(init: Mapping[str, Sequence[Any]], maneuvers: Sequence[tuple[str, Any]], stop: Conditions) -> Any:
     beginning = sg.Init()
     for name, actions in init.items():
         for action in actions:
@@ -120,7 +115,8 @@ def _storyboard(
     if maneuvers:
         act = sg.Act("act")
         for actor, maneuver in maneuvers:
-            group = sg.ManeuverGroup(f"{maneuver.name} of {actor}")
+            name = maneuver.entryname if isinstance(maneuver, sg.CatalogReference) else maneuver.name
+            group = sg.ManeuverGroup(f"{name} of {actor}")
             group.add_actor(actor)
             group.add_maneuver(maneuver)
             act.add_maneuver_group(group)

@@ -21,30 +21,41 @@ class Condition:
         condition: scenariogeneration's object.
         edge: none, rising, falling or risingOrFalling.
         entity: whose condition it is; None for a condition by value.
+        delay: time (s) after which it counts.
     """
 
     name: str
     condition: Any
     edge: str
     entity: str | None = None
+    delay: Number = 0.0
 
     def build(self, point: str) -> Any:
         """As scenariogeneration has it, in a trigger to "start" or to "stop"."""
-        edge = word("ConditionEdge", self.edge)
+        edge, delay = word("ConditionEdge", self.edge), number(self.delay)
         if self.entity is None:
-            return sg.ValueTrigger(self.name, 0.0, edge, self.condition, point)
-        return sg.EntityTrigger(f"{self.name} of {self.entity}", 0.0, edge, self.condition, self.entity, triggeringpoint=point)
+            return sg.ValueTrigger(self.name, delay, edge, self.condition, point)
+        return sg.EntityTrigger(f"{self.name} of {self.entity}", delay, edge, self.condition, self.entity, triggeringpoint=point)
 
 
-def trigger(conditions: Condition | Sequence[Condition], point: str) -> Any:
-    """A trigger that fires when all its conditions hold."""
-    group = sg.ConditionGroup(point)
+Conditions = Condition | Sequence[Condition] | Sequence[Sequence[Condition]]
+"""A condition; conditions that have to hold together; or groups of such, of which one is enough."""
+
+
+def trigger(conditions: Conditions, point: str) -> Any:
+    """A trigger that fires when its conditions hold."""
     listed = [conditions] if isinstance(conditions, Condition) else conditions
-    if not listed:
+    single = [each for each in listed if isinstance(each, Condition)]
+    groups = [single] if single else [each for each in listed if not isinstance(each, Condition)]
+    if not groups or not all(groups):
         raise UsageError(f"a {point} trigger needs at least one condition")
-    for condition in listed:
-        group.add_condition(condition.build(point))
-    return group
+    built = sg.Trigger(point)
+    for group in groups:
+        together = sg.ConditionGroup(point)
+        for condition in group:
+            together.add_condition(condition.build(point))
+        built.add_conditiongroup(together)
+    return built
 
 
 def simulation_time(value: Number, rule: str = "greaterThan", *, edge: str = "none") -> Condition:

@@ -1,0 +1,55 @@
+"""Participants of recordings as entries of vehicle, pedestrian and object catalogues, with their recorded dimensions."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from runner.entities import BoundingBox
+from runner.recording import Track
+from xosc import maneuvers
+
+_KINDS = {"vehicle": "Vehicle", "pedestrian": "Pedestrian", "miscellaneous": "MiscObject"}
+_BUILDERS = {"Vehicle": maneuvers.vehicle, "Pedestrian": maneuvers.pedestrian, "MiscObject": maneuvers.obstacle}
+
+
+class _Limits(NamedTuple):
+    """Of a category of vehicles: greatest speed (m/s), acceleration and deceleration (m/s²), mass (kg)."""
+
+    max_speed: float
+    max_acceleration: float
+    max_deceleration: float
+    mass: float
+
+
+_CAR = _Limits(70.0, 10.0, 10.0, 1600.0)
+_LIMITS = {
+    "van": _Limits(50.0, 6.0, 9.0, 2500.0),
+    "truck": _Limits(35.0, 4.0, 8.0, 12000.0),
+    "bus": _Limits(35.0, 4.0, 8.0, 12000.0),
+    "tram": _Limits(25.0, 2.0, 4.0, 40000.0),
+    "motorbike": _Limits(80.0, 10.0, 10.0, 250.0),
+    "bicycle": _Limits(20.0, 3.0, 6.0, 90.0),
+}
+"""No data set tells these: usual values, of which `_CAR` are those of every other vehicle."""
+
+
+class Entry(NamedTuple):
+    """An entry of a catalogue: its kind (as in `maneuvers.CATALOG_KINDS`), name and content."""
+
+    kind: str
+    name: str
+    built: Any
+
+
+def entry(track: Track) -> Entry:
+    """The entry for a participant. Its name tells the dimensions (to 1 cm), so that entries of one name are alike."""
+    kind = _KINDS[track.kind]
+    box = BoundingBox(*(round(value, 2) + 0.0 for value in track.box))
+    name = f"{track.category}_{box.length:.2f}x{box.width:.2f}x{box.height:.2f}"
+    about = (box.x, box.y, round(box.z - box.height / 2, 2) + 0.0)
+    name += "".join(f"_{axis}{value:.2f}" for axis, value in zip("xyz", about, strict=True) if value)
+    limits = _LIMITS.get(track.category, _CAR)._asdict() if kind == "Vehicle" else {}
+    built = _BUILDERS[kind](name, box.length, box.width, box.height, category=track.category, **limits)
+    centre = built.boundingbox.center
+    centre.x, centre.y, centre.z = box.x, box.y, box.z
+    return Entry(kind, name, built)
