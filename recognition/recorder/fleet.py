@@ -1,0 +1,151 @@
+"""Vehicles and their drivers, no two alike: sizes, wishes and skills, drawn at random.
+
+The parameters are those of SUMO's vehicle types, car following by the extended intelligent driver model (EIDM; Salles, Kaufmann,
+Reuss, SUMO User Conference 2020), whose drivers perceive and react imperfectly, and lane changing by the sublane model.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+_SPREAD = 2.5
+"""Normal values farther than this from their mean, in standard deviations, are cut off."""
+
+
+class Normal(NamedTuple):
+    """A normal distribution."""
+
+    mean: float
+    sd: float
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """One value."""
+        return self.mean + self.sd * float(np.clip(rng.standard_normal(), -_SPREAD, _SPREAD))
+
+
+class Uniform(NamedTuple):
+    """A uniform distribution."""
+
+    low: float
+    high: float
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """One value."""
+        return float(rng.uniform(self.low, self.high))
+
+
+class Kind(NamedTuple):
+    """A kind of vehicle with the people who drive it.
+
+    Attributes:
+        vehicle_class: SUMO's name. agent: INTERACTION's name.
+        length, width: m.
+        wish: desired speed over speed limit. top: speed that is never exceeded, m/s.
+        acceleration, braking: the greatest wanted, m/s².
+    """
+
+    vehicle_class: str
+    agent: str
+    length: Normal
+    width: Normal
+    wish: Normal
+    top: Normal
+    acceleration: Uniform
+    braking: Uniform
+
+
+CAR = Kind(
+    "passenger",
+    "car",
+    Normal(4.45, 0.3),
+    Normal(1.83, 0.06),
+    Normal(1.0, 0.12),
+    Normal(55, 5),
+    Uniform(1.5, 2.8),
+    Uniform(2.5, 4.5),
+)
+VAN = Kind(
+    "delivery",
+    "van",
+    Normal(5.9, 0.4),
+    Normal(2.02, 0.05),
+    Normal(0.92, 0.1),
+    Normal(42, 3),
+    Uniform(1.2, 2.0),
+    Uniform(2.5, 4.0),
+)
+LORRY = Kind(
+    "truck",
+    "truck",
+    Normal(8.5, 1.0),
+    Normal(2.48, 0.04),
+    Normal(0.9, 0.06),
+    Normal(25, 1.2),
+    Uniform(0.8, 1.3),
+    Uniform(2.0, 3.5),
+)
+TRAILER = Kind(
+    "trailer",
+    "truck",
+    Normal(15.5, 0.7),
+    Normal(2.52, 0.02),
+    Normal(0.9, 0.05),
+    Normal(24, 0.8),
+    Uniform(0.6, 1.0),
+    Uniform(2.0, 3.0),
+)
+MOTORBIKE = Kind(
+    "motorcycle",
+    "motorcycle",
+    Normal(2.15, 0.08),
+    Normal(0.85, 0.04),
+    Normal(1.05, 0.12),
+    Normal(55, 5),
+    Uniform(2.0, 3.5),
+    Uniform(3.0, 5.0),
+)
+
+Fleet = dict[Kind, float]
+"""Shares of kinds, 1 in sum."""
+
+MOTORWAY: Fleet = {CAR: 0.78, VAN: 0.08, LORRY: 0.05, TRAILER: 0.09}
+TOWN: Fleet = {CAR: 0.86, VAN: 0.08, LORRY: 0.03, MOTORBIKE: 0.03}
+
+_DRIVER: dict[str, Normal | Uniform] = {
+    "tau": Uniform(0.8, 1.7),  # wanted time headway, s
+    "minGap": Uniform(1.5, 3.0),  # m
+    "lcAssertive": Uniform(1.0, 1.6),
+    "lcSpeedGain": Uniform(0.7, 3.0),
+    "lcKeepRight": Uniform(0.3, 2.0),
+    "lcCooperative": Uniform(0.4, 1.0),
+    "lcSigma": Uniform(0.0, 0.1),  # unrest within the lane, m
+    "latAlignment": Normal(0.0, 0.12),  # from the middle of the lane, m
+    "maxSpeedLat": Uniform(0.8, 1.5),  # m/s
+    "lcAccelLat": Uniform(0.5, 1.1),  # m/s²
+    "minGapLat": Uniform(0.3, 0.6),  # m
+}
+"""SUMO's parameters of a driver."""
+
+
+class Vehicle(NamedTuple):
+    """One vehicle with its driver; m. `type` holds the attributes of its SUMO vehicle type."""
+
+    kind: Kind
+    length: float
+    width: float
+    type: dict[str, str]
+
+
+def vehicle(fleet: Fleet, rng: np.random.Generator) -> Vehicle:
+    """Draw a vehicle."""
+    kind = list(fleet)[int(rng.choice(len(fleet), p=list(fleet.values())))]
+    length, width = (round(size.draw(rng), 2) for size in (kind.length, kind.width))
+    drawn = {name: distribution.draw(rng) for name, distribution in _DRIVER.items()}
+    drawn |= {
+        "length": length, "width": width, "speedFactor": max(kind.wish.draw(rng), 0.5), "maxSpeed": kind.top.draw(rng),
+        "accel": kind.acceleration.draw(rng), "decel": kind.braking.draw(rng),
+    }  # fmt: skip
+    fixed = {"vClass": kind.vehicle_class, "carFollowModel": "EIDM", "speedDev": "0"}
+    return Vehicle(kind, length, width, fixed | {name: f"{value:.3f}" for name, value in drawn.items()})

@@ -1,0 +1,114 @@
+"""From SUMO's front bumpers to the motion of whole vehicles, smooth and consistent in itself.
+
+SUMO moves points along lanes in steps; real vehicles are rigid bodies on wheels. The path of the front is smoothed (SUMO's
+accelerations jump, its lanes have corners) and the rear axle is pulled after it without slipping sideways. So headings follow
+from the motion, in lane changes as in curves and when standing still. Velocities and accelerations are derivatives of
+positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from recognition.datasets.participants import REAR_AXLE
+from recognition.datasets.rows import Floats, Whole
+from recognition.recorder.simulation import STEPS, Fronts
+
+SMOOTHING = 0.3
+"""Standard deviation of the smoothing, s."""
+_REACH = 4
+"""Reach of the smoothing in standard deviations."""
+_SHORTEST = 1.0
+"""Tracks that are shorter are left out, s."""
+
+
+class Motion(NamedTuple):
+    """Vehicles over time, in the order of vehicles and time.
+
+    Attributes:
+        vehicle: number of its departure. frame: time in frames.
+        x, y: centre, m. h: heading, rad. vx, vy: m/s. ax, ay: m/s².
+    """
+
+    vehicle: Whole
+    frame: Whole
+    x: Floats
+    y: Floats
+    h: Floats
+    vx: Floats
+    vy: Floats
+    ax: Floats
+    ay: Floats
+
+    def where(self, chosen: np.ndarray) -> Motion:
+        """The rows for which `chosen` is true."""
+        return Motion(*(column[chosen] for column in self))
+
+
+def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> Motion:
+    """The motion of vehicles of the given lengths (m, by departure), `rate` frames a second."""
+    starts = np.flatnonzero(np.diff(fronts.vehicle, prepend=-1))
+    ends = np.append(starts[1:], len(fronts.vehicle))
+    long = ends - starts >= _SHORTEST * STEPS
+    tracks = [_frames(fronts, start, end, rate) for start, end in zip(starts[long], ends[long], strict=True)]
+    counts = np.array([len(track[0]) for track in tracks])
+    frame, x, y = (np.concatenate(column) for column in zip(*tracks, strict=True))
+    vehicle = fronts.vehicle[starts[long]]
+    length = np.array(lengths)[vehicle]
+    h = _headings(x, y, counts, (0.5 + REAR_AXLE) * length, fronts.h[starts[long]])
+    each = np.repeat(np.arange(len(vehicle)), counts)
+    x, y = x - 0.5 * length[each] * np.cos(h), y - 0.5 * length[each] * np.sin(h)
+    vx, vy = (_rate(values, counts, rate) for values in (x, y))
+    ax, ay = (_rate(values, counts, rate) for values in (vx, vy))
+    return Motion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
+
+
+def _frames(fronts: Fronts, start: int, end: int, rate: int) -> tuple[Whole, Floats, Floats]:
+    """Frames and places of one front, smoothed."""
+    first, last = (int(step) for step in fronts.step[[start, end - 1]])
+    frame = np.arange(-(-first * rate // STEPS), last * rate // STEPS + 1)
+    time = fronts.step[start:end] / STEPS
+    x, y = (CubicSpline(time, _smooth(values[start:end]))(frame / rate) for values in (fronts.x, fronts.y))
+    return frame, x, y
+
+
+def _smooth(values: Floats) -> Floats:
+    """Smoothed values; beyond the ends, the motion goes on as it is (odd reflection)."""
+    sd = SMOOTHING * STEPS
+    reach = min(round(_REACH * sd), len(values) - 1)
+    before, after = 2 * values[0] - values[reach:0:-1], 2 * values[-1] - values[-2 : -reach - 2 : -1]
+    padded = np.concatenate((before, values, after))
+    return gaussian_filter1d(padded, sd, truncate=_REACH)[reach : reach + len(values)]
+
+
+def _headings(x: Floats, y: Floats, counts: Whole, distance: Floats, h: Floats) -> Floats:
+    """Headings of vehicles whose rear axles follow their fronts at a distance, from given headings at the start.
+
+    All vehicles take their first step, then all their second one and so on.
+    """
+    starts = np.cumsum(counts) - counts
+    order = np.argsort(-counts, kind="stable")
+    starts, distance = starts[order], distance[order]
+    found = np.empty(len(x))
+    found[starts] = h[order]
+    rear_x, rear_y = x[starts] - distance * np.cos(h[order]), y[starts] - distance * np.sin(h[order])
+    left = np.searchsorted(-counts[order], -np.arange(counts.max()), side="left")
+    for step, active in enumerate(left[1:], 1):
+        here = starts[:active] + step
+        heading = np.arctan2(y[here] - rear_y[:active], x[here] - rear_x[:active])
+        rear_x, rear_y = x[here] - distance[:active] * np.cos(heading), y[here] - distance[:active] * np.sin(heading)
+        found[here] = heading
+    return found
+
+
+def _rate(values: Floats, counts: Whole, rate: int) -> Floats:
+    """Rates of change of each track, per s: central differences, at the ends one-sided ones."""
+    ends = np.cumsum(counts)
+    after = np.minimum(np.arange(len(values)) + 1, np.repeat(ends - 1, counts))
+    before = np.maximum(np.arange(len(values)) - 1, np.repeat(ends - counts, counts))
+    return (values[after] - values[before]) * rate / (after - before)

@@ -1,0 +1,131 @@
+"""Records traffic: each recording a simulation of its own, with its own seed, so that any number of them can run at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from recognition.recorder import highd, interaction
+from recognition.recorder.demand import departures
+from recognition.recorder.motion import Motion, motion
+from recognition.recorder.simulation import simulate
+from recognition.recorder.sites import SITES, Site, View
+from schemas.errors import UsageError
+from xodr.reader import load
+from xodr.sumo_net import build
+
+WARM_UP = 90.0
+"""Time before the recording in which the roads fill, s."""
+_MARGIN = 3.0
+"""What is simulated beyond either end of a recording, so that smoothing sees it, s."""
+_FEWEST = 3
+"""Recordings of a site at any scale: one each to train with, to validate and to test."""
+_SHORTEST = 20.0
+"""Length of a recording at any scale, s."""
+_VARIATION = (0.75, 1.25)
+"""Traffic of a recording over that of an average one."""
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A recording to be made: its site, number from 0, length (s), seed and folder."""
+
+    site: str
+    number: int
+    length: float
+    seed: np.random.SeedSequence
+    folder: Path
+
+
+def record(
+    out: Path, *, scale: float = 1.0, seed: int = 0, sites: Sequence[str] | None = None, jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:  # fmt: skip
+    """Record traffic at our sites, in a folder for each.
+
+    The same arguments give the same bytes, whatever the number of jobs.
+
+    Args:
+        out: folder for the sites' folders.
+        scale: how much of the full amount (see `SITES`); at least three recordings of each site in any case.
+        seed: of everything random.
+        sites: names of `SITES`; all by default.
+        jobs: number of processes.
+        progress: told how many recordings are done, and of how many.
+
+    Returns:
+        The track files.
+
+    Raises:
+        UsageError: there is no such site, an argument makes no sense, or the folder can't be written.
+        ToolchainError: SUMO fails.
+    """
+    if not scale > 0.0 or not math.isfinite(scale):
+        raise UsageError(f"scale={scale!r} must be above 0")
+    if jobs < 1:
+        raise UsageError(f"jobs={jobs!r} must be at least 1")
+    unknown = [name for name in sites or () if name not in SITES]
+    if unknown:
+        raise UsageError(f"there is no site {unknown[0]!r}; sites: {', '.join(SITES)}")
+    tasks = [task for name in sites or SITES for task in _tasks(SITES[name], scale, seed, out)]
+    try:
+        for task in tasks:
+            task.folder.mkdir(parents=True, exist_ok=True)
+            if SITES[task.site].layout == "INTERACTION":
+                SITES[task.site].road_map().write(task.folder / f"{task.site}.xodr")
+    except OSError as error:
+        raise UsageError(f"the folder can't be written: {error.strerror or error}", path=out) from None
+    found = []
+    for path in _work(tasks, jobs):
+        found.append(path)
+        if progress:
+            progress(len(found), len(tasks))
+    return found
+
+
+def _tasks(site: Site, scale: float, seed: int, out: Path) -> Iterator[_Task]:
+    total = site.recordings * site.minutes * 60.0 * scale
+    count = max(_FEWEST, round(site.recordings * scale))
+    length = float(max(_SHORTEST, round(total / count)))
+    for number in range(count):
+        yield _Task(site.name, number, length, np.random.SeedSequence((seed, number, *site.name.encode())), out / site.name)
+
+
+def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
+    if jobs == 1:
+        yield from map(_record, tasks)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(_record, tasks)
+
+
+def _record(task: _Task) -> Path:
+    site = SITES[task.site]
+    rng = np.random.default_rng(task.seed)
+    busy = rng.uniform(*_VARIATION)
+    flows = [flow._replace(rate=flow.rate * busy) for flow in site.flows]
+    end = WARM_UP + task.length + _MARGIN
+    departing = departures(flows, site.fleet, end, rng)
+    with TemporaryDirectory(prefix="xosc-recorder-") as folder:
+        road = site.road_map().write(Path(folder) / f"{site.name}.xodr")
+        fronts = simulate(departing, build(road), WARM_UP - _MARGIN, end, int(rng.integers(2**31)))
+        network = load(road)
+    vehicles = [departure.vehicle for departure in departing]
+    rate = highd.RATE if site.layout == "highD" else interaction.RATE
+    seen = _seen(motion(fronts, [one.length for one in vehicles], rate), site.view, rate, task.length)
+    if site.layout == "highD":
+        return highd.write(task.folder, task.number + 1, network, site.view, vehicles, seen, round(task.length * rate))
+    return interaction.write(task.folder, task.number, vehicles, seen)
+
+
+def _seen(moving: Motion, view: View, rate: int, length: float) -> Motion:
+    """What is in view during the recording, whose frames count from 0."""
+    moving = moving._replace(frame=moving.frame - round(WARM_UP * rate))
+    inside = (view.left <= moving.x) & (moving.x <= view.right) & (view.bottom <= moving.y) & (moving.y <= view.top)
+    return moving.where(inside & (moving.frame >= 0) & (moving.frame < length * rate))
