@@ -1,0 +1,82 @@
+"""Sizes of the encoder and schedules of its training, by name of the preset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from schemas.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """A transformer over space-time patches (after TimeSformer: Bertasius, Wang, Torresani, ICML 2021).
+
+    Attributes:
+        dim, depth, heads: size of the tokens and of the features, number of blocks, attention heads.
+        patch: rows and columns of cells that make one token, in one frame.
+        attention: `joint` over all tokens of a window, or `divided`: first over time at each place, then over space.
+        tokens: `patches` of neighbouring cells, or `rows`: each frame flattened row by row and cut into equally long runs.
+        front: what a token is made from: `cells` as they are, or `cnn`: the output of two small convolutions.
+        dropout: share of activations dropped in training.
+    """
+
+    dim: int
+    depth: int
+    heads: int
+    patch: tuple[int, int]
+    attention: Literal["joint", "divided"] = "joint"
+    tokens: Literal["patches", "rows"] = "patches"
+    front: Literal["cells", "cnn"] = "cells"
+    dropout: float = 0.1
+
+    def __post_init__(self) -> None:
+        if min(self.dim, self.depth, self.heads, *self.patch) < 1 or self.dim % self.heads:
+            raise UsageError("sizes of an encoder are positive, and dim a multiple of heads")
+        for name, value, known in (
+            ("attention", self.attention, ("joint", "divided")),
+            ("tokens", self.tokens, ("patches", "rows")),
+            ("front", self.front, ("cells", "cnn")),
+        ):
+            if value not in known:
+                raise UsageError(f"{name} of an encoder is one of {', '.join(known)}, not {value!r}")
+
+
+class Schedule(NamedTuple):
+    """How long and how fast to train: AdamW with a linear warm-up over the first tenth and a cosine decay to zero.
+
+    Attributes:
+        epochs, batch: passes over the windows, and windows in a step.
+        rate, decay: greatest learning rate, and weight decay.
+    """
+
+    epochs: int
+    batch: int
+    rate: float
+    decay: float = 0.05
+
+
+class Preset(NamedTuple):
+    """An architecture and the schedules of its two trainings."""
+
+    architecture: Architecture
+    pretraining: Schedule
+    finetuning: Schedule
+
+
+PRESETS: dict[str, Preset] = {
+    "cpu": Preset(Architecture(dim=128, depth=3, heads=4, patch=(20, 20)), Schedule(4, 256, 1e-3), Schedule(12, 128, 1e-3)),
+    "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
+}
+"""`cpu` trains at paper scale in minutes on two cores; `full` has the size of the publication and wants a GPU."""
+
+
+def preset(name: str) -> Preset:
+    """The preset of that name.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if name not in PRESETS:
+        raise UsageError(f"there is no preset {name!r}; presets: {', '.join(PRESETS)}")
+    return PRESETS[name]

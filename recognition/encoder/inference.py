@@ -1,0 +1,48 @@
+"""Features and classes of many windows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from recognition.encoder.model import Encoder
+from recognition.encoder.training import deterministic, mixed
+from recognition.windows import Windows
+
+_BATCH = 256
+
+
+def features(encoder: Encoder, windows: Windows | NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Features (n, dim) of windows or of their grids.
+
+    Raises:
+        UsageError: the grids have another shape than the encoder's.
+    """
+    return _applied(encoder, encoder, windows, encoder.architecture.dim)
+
+
+def logits(encoder: Encoder, windows: Windows | NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Logits (n, classes) of a fine-tuned encoder; columns in the order of `encoder.classes`.
+
+    Raises:
+        UsageError: the grids have another shape than the encoder's, or it has no class head.
+    """
+    return _applied(encoder, encoder.logits, windows, len(encoder.classes))
+
+
+def _applied(
+    encoder: Encoder, function: Callable[[Tensor], Tensor], windows: Windows | NDArray[np.uint8], columns: int
+) -> NDArray[np.float32]:
+    grids = windows.grids if isinstance(windows, Windows) else windows
+    where = encoder.norm.weight.device
+    found = np.empty((len(grids), columns), np.float32)
+    encoder.eval()
+    with deterministic(0), torch.inference_mode(), mixed(where):
+        for start in range(0, len(grids), _BATCH):
+            batch = torch.from_numpy(np.array(grids[start : start + _BATCH])).to(where)
+            found[start : start + _BATCH] = function(batch).float().cpu().numpy()
+    return found

@@ -1,0 +1,81 @@
+"""Encoders in a folder: weights as safetensors, everything else as JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from recognition.encoder.config import Architecture
+from recognition.encoder.model import Encoder
+from recognition.encoder.training import device
+from recognition.grids import Grid
+from schemas.errors import InvalidFile, ToolchainError, UsageError
+
+_WEIGHTS, _CONFIG = "encoder.safetensors", "encoder.json"
+_FORMAT = "xosc-toolchain encoder 1"
+
+
+def save(encoder: Encoder, folder: Path) -> None:
+    """Write `encoder.safetensors` and `encoder.json` into a folder.
+
+    Raises:
+        UsageError: the folder can't be written.
+    """
+    from safetensors.torch import save_file
+
+    config = {
+        "format": _FORMAT,
+        "architecture": asdict(encoder.architecture),
+        "grid": asdict(encoder.grid),
+        "classes": list(encoder.classes),
+    }
+    weights = {name: value.detach().cpu().contiguous() for name, value in encoder.state_dict().items()}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / _CONFIG).write_text(json.dumps(config, indent=1) + "\n", encoding="utf-8")
+        save_file(weights, folder / _WEIGHTS)
+    except OSError as error:
+        raise UsageError(f"the encoder can't be written: {error.strerror or error}", path=folder) from None
+
+
+def load(folder: Path) -> Encoder:
+    """Read an encoder, onto CUDA where that is present.
+
+    Raises:
+        InvalidFile: a file is missing, truncated, or not an encoder's.
+    """
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
+    encoder = _untrained(folder / _CONFIG)
+    path = folder / _WEIGHTS
+    try:
+        encoder.load_state_dict(load_file(path))
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise InvalidFile(f"these are not the weights of this encoder: {_first_line(error)}", path=path) from None
+    if not all(torch.isfinite(value).all() for value in encoder.state_dict().values()):
+        raise InvalidFile("there are weights that are not finite", path=path)
+    return encoder.to(device()).eval()
+
+
+def _untrained(path: Path) -> Encoder:
+    try:
+        config = json.loads(path.read_text(encoding="utf-8"))
+        if config["format"] != _FORMAT:
+            raise ValueError(f"its format is {config['format']!r}, {_FORMAT!r} is expected")
+        architecture, grid = Architecture(**_tuples(config["architecture"])), Grid(**_tuples(config["grid"]))
+        return Encoder(architecture, grid, [int(label) for label in config["classes"]])
+    except (OSError, ValueError, TypeError, KeyError, ToolchainError) as error:
+        raise InvalidFile(f"this describes no encoder: {_first_line(error)}", path=path) from None
+
+
+def _tuples(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().split("\n")[0] or type(error).__name__

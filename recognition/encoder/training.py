@@ -1,0 +1,107 @@
+"""What all trainings share: reproducible arithmetic, the device, and the loop over batches."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from recognition.encoder.config import Schedule
+from schemas.errors import UsageError
+
+_THREADS = 2
+"""Sums over threads depend on how many there are, so the number is part of what makes a result."""
+_WARM_UP = 0.1
+_GREATEST_NORM = 1.0
+"""Gradients are cut to this norm."""
+Progress = Callable[[int, float], None]
+"""Told the epoch, from 1, and its mean loss."""
+
+
+def device() -> torch.device:
+    """CUDA where it is present, the CPU otherwise."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
+@contextmanager
+def deterministic(seed: int) -> Iterator[None]:
+    """Same seed, same weights, on one kind of machine: within, torch is seeded and its algorithms and threads are fixed."""
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
+    threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        torch.set_num_threads(_THREADS)
+        torch.use_deterministic_algorithms(True)
+        try:
+            yield
+        finally:
+            torch.use_deterministic_algorithms(strict)
+            torch.set_num_threads(threads)
+
+
+def mixed(where: torch.device) -> torch.autocast:
+    """Arithmetic in bfloat16 where the hardware has it, which doubles the speed."""
+    fast = where.type == "cuda" or torch.cpu._is_avx512_bf16_supported()
+    return torch.autocast(where.type, torch.bfloat16, enabled=fast)
+
+
+def train(
+    model: nn.Module,
+    grids: NDArray[np.uint8],
+    schedule: Schedule,
+    loss: Callable[[Tensor, Tensor], Tensor],
+    progress: Progress | None = None,
+) -> None:
+    """Train a model in place; call it within `deterministic`.
+
+    Args:
+        grids: of all windows, uint8 (n, frames, channels, rows, columns).
+        loss: of a batch: its grids, on the model's device, and the numbers of its windows.
+
+    Raises:
+        UsageError: there are fewer than two windows.
+    """
+    if len(grids) < 2:
+        raise UsageError(f"training needs windows, and there are {len(grids)}")
+    where = next(model.parameters()).device
+    steps = schedule.epochs * math.ceil(len(grids) / schedule.batch)
+    optimiser = torch.optim.AdamW(_groups(model, schedule.decay), schedule.rate)
+    rates = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: _share(step / steps))
+    model.train()
+    for epoch in range(schedule.epochs):
+        total = 0.0
+        for chosen in torch.randperm(len(grids)).tensor_split(steps // schedule.epochs):
+            batch = torch.from_numpy(grids[chosen.numpy()]).to(where, non_blocking=True)
+            with mixed(where):
+                value = loss(batch, chosen)
+            optimiser.zero_grad()
+            value.backward()
+            nn.utils.clip_grad_norm_(model.parameters(), _GREATEST_NORM)
+            optimiser.step()
+            rates.step()
+            total += value.item() * len(chosen)
+        if progress:
+            progress(epoch + 1, total / len(grids))
+    model.eval()
+
+
+def _share(done: float) -> float:
+    """Share of the greatest learning rate after a share of all steps."""
+    if done < _WARM_UP:
+        return (done + 1e-3) / (_WARM_UP + 1e-3)
+    return 0.5 * (1.0 + math.cos(math.pi * min((done - _WARM_UP) / (1.0 - _WARM_UP), 1.0)))
+
+
+def _groups(model: nn.Module, decay: float) -> list[dict[str, Any]]:
+    """Weight matrices decay; biases, norms and positions do not."""
+    named = list(model.named_parameters())
+    weights = [value for name, value in named if value.ndim > 1 and name.endswith("weight")]
+    others = [value for name, value in named if not (value.ndim > 1 and name.endswith("weight"))]
+    return [{"params": weights, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
