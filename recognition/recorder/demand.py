@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -50,20 +51,22 @@ def write_routes(departing: Sequence[Departure], net: SumoNet, path: Path) -> No
     for number, departure in enumerate(departing):
         slow = departure.vehicle.kind.agent == "truck"
         etree.SubElement(
-            root, "trip", {"from": edge(net, departure.flow.start), "to": edge(net, departure.flow.end)},
+            root, "trip",
+            {"from": _edge(net, departure.flow.start, first=True), "to": _edge(net, departure.flow.end, first=False)},
             id=str(number), type=f"type.{number}", depart=f"{departure.time:.2f}",
             departLane="first" if slow else "best", departSpeed="max", departPos="base",
         )  # fmt: skip
     path.write_bytes(etree.tostring(root))
 
 
-def edge(net: SumoNet, lane: Lane) -> str:
-    """The SUMO edge of a lane's carriageway.
+def _edge(net: SumoNet, lane: Lane, first: bool) -> str:
+    """The SUMO edge of a lane's carriageway where traffic comes to the road (`first`) or leaves it.
 
     Raises:
         ToolchainError: SUMO has no such lane.
     """
-    found = net.sumo_lane(*lane, 0.0)
+    road_id, lane_id = lane
+    found = net.sumo_lane(road_id, lane_id, 0.0 if first == (lane_id < 0) else math.inf)
     if found is None:
-        raise ToolchainError(f"SUMO has no lane {lane[1]} of road {lane[0]}: {net.fallback or 'it is not among the roads'}")
+        raise ToolchainError(f"SUMO has no lane {lane_id} of road {road_id}: {net.fallback or 'the map has none'}")
     return found.rpartition("_")[0]

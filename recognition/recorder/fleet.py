@@ -124,6 +124,7 @@ _DRIVER: dict[str, Normal | Uniform] = {
     "latAlignment": Normal(0.0, 0.12),  # from the middle of the lane, m
     "maxSpeedLat": Uniform(0.8, 1.5),  # m/s
     "lcAccelLat": Uniform(0.5, 1.1),  # m/s²
+    "impatience": Uniform(0.0, 0.6),  # at junctions, of 1
     "minGapLat": Uniform(0.3, 0.6),  # m
 }
 """SUMO's parameters of a driver."""

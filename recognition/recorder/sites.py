@@ -99,7 +99,7 @@ SITES: dict[str, Site] = {
         _motorway("motorway_sparse", 3, 130.0, 700.0, 20, 5.0),
         _motorway("motorway_two_lanes", 2, 120.0, 2400.0, 20, 5.0),
         _motorway("motorway_three_lanes", 3, 130.0, 4200.0, 20, 5.0),
-        _ramp("on_ramp", partial(on_ramp, lanes=2, ramp=300.0), View(330.0, -60.0, 1250.0, 30.0), _IN, 20, 5.0),
+        _ramp("on_ramp", partial(on_ramp, lanes=2, ramp=300.0), View(330.0, -60.0, 1200.0, 30.0), _IN, 20, 5.0),
         _ramp("off_ramp", partial(off_ramp, lanes=2, ramp=300.0), View(330.0, -60.0, 1250.0, 30.0), _OUT, 20, 5.0),
         _arterial(
             "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25, length=700.0, speed_limit=50 / 3.6),
@@ -108,11 +108,11 @@ SITES: dict[str, Site] = {
         _arterial(
             "arterial_curve",
             partial(sharp_curve, radius=150.0, angle=1.2, lanes=2, opposite_lanes=2, approach=250.0, speed_limit=70 / 3.6),
-            View(100.0, -40.0, 520.0, 250.0), 1300.0, 20, 5.0,
+            View(100.0, -40.0, 520.0, 270.0), 1300.0, 20, 5.0,
         ),
         _crossing("roundabout", roundabout, 120.0, dict.fromkeys("1234", 350.0), 20, 5.0),
         _crossing(
-            "roundabout_two_lanes", partial(roundabout, lanes=2, radius=20.0), 130.0, dict.fromkeys("1234", 500.0), 20, 5.0
+            "roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, dict.fromkeys("12345", 300.0), 20, 5.0
         ),
         _crossing("crossing", four_way_intersection, 120.0, {"1": 300.0, "2": 150.0, "3": 300.0, "4": 150.0}, 20, 5.0),
         _crossing("t_junction", t_junction, 120.0, {"1": 400.0, "3": 400.0, "4": 250.0}, 20, 5.0),
