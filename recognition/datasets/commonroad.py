@@ -16,11 +16,12 @@ from typing import Self
 
 from lxml import etree
 
+from recognition.datasets.elements import invalid, unsupported
 from recognition.datasets.obstacles import recording_of
 from recognition.datasets.source import Report, Source
 from runner.recording import Recording
-from schemas.errors import InvalidFile, Unsupported
-from schemas.xml import MAX_BYTES, line_of, parse, parse_bytes
+from schemas.errors import InvalidFile
+from schemas.xml import MAX_BYTES, parse, parse_bytes
 
 FORMAT = "CommonRoad"
 _VERSIONS = ("2018b", "2020a")
@@ -47,25 +48,20 @@ def claims(path: Path) -> bool:
 def sources(path: Path, roads: Path) -> list[Source]:
     """The scenario of a file, or those of an archive in its order."""
     if not path.name.endswith(_ARCHIVES):
-        return [_source(path, path.name, path)]
-    return [_source(path, member, None) for member in _members(path) if member.endswith(_ENDING)]
+        return [_source(path, None)]
+    return [_source(path, member) for member in _members(path) if member.endswith(_ENDING)]
 
 
-def _source(path: Path, name: str, map_file: Path | None) -> Source:
+def _source(path: Path, member: str | None) -> Source:
     """A scenario; those of one map number, as in USA_US101-9_1_T-1, have one site."""
-    name = name.removesuffix(_ENDING)
+    name = (member or path.name).removesuffix(_ENDING)
     named = _ID.fullmatch(Path(name).name)
     site = named["site"] if named else name
-    return Source(name, site, FORMAT, path, partial(_read, path, name), map_file)
+    return Source(name, site, FORMAT, path, partial(_read, path, member), None if member else path, member=member)
 
 
-def _read(path: Path, name: str) -> tuple[Recording, Report]:
-    root, where = _document(path, name)
-    try:
-        return recording_of(root, where)
-    except (InvalidFile, Unsupported) as error:
-        error.path = error.path or str(where)
-        raise
+def _read(path: Path, member: str | None) -> tuple[Recording, Report]:
+    return recording_of(_document(path, member))
 
 
 def document(source: Source) -> etree._Element:
@@ -75,22 +71,18 @@ def document(source: Source) -> etree._Element:
         InvalidFile: it can't be read, or is not CommonRoad.
         Unsupported: it has another version than 2018b and 2020a.
     """
-    return _document(source.path, source.name)[0]
+    return _document(source.path, source.member)
 
 
-def _document(path: Path, name: str) -> tuple[etree._Element, Path]:
-    """Root element, and what to call the file."""
-    if path.name.endswith(_ARCHIVES):
-        where = path / f"{name}{_ENDING}"
-        root = parse_bytes(_content(path, f"{name}{_ENDING}"), where).getroot()
-    else:
-        where, root = path, parse(path).getroot()
+def _document(path: Path, member: str | None) -> etree._Element:
+    tree = parse(path) if member is None else parse_bytes(_content(path, member), path / member)
+    root = tree.getroot()
     if root.tag != "commonRoad":
-        raise InvalidFile("the root element of a scenario is commonRoad", path=where, line=line_of(root), element=str(root.tag))
+        raise invalid(root, "the root element of a scenario is commonRoad")
     version = root.get("commonRoadVersion")
     if version not in _VERSIONS:
-        raise Unsupported(f"version {version!r} is none of {', '.join(_VERSIONS)}", path=where, line=line_of(root))
-    return root, where
+        raise unsupported(root, f"version {version!r} is none of {', '.join(_VERSIONS)}")
+    return root
 
 
 class _Entry(tarfile.TarInfo):

@@ -7,7 +7,7 @@ import math
 from lxml import etree
 
 from recognition.datasets.values import GREATEST
-from schemas.errors import InvalidFile
+from schemas.errors import InvalidFile, Unsupported
 from schemas.xml import line_of
 
 
@@ -47,5 +47,14 @@ def measured(text: str, element: etree._Element) -> float:
 
 
 def invalid(element: etree._Element, message: str) -> InvalidFile:
-    """The error for an element."""
-    return InvalidFile(message, line=line_of(element), element=str(element.tag))
+    """The error for an element that is wrong."""
+    return InvalidFile(message, path=_file(element), line=line_of(element), element=str(element.tag))
+
+
+def unsupported(element: etree._Element, message: str) -> Unsupported:
+    """The error for an element that is right, but asks for something that is not done here."""
+    return Unsupported(message, path=_file(element), line=line_of(element), element=str(element.tag))
+
+
+def _file(element: etree._Element) -> str | None:
+    return element.getroottree().docinfo.URL

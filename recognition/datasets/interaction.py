@@ -14,7 +14,9 @@ a recording with all velocities backwards and headings folded into one half of t
 from __future__ import annotations
 
 import re
+from collections.abc import Container
 from functools import lru_cache, partial
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -118,17 +120,22 @@ def _table(path: Path, more: dict[str, Kind] | None = None) -> Table:
 
 def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Track], Report]:
     """Tracks of a table, with names unlike those `taken`."""
-    names = list(dict.fromkeys(table["track_id"]))
-    number = {name: index for index, name in enumerate(names)}
-    track = np.fromiter((number[name] for name in table["track_id"]), np.int64, len(table))
+    each = [name.removesuffix(".0") for name in table["track_id"]]
+    number = {name: index for index, name in enumerate(dict.fromkeys(each))}
+    track = np.fromiter((number[name] for name in each), np.int64, len(table))
     clock = Clock("timestamp_ms", table["timestamp_ms"], 1000.0, STEP)
     rows = in_order(table, track, clock, repeats=True)
-    names = [name.removesuffix(".0") for name in names]
-    who = [
-        _participant(table, row, name if name not in taken else f"P{name}") for name, row in zip(names, rows.heads, strict=True)
-    ]
+    names = [_free(name, taken, number) for name in number]
+    who = [_participant(table, row, name) for name, row in zip(names, rows.heads, strict=True)]
     report = rows.report([one.name for one in who])
     return cut(rows, who, _columns(table, rows, who, report)), report
+
+
+def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:
+    """A name, led by P where it is taken."""
+    if name not in taken:
+        return name
+    return next(free for n in count(1) if (free := "P" * n + name) not in taken and free not in others)
 
 
 def _participant(table: Table, row: int, name: str) -> Participant:

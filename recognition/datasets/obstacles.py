@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from lxml import etree
 
-from recognition.datasets.elements import child, invalid, measured, number
+from recognition.datasets.elements import child, invalid, measured, number, unsupported
 from recognition.datasets.motion import rate
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.rows import Clock, in_order
@@ -23,8 +23,6 @@ from recognition.datasets.source import Exclusion, Report
 from recognition.datasets.tables import Table
 from recognition.datasets.tracks import columns_of, cut
 from runner.recording import Recording
-from schemas.errors import Unsupported
-from schemas.xml import line_of
 
 _CATEGORIES = {
     "car": "car", "taxi": "car", "priorityVehicle": "car", "parkedVehicle": "car", "truck": "truck", "bus": "bus",
@@ -33,6 +31,8 @@ _CATEGORIES = {
     "median_strip": "obstacle", "unknown": "obstacle",
 }  # fmt: skip
 _ELEMENTS = ("obstacle", "dynamicObstacle", "staticObstacle", "environmentObstacle", "phantomObstacle")
+_LATEST = 100_000
+"""Last time step that is read: hours, where scenarios last for seconds."""
 _MOMENTS = ("initialState", "state", "occupancy")
 
 
@@ -53,11 +53,8 @@ class _Obstacle(NamedTuple):
     states: list[State]
 
 
-def recording_of(root: etree._Element, path: Path) -> tuple[Recording, Report]:
+def recording_of(root: etree._Element) -> tuple[Recording, Report]:
     """The obstacles of a scenario.
-
-    Args:
-        path: what complaints call the file.
 
     Raises:
         InvalidFile, Unsupported: an obstacle is malformed, or has uncertain states; names line and element.
@@ -73,15 +70,19 @@ def recording_of(root: etree._Element, path: Path) -> tuple[Recording, Report]:
             exclusions.append(Exclusion(f"{element.tag} {element.get('id')}", sum(1 for _ in element.iter(*_MOMENTS)), reason))
         else:
             obstacles.append(_obstacle(element, role))
-    recording, report = _assembled(path, _to_the_end(obstacles), step)
+    recording, report = _assembled(root, _to_the_end(obstacles), step)
     report.exclusions += exclusions
     return recording, report
 
 
 def _obstacles(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
     """Obstacles and their roles: static, dynamic, environment, phantom."""
+    ids: set[str | None] = set()
     for element in root.iterchildren(*_ELEMENTS):
-        tag = str(element.tag)
+        tag, id_ = str(element.tag), element.get("id")
+        if not id_ or id_ in ids:
+            raise invalid(element, f"there is another obstacle {id_}" if id_ else "there is no id")
+        ids.add(id_)
         yield element, (element.findtext("role") or "").strip() if tag == "obstacle" else tag.removesuffix("Obstacle")
 
 
@@ -119,7 +120,7 @@ def _corners(shape: etree._Element) -> list[tuple[float, float]]:
         radius = number(shape, "radius")
         return [(x - radius, y - radius), (x + radius, y + radius)]
     if shape.tag != "rectangle":
-        raise Unsupported(f"a shape {shape.tag!r}", line=line_of(shape))
+        raise unsupported(shape, "this shape")
     angle = number(shape, "orientation") if shape.find("orientation") is not None else 0.0
     half_length, half_width = 0.5 * number(shape, "length"), 0.5 * number(shape, "width")
     ends = [(a * half_length, b * half_width) for a in (-1, 1) for b in (-1, 1)]
@@ -146,10 +147,10 @@ def _state(state: etree._Element, x: float, y: float) -> State:
     position = child(state, "position")
     point = position.find("point")
     if point is None:
-        raise Unsupported("an uncertain position", line=line_of(position), element="position")
+        raise unsupported(position, "an uncertain position")
     h, step = _exact(state, values, "orientation"), _exact(state, values, "time")
-    if step != int(step) or step < 0:
-        raise invalid(state, f"the time {step:g} is not a whole number from 0")
+    if step != int(step) or not 0 <= step <= _LATEST:
+        raise invalid(state, f"the time {step:g} is not a whole number from 0 to {_LATEST}")
     ahead, aside = _turned(x, y, h)
     speed = _exact(state, values, "velocity", 0.0)
     acceleration = _exact(state, values, "acceleration", math.nan)
@@ -164,7 +165,7 @@ def _exact(state: etree._Element, values: dict[str, etree._Element], name: str, 
             raise invalid(state, f"there is no {name}")
         return absent
     if element.find("intervalStart") is not None:
-        raise Unsupported("a value given as an interval", line=line_of(element), element=name)
+        raise unsupported(element, "a value given as an interval")
     return number(element, "exact")
 
 
@@ -178,14 +179,18 @@ def _to_the_end(obstacles: list[_Obstacle]) -> list[_Obstacle]:
     return [one._replace(states=still(one.states[0])) if one.standing else one for one in obstacles]
 
 
-def _assembled(path: Path, obstacles: list[_Obstacle], step: float) -> tuple[Recording, Report]:
+def _assembled(root: etree._Element, obstacles: list[_Obstacle], step: float) -> tuple[Recording, Report]:
     if not obstacles:
         return Recording([], step, None), Report(remarks=["there is no obstacle with a way"])
     states = [state for one in obstacles for state in one.states]
     time = np.array([state.step for state in states])
     x, y, h, speed, acceleration = np.array([state[1:] for state in states]).T
     track = np.repeat(np.arange(len(obstacles)), [len(one.states) for one in obstacles])
-    rows = in_order(Table(path, {"time": time}, lines=False), track, Clock("time", time, 1.0 / step, step))
+    rows = in_order(
+        Table(Path(root.getroottree().docinfo.URL or ""), {"time": time}, lines=False),
+        track,
+        Clock("time", time, 1.0 / step, step),
+    )
     who = [one.who for one in obstacles]
     report = rows.report([one.name for one in who])
     absent = np.isnan(acceleration)

@@ -77,6 +77,7 @@ class Source:
         map: the site's map, as the data set has it (Lanelet2, CommonRoad); None where there is none, or where the
             recording brings its road network with it.
         origin: latitude and longitude (degrees) of the origin of the coordinates, where the data set tells.
+        member: which file it is in the archive `path`; None where that is no archive.
     """
 
     name: str
@@ -86,6 +87,7 @@ class Source:
     read: Callable[[], tuple[Recording, Report]] = field(repr=False)
     map: Path | None = None
     origin: tuple[float, float] | None = None
+    member: str | None = None
     report: Report | None = field(default=None, init=False, repr=False)
     """what the last reading found; None before"""
 

@@ -12,19 +12,11 @@ from hypothesis import strategies as st
 
 import schemas
 from recognition import datasets
-from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
-from tests.recognition.traffic import Car, highd_rows, write_csv, write_highd
+from tests.recognition.traffic import Car, highd_rows, read, write_csv, write_highd
 
 EAST = Car(1, 100.0, 21.0, 30.0, lane=6)
 WEST = Car(2, 300.0, 13.0, -25.0, kind="Truck", length=12.0, width=2.5, first=3, lane=3)
-
-
-def read(track_file: Path) -> tuple[Recording, datasets.Report]:
-    (source,) = datasets.open(track_file.parent, roads=track_file.parent / "roads").sources
-    recording = source.load()
-    assert source.report is not None
-    return recording, source.report
 
 
 def test_corner_in_the_image_becomes_rear_axle_in_the_world(tmp_path: Path) -> None:

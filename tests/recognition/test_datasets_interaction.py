@@ -11,19 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recognition import datasets
-from runner.recording import Recording
 from schemas.errors import InvalidFile
-from tests.recognition.traffic import interaction_rows, write_csv
+from tests.recognition.traffic import interaction_rows, read, total_rows, write_csv
 
 CAR = (1, 10.0, 20.0, 6.0, 8.0, math.atan2(8.0, 6.0))
 PEDESTRIAN = {"agent_type": "pedestrian/bicycle", "psi_rad": None, "length": None, "width": None}
-
-
-def read(track_file: Path) -> tuple[Recording, datasets.Report]:
-    (source,) = datasets.open(track_file).sources
-    recording = source.load()
-    assert source.report is not None
-    return recording, source.report
 
 
 def write(tmp_path: Path, rows: list, name: str = "site/vehicle_tracks_000.csv") -> Path:
@@ -77,6 +69,20 @@ def test_pedestrians_of_their_own_file_join_in(tmp_path: Path) -> None:
 def test_pedestrian_with_a_vehicles_number_gets_a_name_of_its_own(tmp_path: Path) -> None:
     write(tmp_path, interaction_rows(1, 0.0, 0.0, 0.0, 1.5, 0.0, **PEDESTRIAN), "site/pedestrian_tracks_000.csv")
     assert list(read(write(tmp_path, interaction_rows(*CAR)).parent)[0].tracks) == ["1", "P1"]
+
+
+def test_no_name_is_given_twice(tmp_path: Path) -> None:
+    walks = [row for name in ("1", "P1") for row in interaction_rows(name, 0.0, 0.0, 0.0, 1.5, 0.0, **PEDESTRIAN)]
+    write(tmp_path, walks, "site/pedestrian_tracks_000.csv")
+    recording, report = read(write(tmp_path, interaction_rows(*CAR)))
+    assert list(recording.tracks) == ["1", "PP1", "P1"]
+    assert report.rows == total_rows(recording) == 60
+
+
+def test_numbers_written_as_floats_are_the_same_numbers(tmp_path: Path) -> None:
+    rows = interaction_rows(*CAR)
+    recording, _ = read(write(tmp_path, [row | {"track_id": "1.0" if k % 2 else "1"} for k, row in enumerate(rows)]))
+    assert [len(track.columns["time"]) for track in recording.tracks.values()] == [20]
 
 
 def test_standing_pedestrian_faces_where_it_went(tmp_path: Path) -> None:
