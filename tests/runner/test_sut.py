@@ -78,7 +78,11 @@ def test_an_instance(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
-        ("absent", "no system under test is called 'absent'; there are cas, none, sumo, and module:Class"),
+        (
+            "absent",
+            "no system under test is called 'absent'; "
+            "there are aeb, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
+        ),
         ("", "no system"),
         (":", "no system"),
         ("a b:C", "no system"),

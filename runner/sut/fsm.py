@@ -1,0 +1,79 @@
+"""`fsm`: the driver of the Fuzzy Safety Model, which brakes the more, the less safe the situation is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from runner.entities import Entity
+from runner.sut.encounters import Encounter
+from runner.sut.reference import HARDEST, JERK, ReferenceDriver
+
+
+def _between(value: float, safe: float, unsafe: float) -> float:
+    """0 from `safe` on, 1 below `unsafe`, linear between."""
+    if value > safe:
+        return 0.0
+    return 1.0 if value < unsafe else (safe - value) / (safe - unsafe)
+
+
+@dataclass
+class FuzzySafety(ReferenceDriver):
+    """Brakes by the fuzzy proactive (PFS) and critical (CFS) safety metrics.
+
+    PFS compares the gap with what is needed if the one ahead brakes suddenly, CFS with what is needed at constant speed of the
+    one ahead. The deceleration is `comfortable` + CFS·(`hard` − `comfortable`) where CFS > 0, else PFS·`comfortable`, built up
+    as fast as a human can. It reacts to who is in its way, or comes into it before the ego could have passed.
+
+    Source: Mattas, Makridis, Botzoris, Kriston, Minarini, Papadopoulos, Re, Rognelund, Ciuffo, "Fuzzy Surrogate Safety
+    Metrics for real-time assessment of rear-end collision risk" (Accident Analysis and Prevention 148, 2020).
+
+    Args:
+        reaction: time before it brakes, s.
+        comfortable, hard: its own decelerations, m/s².
+        other: deceleration that the one ahead may apply, m/s².
+        margin: gap at standstill, m; kept once more where braking is comfortable.
+        ahead_of_time: it reacts to who comes into its way up to this time after the ego could have passed, s.
+    """
+
+    reaction: float = 0.75
+    comfortable: float = 4.0
+    hard: float = 6.0
+    other: float = 7.0
+    margin: float = 2.0
+    ahead_of_time: float = 0.1
+
+    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+        """In the way or about to be, and not safe by one of the metrics."""
+        return self._in_the_way(found) and (self.critical(found, ego) > 0.0 or self.proactive(found, ego) > 0.0)
+
+    def _in_the_way(self, found: Encounter) -> bool:
+        if found.aside <= 0.0:
+            return True
+        if found.approach <= 0.0 or found.closing <= 0.0:
+            return False
+        return found.aside / found.approach <= (found.gap + found.length) / found.closing + self.ahead_of_time
+
+    def proactive(self, found: Encounter, ego: Entity) -> float:
+        """PFS, 0 (safe) to 1."""
+        u, own = ego.speed, found.speed
+        reaction, its = u * self.reaction, own * own / (2.0 * self.other)
+        safe = reaction + u * u / (2.0 * self.comfortable) - its + self.margin
+        return _between(found.gap - self.margin, safe, reaction + u * u / (2.0 * self.hard) - its)
+
+    def critical(self, found: Encounter, ego: Entity) -> float:
+        """CFS, 0 (safe) to 1."""
+        if found.closing <= 0.0:
+            return 0.0
+        acceleration = max(ego.acceleration, -self.comfortable)
+        left = found.closing + acceleration * self.reaction
+        if left < 0.0:
+            return 1.0 if found.gap < found.closing**2 / (2.0 * abs(ego.acceleration)) else 0.0
+        within = (found.closing + 0.5 * acceleration * self.reaction) * self.reaction
+        return _between(found.gap, within + left * left / (2.0 * self.comfortable), within + left * left / (2.0 * self.hard))
+
+    def braking(self, dangers: list[Encounter], before: float, ego: Entity, dt: float) -> float:
+        """Deceleration by the least safe of them, m/s²."""
+        critical = max(self.critical(found, ego) for found in dangers)
+        proactive = max(self.proactive(found, ego) for found in dangers)
+        wanted = self.comfortable + critical * (self.hard - self.comfortable) if critical > 0.0 else proactive * self.comfortable
+        return min(before + JERK * dt, HARDEST, wanted)

@@ -1,0 +1,35 @@
+"""`r157-reg`: what UN Regulation 157 itself asks of an automated lane keeping system when somebody cuts in (5.2.5.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from runner.entities import Entity
+from runner.sut.encounters import Encounter
+from runner.sut.reference import ReferenceDriver
+
+
+@dataclass
+class Regulation157(ReferenceDriver):
+    """Reacts to who is less than a lateral distance away and nearer in time than the braking to its speed takes.
+
+    Danger is: lateral gap ≤ `lateral`, and TTC ≤ Δv/(2·`brake`) + `reaction` + 0.1 s.
+
+    Args:
+        reaction: time before it brakes, s.
+        brake: deceleration, m/s², without build-up.
+        lateral: lateral gap from which on a participant counts as cutting in, m.
+    """
+
+    reaction: float = 0.35
+    brake: float = 6.0
+    lateral: float = 0.5
+
+    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+        """Cutting in, too near for what the regulation grants."""
+        enough = found.closing / (2.0 * self.brake) + self.reaction + 0.1
+        return found.aside <= self.lateral and found.time_to_collision <= enough
+
+    def braking(self, dangers: list[Encounter], before: float, ego: Entity, dt: float) -> float:
+        """The whole deceleration at once, m/s²."""
+        return self.brake

@@ -1,0 +1,61 @@
+"""What the reference drivers of UN Regulation 157 have in common: they notice danger, react after a time, and brake.
+
+Source of the models and constants: Mattas, Albano, Donà, Galassi, Suarez-Bertoa, Vass, Ciuffo, "Driver models for the
+definition of safety requirements of automated vehicles in international regulations" (Accident Analysis and Prevention
+174, 2022), and UN Regulation 157, Annex 4, Appendix 3. They are models of motorway driving: they brake and never steer.
+"""
+
+from __future__ import annotations
+
+from runner.entities import Entity
+from runner.sut.base import Control, Observation
+from runner.sut.encounters import Encounter, encounters
+
+GRAVITY = 9.81
+HARDEST = 0.774 * GRAVITY
+"""Braking of a careful and competent human on a dry road, m/s²."""
+JERK = 12.65
+"""How fast that braking builds up, m/s³."""
+_ROUNDING = 1e-9
+
+
+class ReferenceDriver:
+    """Follows the scenario until a participant ahead is dangerous. From then on it brakes, after a reaction time, while there is
+    danger, and keeps its speed while there is none.
+
+    Attributes:
+        reaction: time in danger before it brakes, s.
+        release: deceleration during that time, m/s².
+    """
+
+    reaction: float
+    release: float = 0.0
+
+    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+        """Forget the last run."""
+        self._until_braking = self.reaction
+        self._alarmed = False
+        self._deceleration = 0.0
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        """Braking with the reason in danger; else the scripted speed, or after an alarm the present one."""
+        dangers = [found for found in encounters(observation) if self.dangerous(found, observation.ego)]
+        if not dangers:
+            return Control(acceleration=0.0, reason="the danger is over") if self._alarmed else Control()
+        nearest = min(dangers, key=lambda found: found.gap)
+        reason = f"{nearest.name} is {nearest.gap:.1f} m ahead, {nearest.closing:.1f} m/s slower, {nearest.aside:.1f} m aside"
+        self._alarmed = True
+        if self._until_braking > _ROUNDING:
+            self._until_braking -= dt
+            self._deceleration = self.release
+        else:
+            self._deceleration = self.braking(dangers, self._deceleration, observation.ego, dt)
+        return Control(acceleration=-self._deceleration, reason=reason)
+
+    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+        """Whether a participant ahead calls for a reaction."""
+        raise NotImplementedError
+
+    def braking(self, dangers: list[Encounter], before: float, ego: Entity, dt: float) -> float:
+        """Deceleration for the coming dt (s) after that of the step before, m/s²: built up as fast as a human can."""
+        return min(before + JERK * dt, HARDEST)
