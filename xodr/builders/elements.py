@@ -16,6 +16,7 @@ from pathlib import Path
 from lxml import etree
 
 from xodr.builders.curves import Pose, Segment, advance
+from xodr.builders.parametric import ParamPoly3
 
 REVISION = (1, 7)
 """Version of the standard that is written."""
@@ -23,7 +24,7 @@ REVISION = (1, 7)
 
 @dataclass(frozen=True)
 class Cubic:
-    """Cubic a + b·ds + c·ds² + d·ds³ from `s` on (lane widths)."""
+    """Cubic a + b·ds + c·ds² + d·ds³ from `s` on (lane widths, lane offset)."""
 
     s: float
     a: float
@@ -34,13 +35,17 @@ class Cubic:
 
 @dataclass(frozen=True)
 class Lane:
-    """One lane of a section: type of the standard, width, the mark on its outer border, and its links."""
+    """One lane of a section: type of the standard, width, the mark on its outer border, its links, and its own speed limit.
+
+    speed_limit: in m/s; None where that of the road holds.
+    """
 
     type: str
     width: tuple[Cubic, ...]
     mark: str = "none"
     predecessor: int | None = None
     successor: int | None = None
+    speed_limit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -74,13 +79,28 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Object:
+    """Something flat on the road, with the corners (u, v) of its outline: ahead and to the left of (s, t), seen along +s."""
+
+    id: int
+    name: str
+    type: str
+    s: float
+    t: float
+    outline: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
 class Road:
-    """A road: plan view as segments from a start pose, lane sections and links. Speed limit in m/s, infinite for none."""
+    """A road: plan view as pieces from a start pose, lane sections and links. Speed limit in m/s, infinite for none.
+
+    offset: t of lane 0, along the whole road.
+    """
 
     id: int
     name: str
     start: Pose
-    plan: tuple[Segment, ...]
+    plan: tuple[Segment | ParamPoly3, ...]
     sections: tuple[Section, ...]
     type: str
     speed_limit: float
@@ -88,19 +108,26 @@ class Road:
     predecessor: Link | None = None
     successor: Link | None = None
     signals: tuple[Signal, ...] = ()
+    offset: tuple[Cubic, ...] = ()
+    objects: tuple[Object, ...] = ()
 
     @property
     def length(self) -> float:
         """Length of the reference line in m."""
-        return sum(segment.length for segment in self.plan)
+        return sum(piece.length for piece in self.plan)
 
     @property
     def end(self) -> Pose:
         """Pose at the end of the reference line."""
-        pose = self.start
-        for segment in self.plan:
-            pose = advance(pose, segment)
-        return pose
+        return self.poses[-1]
+
+    @property
+    def poses(self) -> list[Pose]:
+        """Poses at the start of each piece of the reference line, and at its end."""
+        found = [self.start]
+        for piece in self.plan:
+            found.append(piece.after(found[-1]) if isinstance(piece, ParamPoly3) else advance(found[-1], piece))
+        return found
 
 
 @dataclass(frozen=True)
@@ -114,13 +141,17 @@ class Connection:
 
 @dataclass(frozen=True)
 class Junction:
-    """A junction with its connections, priorities (connecting roads: high, low) and signal controllers."""
+    """A junction with its connections, priorities (connecting roads: high, low) and signal controllers.
+
+    direct: the "connecting" roads are the roads that the incoming ones lead to, without any road between them.
+    """
 
     id: int
     name: str
     connections: tuple[Connection, ...]
     priorities: tuple[tuple[int, int], ...] = ()
     controllers: tuple[int, ...] = ()
+    direct: bool = False
 
 
 @dataclass(frozen=True)
@@ -133,14 +164,26 @@ class Controller:
 
 
 @dataclass(frozen=True)
+class Geo:
+    """The projection of a map as a PROJ string, and the projected coordinates (easting, northing, m) of the map's origin."""
+
+    projection: str
+    origin: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class RoadMap:
-    """A whole map, built for right-hand traffic or mirrored for left-hand traffic."""
+    """A whole map, built for right-hand traffic or mirrored for left-hand traffic.
+
+    geo: where it is on Earth; None for nowhere in particular.
+    """
 
     name: str
     roads: tuple[Road, ...]
     junctions: tuple[Junction, ...] = ()
     controllers: tuple[Controller, ...] = ()
     rule: str = "RHT"
+    geo: Geo | None = None
 
     def mirrored(self) -> RoadMap:
         """The same map for the other side of traffic, mirrored on the x axis."""
@@ -160,7 +203,12 @@ class RoadMap:
     def to_xml(self) -> bytes:
         """The map as an OpenDRIVE file, UTF-8."""
         root = etree.Element("OpenDRIVE")
-        _add(root, "header", revMajor=REVISION[0], revMinor=REVISION[1], name=self.name, version="1.00", vendor="xosc-toolchain")
+        header = _add(
+            root, "header", revMajor=REVISION[0], revMinor=REVISION[1], name=self.name, version="1.00", vendor="xosc-toolchain"
+        )
+        if self.geo:
+            _add(header, "geoReference").text = etree.CDATA(self.geo.projection)
+            _add(header, "offset", x=self.geo.origin[0], y=self.geo.origin[1], z=0, hdg=0)
         for road in self.roads:
             _road(root, road, self.rule)
         for controller in self.controllers:
@@ -184,10 +232,16 @@ class RoadMap:
 
 def _mirrored_road(road: Road) -> Road:
     start = Pose(road.start.x, -road.start.y, -road.start.heading)
-    plan = tuple(Segment(segment.length, -segment.start, -segment.end) for segment in road.plan)
+    plan = tuple(_mirrored_piece(piece) for piece in road.plan)
     sections = tuple(replace(s, lanes={-key: _mirrored_lane(lane) for key, lane in s.lanes.items()}) for s in road.sections)
     signals = tuple(replace(s, t=-s.t, lanes=(-s.lanes[1], -s.lanes[0])) for s in road.signals)
-    return replace(road, start=start, plan=plan, sections=sections, signals=signals)
+    offset = tuple(Cubic(c.s, -c.a, -c.b, -c.c, -c.d) for c in road.offset)
+    objects = tuple(replace(o, t=-o.t, outline=tuple((u, -v) for u, v in o.outline)) for o in road.objects)
+    return replace(road, start=start, plan=plan, sections=sections, signals=signals, offset=offset, objects=objects)
+
+
+def _mirrored_piece(piece: Segment | ParamPoly3) -> Segment | ParamPoly3:
+    return piece.mirrored() if isinstance(piece, ParamPoly3) else Segment(piece.length, -piece.start, -piece.end)
 
 
 def _mirrored_lane(lane: Lane) -> Lane:
@@ -219,12 +273,17 @@ def _road(root: etree._Element, road: Road, rule: str) -> None:
             if link:
                 _add(links, name, elementType=link.element, elementId=str(link.id), contactPoint=link.contact)
     kind = _add(element, "type", s=0, type=road.type)
-    limited = math.isfinite(road.speed_limit)
-    _add(kind, "speed", max=road.speed_limit * 3.6 if limited else "no limit", unit="km/h")
+    _add(kind, "speed", **_speed(road.speed_limit))
     _plan_view(_add(element, "planView"), road)
     lanes = _add(element, "lanes")
+    for cubic in road.offset:
+        _add(lanes, "laneOffset", s=cubic.s, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
     for section in road.sections:
         _section(lanes, section)
+    if road.objects:
+        objects = _add(element, "objects")
+        for item in road.objects:
+            _object(objects, item)
     if road.signals:
         signals = _add(element, "signals")
         for signal in road.signals:
@@ -232,16 +291,22 @@ def _road(root: etree._Element, road: Road, rule: str) -> None:
 
 
 def _plan_view(parent: etree._Element, road: Road) -> None:
-    s, pose = 0.0, road.start
-    for segment in road.plan:
-        geometry = _add(parent, "geometry", s=s, x=pose.x, y=pose.y, hdg=pose.heading, length=segment.length)
-        if segment.start != segment.end:
-            _add(geometry, "spiral", curvStart=segment.start, curvEnd=segment.end)
-        elif segment.start:
-            _add(geometry, "arc", curvature=segment.start)
+    s = 0.0
+    for pose, piece in zip(road.poses, road.plan, strict=False):
+        geometry = _add(parent, "geometry", s=s, x=pose.x, y=pose.y, hdg=pose.heading, length=piece.length)
+        if isinstance(piece, ParamPoly3):
+            u, v = (
+                dict(zip((f"a{axis}", f"b{axis}", f"c{axis}", f"d{axis}"), getattr(piece, axis.lower()), strict=True))
+                for axis in "UV"
+            )
+            _add(geometry, "paramPoly3", **u, **v, pRange="normalized")
+        elif piece.start != piece.end:
+            _add(geometry, "spiral", curvStart=piece.start, curvEnd=piece.end)
+        elif piece.start:
+            _add(geometry, "arc", curvature=piece.start)
         else:
             _add(geometry, "line")
-        s, pose = s + segment.length, advance(pose, segment)
+        s += piece.length
 
 
 def _section(parent: etree._Element, section: Section) -> None:
@@ -272,12 +337,36 @@ def _lane(side: etree._Element, key: int, lane: Lane) -> None:
     for cubic in lane.width:
         _add(element, "width", sOffset=cubic.s, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
     _mark(element, lane.mark)
+    if lane.speed_limit is not None:
+        _add(element, "speed", sOffset=0, **_speed(lane.speed_limit))
+
+
+def _speed(limit: float) -> dict[str, str | float]:
+    return {"max": limit * 3.6 if math.isfinite(limit) else "no limit", "unit": "km/h"}
 
 
 def _mark(parent: etree._Element, kind: str) -> None:
     change = "both" if kind == "broken" else "none"
     width = 0.12 if kind != "none" else None
     _add(parent, "roadMark", sOffset=0, type=kind, weight="standard", color="standard", width=width, laneChange=change)
+
+
+def _object(parent: etree._Element, item: Object) -> None:
+    element = _add(
+        parent,
+        "object",
+        id=str(item.id),
+        name=item.name,
+        type=item.type,
+        s=item.s,
+        t=item.t,
+        zOffset=0,
+        hdg=0,
+        orientation="none",
+    )
+    outline = _add(_add(element, "outlines"), "outline", id="0", closed="true")
+    for number, (u, v) in enumerate(item.outline):
+        _add(outline, "cornerLocal", id=str(number), u=u, v=v, z=0, height=0)
 
 
 def _signal(parent: etree._Element, signal: Signal) -> None:
@@ -290,12 +379,11 @@ def _signal(parent: etree._Element, signal: Signal) -> None:
 
 
 def _junction(root: etree._Element, junction: Junction) -> None:
-    element = _add(root, "junction", id=str(junction.id), name=junction.name, type="default")
+    element = _add(root, "junction", id=str(junction.id), name=junction.name, type="direct" if junction.direct else "default")
+    entered = "linkedRoad" if junction.direct else "connectingRoad"
     for number, connection in enumerate(junction.connections):
-        child = _add(
-            element, "connection", id=str(number), incomingRoad=str(connection.incoming),
-            connectingRoad=str(connection.connecting), contactPoint="start",
-        )  # fmt: skip
+        ends = {"incomingRoad": str(connection.incoming), entered: str(connection.connecting)}
+        child = _add(element, "connection", id=str(number), **ends, contactPoint="start")
         for here, there in connection.lanes:
             _add(child, "laneLink", **{"from": str(here), "to": str(there)})
     for high, low in junction.priorities:

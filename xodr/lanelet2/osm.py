@@ -1,0 +1,174 @@
+"""The elements of an OSM file: nodes, ways and relations, as Lanelet2 uses them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from lxml import etree
+
+from schemas.errors import InvalidFile
+from schemas.xml import line_of, parse
+
+Tags = dict[str, str]
+T = TypeVar("T")
+
+
+class Node(NamedTuple):
+    """A point: latitude and longitude [degrees], and coordinates of the map [m] where it has its own."""
+
+    place: tuple[float, float] | None
+    local: tuple[float, float] | None
+
+
+class Way(NamedTuple):
+    """A line through nodes."""
+
+    id: str
+    nodes: tuple[str, ...]
+    tags: Tags
+
+
+class Member(NamedTuple):
+    """A part of a relation. type: "node", "way" or "relation"."""
+
+    type: str
+    ref: str
+    role: str
+
+
+@dataclass(frozen=True, eq=False)
+class Relation:
+    """A relation, with the element for complaints."""
+
+    id: str
+    members: tuple[Member, ...]
+    tags: Tags
+    element: etree._Element
+
+    def refs(self, role: str, type: str) -> list[str]:
+        """What the members of a role and type refer to."""
+        return [member.ref for member in self.members if member.role == role and member.type == type]
+
+    def invalid(self, message: str) -> InvalidFile:
+        """An error about this relation."""
+        return _invalid(self.element, message)
+
+
+class Osm(NamedTuple):
+    """The content of a file, by id."""
+
+    nodes: dict[str, Node]
+    ways: dict[str, Way]
+    relations: dict[str, Relation]
+
+
+def read(path: Path) -> Osm:
+    """Read an OSM file; elements that an editor marked as deleted are left out.
+
+    Raises:
+        InvalidFile: missing, malformed, or not OSM; an id is used twice, refers to nothing, or a number is not finite.
+    """
+    root = parse(path).getroot()
+    try:
+        return _content(root)
+    except InvalidFile as error:
+        error.path = error.path or str(path)
+        raise
+
+
+def _content(root: etree._Element) -> Osm:
+    if root.tag != "osm":
+        raise _invalid(root, "the root element of a Lanelet2 map is osm")
+    found = Osm({}, {}, {})
+    for element in root.iterchildren("node"):
+        _put(found.nodes, element, _node(element))
+    for element in root.iterchildren("way"):
+        way = _way(element)
+        _put(found.ways, element, way)
+        for nd, ref in zip(element.iterchildren("nd"), way.nodes, strict=True):
+            if ref not in found.nodes:
+                raise _invalid(nd, f"there is no node {ref!r}")
+    for element in root.iterchildren("relation"):
+        _put(found.relations, element, _relation(element))
+    for relation in found.relations.values():
+        _check_members(found, relation)
+    return found
+
+
+def _put(table: dict[str, T], element: etree._Element, value: T) -> None:
+    if element.get("action") == "delete":
+        return
+    identity = _attribute(element, "id")
+    if identity in table:
+        raise _invalid(element, f"the id {identity!r} is used twice")
+    table[identity] = value
+
+
+def _node(element: etree._Element) -> Node:
+    tags = _tags(element)
+    local = _pair(element, tags, "local_x", "local_y")
+    place = _pair(element, {name: element.get(name, "") for name in ("lat", "lon")}, "lat", "lon")
+    if place is None and local is None:
+        raise _invalid(element, "a node has lat and lon, or the tags local_x and local_y")
+    if place is not None and not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):
+        raise _invalid(element, f"lat={place[0]:g}, lon={place[1]:g} is no place on Earth")
+    return Node(place, local)
+
+
+def _pair(element: etree._Element, texts: dict[str, str], *names: str) -> tuple[float, float] | None:
+    values = [texts.get(name) or None for name in names]
+    if values == [None, None]:
+        return None
+    numbers = []
+    for name, value in zip(names, values, strict=True):
+        try:
+            number = float(value or "")
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise _invalid(element, f"{name}={value or ''!r} is no finite number")
+        numbers.append(number)
+    return numbers[0], numbers[1]
+
+
+def _way(element: etree._Element) -> Way:
+    nodes = tuple(_attribute(nd, "ref") for nd in element.iterchildren("nd"))
+    return Way(_attribute(element, "id"), nodes, _tags(element))
+
+
+def _relation(element: etree._Element) -> Relation:
+    members = tuple(
+        Member(_attribute(member, "type"), _attribute(member, "ref"), member.get("role", ""))
+        for member in element.iterchildren("member")
+    )
+    return Relation(_attribute(element, "id"), members, _tags(element), element)
+
+
+def _check_members(found: Osm, relation: Relation) -> None:
+    tables: dict[str, Collection[str]] = {"node": found.nodes, "way": found.ways, "relation": found.relations}
+    for element, member in zip(relation.element.iterchildren("member"), relation.members, strict=True):
+        if member.type not in tables:
+            raise _invalid(element, f"type={member.type!r} is not node, way or relation")
+        if member.ref not in tables[member.type]:
+            raise _invalid(element, f"there is no {member.type} {member.ref!r}")
+
+
+def _tags(element: etree._Element) -> Tags:
+    return {tag.get("k", ""): tag.get("v", "").strip() for tag in element.iterchildren("tag")}
+
+
+def _attribute(element: etree._Element, name: str) -> str:
+    value = element.get(name)
+    if not value:
+        raise _invalid(element, f"the attribute {name} is missing")
+    return value
+
+
+def _invalid(element: etree._Element, message: str) -> InvalidFile:
+    tag = str(element.tag)
+    name = f"{tag} {element.get('id')}" if element.get("id") else tag
+    return InvalidFile(message, line=line_of(element), element=name)

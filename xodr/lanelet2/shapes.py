@@ -1,0 +1,149 @@
+"""The geometry of one road: a smooth reference line along its middle, and its borders as functions of s."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from xodr.builders.curves import Pose
+from xodr.builders.parametric import ParamPoly3
+from xodr.lanelet2.lanelet import Points
+from xodr.lanelet2.mouths import Mouth
+from xodr.lanelet2.polylines import between, lengths, middle, resampled
+from xodr.lanelet2.splines import Floats, Spline, fit
+
+STEP = 0.5
+"""Distance between the places where borders are measured, m."""
+LINE_TOLERANCE = 0.3
+"""How far the reference line may keep from the middle of the road, m: only its smoothness matters."""
+BORDER_TOLERANCE = 0.08
+"""How far the borders may keep from those of the lanelets, m."""
+_SHORTEST_BEND, _SHORTEST_PIECE = 3.0, 1.0
+"""Shortest pieces of the reference line and of the borders, m."""
+_SHARPEST = 0.8
+"""Largest curvature, in parts of that at which the road's inner edge would be the centre of the curve."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+class Shape(NamedTuple):
+    """A reference line and the borders.
+
+    start, plan: of the reference line. s: where the pieces of the borders begin, (m,). t: their coefficients, from
+    left to right, (m, 4, borders).
+    """
+
+    start: Pose
+    plan: tuple[ParamPoly3, ...]
+    s: Floats
+    t: Floats
+
+
+def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
+    """The geometry of the road between two mouths whose borders (from left to right) are the given lines."""
+    line = _reference_line(between(lines[0], start.frame, end.frame), between(lines[-1], start.frame, end.frame), start, end)
+    knots = _arc_lengths(line)
+    at = np.linspace(line.knots[0], line.knots[-1], max(int(knots[-1] / STEP), 4) + 1)
+    s = _arc_lengths(line, at)
+    samples = np.column_stack([_offsets(line, at, border) for border in lines])
+    ends = np.array([_own(start), _own(end)])
+    samples[[0, -1]] = ends
+    samples = np.minimum.accumulate(samples, axis=1)  # borders that cross leave a lane without width
+    slopes = np.array([[edge.slope for edge in mouth.edges] for mouth in (start, end)])
+    borders = _smooth(s, samples, ends, slopes)
+    first = line(line.knots[:1])[0]
+    heading = math.atan2(*line(line.knots[:1], 1)[0][::-1])
+    return Shape(Pose(float(first[0]), float(first[1]), heading), tuple(_pieces(line, knots)), borders.knots[:-1], borders.pieces)
+
+
+def _own(mouth: Mouth) -> list[float]:
+    """The borders as measured from the reference line, which passes half-way between the outer ones."""
+    t = [edge.t for edge in mouth.edges]
+    return [value - (t[0] + t[-1]) / 2 for value in t]
+
+
+def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> Spline:
+    """The coarsest spline along the middle that is near to it and does not turn too sharply for the road's width."""
+    count = max(int(max(lengths(left)[-1], lengths(right)[-1]) / STEP), 8) + 1
+    samples = middle(left, right, STEP)
+    half = np.hypot(*(resampled(left, count) - resampled(right, count)).T) / 2
+    ends = np.array([mouth.frame.world(0.0, (mouth.edges[0].t + mouth.edges[-1].t) / 2) for mouth in (start, end)])
+    samples[[0, -1]] = ends
+    at = lengths(samples)
+    slopes = np.array([(math.cos(mouth.frame.heading), math.sin(mouth.frame.heading)) for mouth in (start, end)])
+    best: tuple[float, Spline] | None = None
+    intervals = 1
+    while intervals == 1 or at[-1] / intervals >= _SHORTEST_BEND:
+        line = fit(at, samples, ends, slopes, intervals)
+        away = np.hypot(*(line(at) - samples).T).max() / LINE_TOLERANCE
+        sharp = np.abs(_curvatures(line, at) * half).max() / _SHARPEST
+        badness = max(away, sharp)
+        if best is None or badness < best[0]:
+            best = badness, line
+        if badness <= 1.0:
+            break
+        intervals *= 2
+    assert best is not None
+    return best[1]
+
+
+def _curvatures(line: Spline, at: Floats) -> Floats:
+    (dx, dy), (ddx, ddy) = line(at, 1).T, line(at, 2).T
+    return np.asarray((dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3)
+
+
+def _arc_lengths(line: Spline, at: Floats | None = None) -> Floats:
+    """Arc length of a plane curve at its knots, or at parameters."""
+    grid = line.knots if at is None else at
+    ends = np.concatenate([[line.knots[0]], grid])
+    half = np.diff(ends)[:, None] / 2
+    places = ends[:-1, None] + half * (1 + _NODES)
+    speeds = np.hypot(*line(places.ravel(), 1).T).reshape(places.shape)
+    return np.cumsum((half * speeds) @ _WEIGHTS)
+
+
+def _offsets(line: Spline, at: Floats, border: Points) -> Floats:
+    """t of a border at parameters of the reference line: where the line's normals meet it, interpolated where they do not."""
+    points, tangents = line(at), line(at, 1)
+    tangents = tangents / np.hypot(*tangents.T)[:, None]
+    delta = border[None] - points[:, None]
+    ahead = (delta * tangents[:, None]).sum(axis=2)
+    aside = delta[..., 1] * tangents[:, None, 0] - delta[..., 0] * tangents[:, None, 1]
+    meets = (ahead[:, :-1] <= 0.0) & (ahead[:, 1:] > 0.0)
+    share = np.divide(ahead[:, :-1], ahead[:, :-1] - ahead[:, 1:], where=meets, out=np.zeros(meets.shape))
+    t = np.where(meets, aside[:, :-1] + share * (aside[:, 1:] - aside[:, :-1]), np.inf)
+    nearest = np.take_along_axis(t, np.argmin(np.abs(t), axis=1)[:, None], axis=1)[:, 0]
+    found = np.isfinite(nearest)
+    return np.interp(at, at[found], nearest[found]) if found.any() else np.zeros(len(at))
+
+
+def _smooth(s: Floats, samples: Floats, ends: Floats, slopes: Floats) -> Spline:
+    """The coarsest spline within tolerance of the samples, else the nearest one."""
+    best: tuple[float, Spline] | None = None
+    intervals = 1
+    while intervals == 1 or s[-1] / intervals >= _SHORTEST_PIECE:
+        spline = fit(s, samples, ends, slopes, intervals)
+        away = float(np.abs(spline(s) - samples).max())
+        if best is None or away < best[0]:
+            best = away, spline
+        if away <= BORDER_TOLERANCE:
+            break
+        intervals *= 2
+    assert best is not None
+    return best[1]
+
+
+def _pieces(line: Spline, s: Floats) -> list[ParamPoly3]:
+    """The pieces of a plane spline in the frames of their starts, with parameters from 0 to 1."""
+    found = []
+    for index, piece in enumerate(line.pieces):
+        scaled = piece * (line.knots[index + 1] - line.knots[index]) ** np.arange(4)[:, None]
+        scaled[0] = 0.0
+        direction = scaled[1] / np.hypot(*scaled[1])
+        u = scaled @ direction
+        v = scaled @ np.array([-direction[1], direction[0]])
+        v[1] = 0.0
+        found.append(ParamPoly3(float(s[index + 1] - s[index]), tuple(u.tolist()), tuple(v.tolist())))
+    return found
