@@ -14,9 +14,9 @@ _WIDER = 4
 class Attention(nn.Module):
     """Multi-head self-attention with its norm, over the last but one axis: (…, tokens, dim)."""
 
-    def __init__(self, dim: int, heads: int, dropout: float) -> None:
+    def __init__(self, dim: int, heads: int) -> None:
         super().__init__()
-        self.heads, self.dropout = heads, dropout
+        self.heads = heads
         self.norm = nn.LayerNorm(dim)
         self.mixed = nn.Linear(dim, 3 * dim)
         self.out = nn.Linear(dim, dim)
@@ -25,8 +25,7 @@ class Attention(nn.Module):
         """What each token takes in from the others."""
         parts = self.mixed(self.norm(tokens)).unflatten(-1, (3, self.heads, -1))
         query, key, value = (part.transpose(-3, -2) for part in parts.unbind(-3))
-        dropout = self.dropout if self.training else 0.0
-        return self.out(F.scaled_dot_product_attention(query, key, value, dropout_p=dropout).transpose(-3, -2).flatten(-2))
+        return self.out(F.scaled_dot_product_attention(query, key, value).transpose(-3, -2).flatten(-2))
 
 
 class Block(nn.Module):
@@ -34,20 +33,16 @@ class Block(nn.Module):
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
-        dim, heads, dropout = architecture.dim, architecture.heads, architecture.dropout
-        self.divided = architecture.attention == "divided"
-        self.attention = Attention(dim, heads, dropout)
-        self.over_time = Attention(dim, heads, dropout) if self.divided else None
-        self.dropout = nn.Dropout(dropout)
-        self.layers = nn.Sequential(
-            nn.LayerNorm(dim), nn.Linear(dim, _WIDER * dim), nn.GELU(), nn.Linear(_WIDER * dim, dim), nn.Dropout(dropout)
-        )
+        dim, heads = architecture.dim, architecture.heads
+        self.attention = Attention(dim, heads)
+        self.over_time = Attention(dim, heads) if architecture.attention == "divided" else None
+        self.layers = nn.Sequential(nn.LayerNorm(dim), nn.Linear(dim, _WIDER * dim), nn.GELU(), nn.Linear(_WIDER * dim, dim))
 
     def forward(self, tokens: Tensor) -> Tensor:
         """Tokens that have taken in the others."""
-        if self.over_time is not None:
-            tokens = tokens + self.dropout(self.over_time(tokens.transpose(1, 2)).transpose(1, 2))
-            tokens = tokens + self.dropout(self.attention(tokens))
+        if self.over_time is None:
+            tokens = tokens + self.attention(tokens.flatten(1, 2)).view_as(tokens)
         else:
-            tokens = tokens + self.dropout(self.attention(tokens.flatten(1, 2)).view_as(tokens))
+            tokens = tokens + self.over_time(tokens.transpose(1, 2)).transpose(1, 2)
+            tokens = tokens + self.attention(tokens)
         return tokens + self.layers(tokens)

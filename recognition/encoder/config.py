@@ -18,7 +18,6 @@ class Architecture:
         attention: `joint` over all tokens of a window, or `divided`: first over time at each place, then over space.
         tokens: `patches` of neighbouring cells, or `rows`: each frame flattened row by row and cut into equally long runs.
         front: what a token is made from: `cells` as they are, or `cnn`: the output of two small convolutions.
-        dropout: share of activations dropped in training.
     """
 
     dim: int
@@ -28,7 +27,6 @@ class Architecture:
     attention: Literal["joint", "divided"] = "joint"
     tokens: Literal["patches", "rows"] = "patches"
     front: Literal["cells", "cnn"] = "cells"
-    dropout: float = 0.1
 
     def __post_init__(self) -> None:
         if min(self.dim, self.depth, self.heads, *self.patch) < 1 or self.dim % self.heads:

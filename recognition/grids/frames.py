@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 _MISSING = 0.25
 """The ego's row nearest to a wanted time may be this far from it, s: a few frames may be missing in its track."""
+_TIE = 1e-6
+"""Of two rows that are equally near in time, within rounding (s), the earlier counts: so frames stay equally far apart."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def ego_rows(frames: Frames, moments: Moments, offsets: Sequence[float]) -> tupl
         UsageError: a moment names no track of the recording.
     """
     rows = np.empty((len(moments), len(offsets)), np.int64)
-    wanted = np.array([time for _, time in moments], float)[:, None] + np.asarray(offsets)
+    wanted = np.array([time for _, time in moments], float)[:, None] + np.asarray(offsets) - _TIE
     egos = np.array([_number(frames, ego) for ego, _ in moments], np.int64)
     for ego in np.unique(egos):
         mine = egos == ego
