@@ -1,0 +1,11 @@
+"""Unknown-class screening (UCS): which samples belong to no known class, told from the votes of a forest.
+
+One file for each reading of the method; all have the contract of `base.Screening`.
+"""
+
+from recognition.screening.base import Screening
+from recognition.screening.evt_deficit import EvtDeficit
+from recognition.screening.threshold import VoteThreshold
+from recognition.screening.weibull import WeibullVotes
+
+__all__ = ["EvtDeficit", "Screening", "VoteThreshold", "WeibullVotes"]

@@ -1,0 +1,73 @@
+"""Reading A of RF-EVT (UCS): a generalised Pareto tail of the votes that the true class lacks."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import genpareto
+
+from recognition.samples import Floats, Whole
+from recognition.screening.base import Screening
+
+TAIL = 0.05
+"""Share of a class's calibration samples beyond its 95th percentile, which the tail describes."""
+_FEWEST_EXCEEDANCES = 10
+
+
+class EvtDeficit(Screening):
+    """score = 1 − max_k s_k, unknown where max_k s_k < δ, else argmax_k v_k.
+
+    d = T − v_k + U(0, 1) is the deficit of votes of a calibration sample of class k, u_k its 95th percentile.
+    s_k(d) = empirical P(D ≥ d) for d ≤ u_k, else 0.05 · (1 + ξ_k (d − u_k) / σ_k)^(−1/ξ_k): the survival of a generalised Pareto
+    distribution fitted to d − u_k > 0, with ξ = 0 and σ = mean excess where fewer than 10 samples exceed u_k.
+    Scoring uses the mean jitter, 0.5, so that a sample's score does not depend on what it is scored with.
+    Reference: Pickands, "Statistical Inference Using Extreme Order Statistics" (Annals of Statistics 3, 1975); Scheirer et al.,
+    "Meta-Recognition" (PAMI 33, 2011) for extreme values of recognition scores.
+
+    Args:
+        delta: similarity below which a sample is unknown; `selection.choose_delta` finds one.
+        seed: of the jitter.
+        window: samples of each class that recalibration looks back on; 0 keeps the calibration as fitted.
+    """
+
+    def __init__(self, delta: float = 0.05, seed: int = 0, window: int = 0) -> None:
+        super().__init__(threshold=1.0 - delta)
+        self.seed = seed
+        self.window = window
+        self.deficits: Floats = np.zeros(0)
+        self.starts: Whole = np.zeros(1, dtype=np.int64)
+        self.limits: Floats = np.zeros(0)
+        self.shapes: Floats = np.zeros(0)
+        self.scales: Floats = np.zeros(0)
+
+    def _calibrate(self, votes: Whole, columns: Whole) -> None:
+        jitter = np.random.default_rng(self.seed).random(len(votes))
+        deficits = self.trees - votes[np.arange(len(votes)), columns] + jitter
+        of_class = [np.sort(deficits[columns == column]) for column in range(len(self.classes))]
+        self.deficits = np.concatenate(of_class)
+        self.starts = np.cumsum([0, *map(len, of_class)])
+        self.limits = np.array([np.quantile(of, 1.0 - TAIL) for of in of_class])
+        tails = [tail(of[of > limit] - limit) for of, limit in zip(of_class, self.limits, strict=True)]
+        self.shapes, self.scales = np.array(tails).T
+
+    def similarities(self, votes: Whole) -> Floats:
+        """s_k (n, K) in [0, 1]: share of class k's samples that lack at least as many votes."""
+        deficits = self.trees - votes + 0.5
+        return np.stack([self._survival(deficits[:, column], column) for column in range(len(self.classes))], axis=1)
+
+    def _score(self, votes: Whole) -> Floats:
+        return 1.0 - self.similarities(votes).max(axis=1)
+
+    def _survival(self, deficit: Floats, column: int) -> Floats:
+        of_class = self.deficits[self.starts[column] : self.starts[column + 1]]
+        empirical = 1.0 - np.searchsorted(of_class, deficit) / len(of_class)
+        excess = deficit - self.limits[column]
+        beyond = TAIL * genpareto.sf(excess, self.shapes[column], scale=self.scales[column])
+        return np.where(excess <= 0.0, empirical, beyond)
+
+
+def tail(excesses: Floats) -> tuple[float, float]:
+    """Shape ξ and scale σ of the generalised Pareto distribution of positive excesses; of the exponential one, if they are few."""
+    if len(excesses) < _FEWEST_EXCEEDANCES:
+        return 0.0, float(excesses.mean()) if len(excesses) else 1.0
+    shape, _, scale = genpareto.fit(excesses, floc=0.0)
+    return float(shape), float(scale)
