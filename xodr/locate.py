@@ -21,9 +21,9 @@ _MOST_CHORDS = 400_000
 _TOO_LONG = "the roads are too long or wind too much to be indexed"
 _LONGEST_CHORD = 100.0
 _FANOUT = 8
-_CONVERGED = 1e-6
-_ON_SURFACE = 1e-6
-_OTHER_LEVEL = 2.0
+CONVERGED = 1e-6
+ON_SURFACE = 1e-6
+OTHER_LEVEL = 2.0
 """Height difference [m] from which a road is taken to be on another level."""
 
 
@@ -128,7 +128,7 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
         # d(ahead)/ds is 1 − κ·aside; kept away from 0 at the centre of a curve
         wanted = s + ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
         before, s = s, min(max(wanted, 0.0), road.length)
-        if abs(s - before) < _CONVERGED:
+        if abs(s - before) < CONVERGED:
             if s == wanted:
                 ahead = 0.0  # what is left is the square of the last step, far below a micrometre
             break
@@ -139,11 +139,11 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
     right, left = road.edges(s)
     beside = max(right - t, 0.0, t - left)
     gap = beside
-    if abs(ahead) > _ON_SURFACE:
+    if abs(ahead) > ON_SURFACE:
         gap = math.hypot(beside, ahead)
         if s in (0.0, road.length) and ahead * (s - 0.5 * road.length) > 0.0:
             s += ahead  # beyond the road's end, on the straight line that continues it
-    return _Hit(road, s, t, 0.0 if gap <= _ON_SURFACE else gap)
+    return _Hit(road, s, t, 0.0 if gap <= ON_SURFACE else gap)
 
 
 def _local(road: Road, x: float, y: float, s: float) -> tuple[float, float]:
@@ -155,7 +155,7 @@ def _local(road: Road, x: float, y: float, s: float) -> tuple[float, float]:
 
 def _bisect(road: Road, x: float, y: float, low: float, high: float) -> float:
     """Where "ahead" changes sign: also finds the kink of a line that is not smooth, where Newton's method jumps to and fro."""
-    while high - low > _CONVERGED:
+    while high - low > CONVERGED:
         middle = 0.5 * (low + high)
         if middle in (low, high):
             break
@@ -173,7 +173,7 @@ def _mismatch(road: Road, point: RoadPoint, z: float | None, h: float | None) ->
     if h is not None:
         way = road.heading(point.s) + (0.0 if road.direction(point.lane_id, point.s) > 0 else math.pi)
         angle = round(abs(math.remainder(h - way, math.tau)), 3)
-    return (height if height > _OTHER_LEVEL else 0.0), angle, round(abs(point.offset), 6)
+    return (height if height > OTHER_LEVEL else 0.0), angle, round(abs(point.offset), 6)
 
 
 # the tree -----------------------------------------------------------------------------------

@@ -1,0 +1,75 @@
+"""Others' changes of lane as their followers see them: cutting in before an ego, and out of its way."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from recognition.labels.leads import NOBODY
+from recognition.labels.scene import Flags, Scene
+from recognition.labels.spans import ahead_of
+from recognition.sites.lanes import Floats, Whole
+
+
+class Cuts(NamedTuple):
+    """Ego's row at t*, and the row of who changes lane in the same frame; gap between them along the lane, m."""
+
+    ego: Whole
+    other: Whole
+    gap: Floats
+
+    def where(self, chosen: Flags) -> Cuts:
+        """Some of them."""
+        return Cuts(self.ego[chosen], self.other[chosen], self.gap[chosen])
+
+
+def cut_ins(scene: Scene) -> Cuts:
+    """Who comes from another lane becomes ego's lead within `rules.cut_gap`, while ego keeps its lane."""
+    other = scene.changes.row
+    ego = scene.leads.follower[other]
+    gap = scene.leads.gap[ego]
+    new = (ego != NOBODY) & (_lead_track(scene, ego - 1) != scene.track[other])
+    good = new & _keeps_lane(scene, ego) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
+    return Cuts(ego, other, gap).where(good)
+
+
+def cut_outs(scene: Scene) -> Cuts:
+    """Ego's lead, within `rules.cut_gap`, changes to another lane, and somebody else or nobody is the lead then."""
+    other = scene.changes.row
+    before = scene.leads.follower[other - 1]
+    ego, gap = before + 1, scene.leads.gap[before]
+    seen = (before != NOBODY) & (ego <= scene.last[before])
+    ego = np.where(seen, ego, 0)
+    good = seen & (_lead_track(scene, ego) != scene.track[other])
+    good &= _keeps_lane(scene, ego) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
+    return Cuts(ego, other, gap).where(good)
+
+
+def lateral_gap(scene: Scene, cuts: Cuts) -> Floats:
+    """Distance between the sides of ego's and the other's box across the lane at t*, m."""
+    apart = np.abs(scene.offset[cuts.ego] - scene.offset[cuts.other])
+    return np.maximum(apart - 0.5 * (scene.width[cuts.ego] + scene.width[cuts.other]), 0.0)
+
+
+def least_ttc(scene: Scene, cuts: Cuts) -> Floats:
+    """Least TTC with the other within `rules.reaction` from t*, s; infinite where it is never defined."""
+    rows = ahead_of(scene, cuts.ego, scene.rules.reaction)
+    leads = scene.leads
+    same = (leads.row[rows] != NOBODY) & (scene.track[leads.row[rows]] == scene.track[cuts.other][:, None])
+    return np.where(same & leads.ttc.valid[rows], leads.ttc.value[rows], np.inf).min(axis=1, initial=np.inf)
+
+
+def brakes(scene: Scene, cuts: Cuts) -> Flags:
+    """Whether ego brakes harder than `rules.braking` within `rules.reaction` from t*."""
+    rows = ahead_of(scene, cuts.ego, scene.rules.reaction)
+    return scene.acceleration[rows].min(axis=1, initial=np.inf) <= scene.rules.braking
+
+
+def _lead_track(scene: Scene, row: Whole) -> Whole:
+    lead = scene.leads.row[row]
+    return np.where(lead == NOBODY, NOBODY, scene.track[lead])
+
+
+def _keeps_lane(scene: Scene, row: Whole) -> Flags:
+    return scene.steady(0.5 * scene.rules.window)[row] & scene.complete[row]

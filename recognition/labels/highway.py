@@ -1,0 +1,86 @@
+"""Rules 1 to 6: what happens on the through lanes of a motorway."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.labels import cuts
+from recognition.labels.classes import Label
+from recognition.labels.hits import Hits, alone
+from recognition.labels.leads import NOBODY
+from recognition.labels.motion import always, constant, deviation
+from recognition.labels.scene import Flags, Scene
+from recognition.labels.spans import spaced
+from recognition.sites import Role
+
+
+def free_cruise(scene: Scene) -> Hits:
+    """1: steady speed on one lane, without a lead or with one far ahead, in the window and its margins."""
+    rules = scene.rules
+    far = ~scene.leads.thw.valid | (scene.leads.thw.value > rules.following_headway)
+    calm = np.abs(scene.acceleration) < rules.cruise_acceleration
+    half = scene.rows(0.5 * rules.window + rules.margin)
+    flags = _steady_on_main(scene) & always(far & calm, half, scene.first, scene.last)
+    flags &= deviation(scene.speed, half, scene.first, scene.last) < rules.cruise_speed_deviation
+    row = spaced(scene, flags, rules.spacing, rules.most_windows)
+    return alone(Label.FREE_CRUISE, row, speed=scene.speed[row])
+
+
+def car_following(scene: Scene) -> Hits:
+    """2: the same lead on one lane, at a headway of at most `rules.following_headway`, in the window and its margins."""
+    rules, leads = scene.rules, scene.leads
+    half = scene.rows(0.5 * rules.window + rules.margin)
+    near = leads.thw.valid & (leads.thw.value > 0.0) & (leads.thw.value <= rules.following_headway)
+    lead = np.where(leads.row == NOBODY, NOBODY, scene.track[leads.row])
+    flags = _steady_on_main(scene) & always(near, half, scene.first, scene.last) & constant(lead, half, scene.first, scene.last)
+    row = spaced(scene, flags, rules.spacing, rules.most_windows)
+    closing = leads.ttc.valid[row] & (leads.ttc.value[row] < rules.following_ttc)
+    return Hits(
+        Label.CAR_FOLLOWING,
+        row,
+        leads.row[row],
+        {"gap": leads.gap[row], "thw": leads.thw.value[row], "ttc_below_4s": closing},
+    )
+
+
+def cut_in(scene: Scene) -> Hits:
+    """3: another vehicle comes into ego's lane and becomes its lead."""
+    found = _on_main(scene, cuts.cut_ins(scene))
+    near = cuts.lateral_gap(scene, found) < scene.rules.lateral_gap
+    return Hits(Label.CUT_IN, found.ego, found.other, {"gap": found.gap, "lateral_gap_below_2m": near})
+
+
+def cut_out(scene: Scene) -> Hits:
+    """4: ego's lead leaves the lane."""
+    found = _on_main(scene, cuts.cut_outs(scene))
+    return Hits(Label.CUT_OUT, found.ego, found.other, {"gap": found.gap, "ego_brakes": cuts.brakes(scene, found)})
+
+
+def lane_change_left(scene: Scene) -> Hits:
+    """5: ego changes to the lane on its left."""
+    return _lane_change(scene, Label.LANE_CHANGE_LEFT, scene.changes.left)
+
+
+def lane_change_right(scene: Scene) -> Hits:
+    """6: ego changes to the lane on its right."""
+    return _lane_change(scene, Label.LANE_CHANGE_RIGHT, ~scene.changes.left)
+
+
+def _lane_change(scene: Scene, label: Label, chosen: Flags) -> Hits:
+    row, shift, rules = scene.changes.row, scene.changes.shift, scene.rules
+    main = scene.has_role(Role.MAIN)
+    lane_width = scene.site.lanes.width[scene.strip[row]]
+    least = rules.shift * lane_width if rules.strict_shift is None else rules.strict_shift
+    good = chosen & main[row] & main[row - 1] & (shift >= least) & scene.complete[row]
+    return alone(label, row[good], shift=shift[good])
+
+
+def _steady_on_main(scene: Scene) -> Flags:
+    """Rows of egos that keep one main lane through the window and its margins, with all frames there."""
+    seconds = 0.5 * scene.rules.window + scene.rules.margin
+    main = always(scene.has_role(Role.MAIN), scene.rows(seconds), scene.first, scene.last)
+    return main & scene.steady(seconds) & scene.egos[scene.track]
+
+
+def _on_main(scene: Scene, found: cuts.Cuts) -> cuts.Cuts:
+    return found.where(scene.has_role(Role.MAIN)[found.ego])

@@ -1,0 +1,61 @@
+"""Rules 7 and 8: from a ramp onto the through lanes of a motorway, and off them.
+
+The way leads from lane to lane by a change of lane (from an acceleration lane) or along lanes that follow each other (where a
+ramp becomes a lane). Only the first has a lateral shift that can be compared: lanes that follow each other shift by themselves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.labels.classes import Label
+from recognition.labels.hits import Hits, alone
+from recognition.labels.scene import Flags, Scene
+from recognition.sites import Role
+from recognition.sites.lanes import Floats, Whole
+
+
+def ramp_entering(scene: Scene) -> Hits:
+    """7: from a ramp, along which ego drove `rules.ramp_length` or more, onto a main lane."""
+    ramp = scene.has_role(Role.ON_RAMP)
+    row, shift = _transitions(scene, ramp, scene.has_role(Role.MAIN))
+    way = _way_on(scene, ramp)
+    length = way[row] - way[_course_ends(scene)[0][row]]
+    return _hits(scene, Label.RAMP_ENTERING, row, length, shift)
+
+
+def ramp_exiting(scene: Scene) -> Hits:
+    """8: from a main lane onto a ramp, along which ego drives `rules.ramp_length` or more."""
+    ramp = scene.has_role(Role.OFF_RAMP)
+    row, shift = _transitions(scene, scene.has_role(Role.MAIN), ramp)
+    way = _way_on(scene, ramp)
+    length = way[_course_ends(scene)[1][row]] - way[row]
+    return _hits(scene, Label.RAMP_EXITING, row, length, shift)
+
+
+def _hits(scene: Scene, label: Label, row: Whole, length: Floats, shift: Floats) -> Hits:
+    good = scene.complete[row] & (length >= scene.rules.ramp_length) & (shift >= scene.rules.ramp_shift)
+    return alone(label, row[good], ramp_way=length[good])
+
+
+def _transitions(scene: Scene, before: Flags, after: Flags) -> tuple[Whole, Floats]:
+    """First rows after each transition, and the lateral shift of those by a change of lane; infinite for the others."""
+    changes = scene.changes
+    onwards = np.flatnonzero((changes.step[1:] == 0) & (changes.course[1:] == changes.course[:-1])) + 1
+    rows, shifts = np.append(changes.row, onwards), np.append(changes.shift, np.full(len(onwards), np.inf))
+    good = before[rows - 1] & after[rows]
+    return rows[good], shifts[good]
+
+
+def _way_on(scene: Scene, flags: Flags) -> Floats:
+    """Distance driven so far on rows with a flag, m, summed over all rows."""
+    step = np.hypot(np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1]))
+    inside = np.zeros(len(step), bool)
+    inside[1:] = scene.changes.course[1:] == scene.changes.course[:-1]
+    return np.cumsum(np.where(inside & flags, step, 0.0))
+
+
+def _course_ends(scene: Scene) -> tuple[Whole, Whole]:
+    """First and last row of the course that each row is in."""
+    course = scene.changes.course
+    return np.searchsorted(course, course, side="left"), np.searchsorted(course, course, side="right") - 1

@@ -1,0 +1,74 @@
+"""Thresholds of the labelling rules, with the defaults of METHOD.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Everything that a rule compares with. Times in s, lengths in m, speeds in m/s, accelerations in m/s², angles in degrees.
+
+    Attributes:
+        window: length of the window about t*, for which ego has to be there without missing frames.
+        margin: time before and after the window in which free cruise and following hold too.
+        spacing: least time between two free cruises, or two followings, of one ego.
+        most_windows: most of each of them of one ego.
+        sight: how far ahead a lead is looked for.
+        smoothing: time over which accelerations are averaged before they are compared.
+        cruise_acceleration, cruise_speed_deviation: greatest |a| and standard deviation of the speed in free cruise.
+        following_headway: greatest THW of following, and least of free cruise.
+        following_ttc: TTC below which following gets the tag `ttc_below_4s`.
+        hold: how long a lane is held before and after a change; shorter stays in a lane are none.
+        shift: least lateral displacement of a lane change, in lane widths.
+        strict_shift: least lateral displacement in m, instead, where it is given.
+        shift_time: time before and after a change in which the displacement is measured.
+        cut_gap: greatest gap to who cuts in or out.
+        lateral_gap: lateral gap below which a cut-in gets the tag `lateral_gap_below_2m`.
+        braking: acceleration below which a cut-out gets the tag `ego_brakes`.
+        reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at.
+        urban_ttc: TTC below which an urban cut-in has to be.
+        urban_speed_limit: greatest speed limit of an urban lane.
+        ramp_length: way along the ramp.
+        ramp_shift: least lateral shift between ramp and main lane.
+        yield_speed, yield_time: who was slower, or has a lower PET, gets the tag `yields`.
+        ring_spacing: least time between two events of circulating, and between one and an entering or exiting.
+        turn: least and greatest change of heading of a turn.
+        straight: greatest change of heading of a straight cross.
+        opposing_time: time within which an opposing vehicle passes.
+        vru_pet: PET with pedestrians and cyclists below which there is a conflict.
+        merging_gap: arrivals in one lane less than this apart are merging.
+        signalised: whether junctions with traffic lights count as well.
+    """
+
+    window: float = 1.5
+    margin: float = 2.0
+    spacing: float = 6.0
+    most_windows: int = 3
+    sight: float = 200.0
+    smoothing: float = 1.0
+    cruise_acceleration: float = 0.3
+    cruise_speed_deviation: float = 0.5
+    following_headway: float = 4.0
+    following_ttc: float = 4.0
+    hold: float = 1.0
+    shift: float = 0.8
+    strict_shift: float | None = None
+    shift_time: float = 4.0
+    cut_gap: float = 80.0
+    lateral_gap: float = 2.0
+    braking: float = -1.0
+    reaction: float = 2.0
+    urban_ttc: float = 3.0
+    urban_speed_limit: float = 70.0 / 3.6
+    ramp_length: float = 50.0
+    ramp_shift: float = 3.0
+    yield_speed: float = 2.0
+    yield_time: float = 3.0
+    ring_spacing: float = 3.0
+    turn: tuple[float, float] = (45.0, 135.0)
+    straight: float = 20.0
+    opposing_time: float = 5.0
+    vru_pet: float = 3.0
+    merging_gap: float = 3.0
+    signalised: bool = False

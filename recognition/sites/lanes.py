@@ -1,0 +1,192 @@
+"""The lanes of a road network as a graph in the direction of their traffic, for looking up many rows at once.
+
+A strip is one lane within one lane section. Left and right are those of the strip's traffic.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from xodr.model import LaneLink
+from xodr.network import RoadNetwork
+from xodr.road import Road
+from xodr.travel import Traveller
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+NOWHERE = -1
+"""Index in place of a strip where a row is on none."""
+
+
+class Strip(NamedTuple):
+    """A lane within a lane section.
+
+    section: index of the section on its road. start, end: the section's s, m. forward: whether its traffic drives towards +s.
+    place: how many lanes of the same direction lie to its left. length: of its centre line, m. width: its greatest, m.
+    speed_limit: m/s, infinite for none.
+    """
+
+    road: str
+    section: int
+    lane: int
+    start: float
+    end: float
+    forward: bool
+    kind: str
+    place: int
+    length: float
+    width: float
+    speed_limit: float
+
+
+class LaneGraph:
+    """All lanes of a road network, and which follows which.
+
+    Attributes:
+        strips: the lanes within sections.
+        following: indices of the strips that traffic reaches from each.
+        straight: that one of them which turns least, or NOWHERE.
+    """
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self._network = network
+        self._traveller = Traveller(network.roads, {})
+        self.strips = [
+            strip
+            for road in network.roads.values()
+            for index in range(len(road.sections))
+            for strip in self._section(road, index)
+        ]
+        self._index = {(strip.road, strip.section, strip.lane): number for number, strip in enumerate(self.strips)}
+        self._of_lane: dict[tuple[str, int], list[int]] = {}
+        for number, strip in enumerate(self.strips):
+            self._of_lane.setdefault((strip.road, strip.lane), []).append(number)
+        self.following = [self._following(strip) for strip in self.strips]
+        self.straight = np.array([self._straightest(number) for number in range(len(self.strips))], np.int64)
+        self._start = np.array([strip.start for strip in self.strips])
+        self._end = np.array([strip.end for strip in self.strips])
+        self.length = np.array([strip.length for strip in self.strips])
+        self.width = np.array([strip.width for strip in self.strips])
+        self.forward = np.array([strip.forward for strip in self.strips], bool)
+        self.speed_limit = np.array([strip.speed_limit for strip in self.strips])
+        self._lookup = _Lookup(network, self._index)
+
+    def find(self, road_id: NDArray[np.object_], lane_id: Whole, s: Floats) -> Whole:
+        """Index of the strip of each row, NOWHERE where it is on none."""
+        return self._lookup.find(road_id, lane_id, s)
+
+    def numbers(self, road: str, lane: int, start: float, end: float) -> list[int]:
+        """Indices of the strips that a lane has from one s to another."""
+        return [number for number in self._of_lane.get((road, lane), []) if self._overlaps(number, start, end)]
+
+    def _overlaps(self, number: int, start: float, end: float) -> bool:
+        return self.strips[number].start < end and self.strips[number].end > start
+
+    def along(self, strip: Whole, s: Floats) -> Floats:
+        """Distance from the beginning of each row's strip in the direction of its traffic, along its centre line, m."""
+        start, end = self._start[strip], self._end[strip]
+        way = np.where(self.forward[strip], s - start, end - s)
+        return way * self.length[strip] / np.maximum(end - start, 1e-9)
+
+    def lanes_left(self, one: int, other: int) -> int | None:
+        """How many lanes to the left a strip lies as seen from another one that is beside it or before it; None for neither.
+
+        A strip that follows counts as 0, as do those that follow it within a few steps: short ones are skipped between rows.
+        """
+        ahead = [one]
+        for _ in range(4):
+            for strip in ahead:
+                steps = self._beside(strip, other)
+                if steps is not None:
+                    return steps
+            ahead = [after for strip in ahead for after in self.following[strip]]
+        for before, after in enumerate(self.following):
+            if other in after and (steps := self._beside(one, before)) is not None:
+                return steps
+        return None
+
+    def _beside(self, one: int, other: int) -> int | None:
+        a, b = self.strips[one], self.strips[other]
+        if (a.road, a.section, a.forward) != (b.road, b.section, b.forward):
+            return None
+        return a.place - b.place
+
+    def _section(self, road: Road, index: int) -> list[Strip]:
+        section = road.sections[index]
+        middle = 0.5 * (section.s + section.end)
+        from_right = road.lane_ids(middle)
+        forward = {lane: road.direction(lane, middle) > 0 for lane in from_right}
+        places = {lane: place for way in (True, False) for place, lane in enumerate(_from_left(from_right, forward, way))}
+        strips = []
+        for lane_id in from_right:
+            lane = section.lanes[lane_id]
+            length, _ = self._traveller.length(road, lane_id, section.s, math.nextafter(section.end, -math.inf))
+            width = max(lane.width(s) for s in (section.s, middle, section.end))
+            limit = road.speed_limit(middle, lane_id)
+            where = (road.id, index, lane_id, section.s, section.end, forward[lane_id], lane.type, places[lane_id])
+            strips.append(Strip(*where, length, width, math.inf if limit is None else limit))
+        return strips
+
+    def _following(self, strip: Strip) -> tuple[int, ...]:
+        road = self._network.roads[strip.road]
+        lane = road.sections[strip.section].lanes[strip.lane]
+        beyond = strip.section + (1 if strip.forward else -1)
+        if 0 <= beyond < len(road.sections):
+            linked = lane.successor if strip.forward else lane.predecessor
+            found = [self._index.get((strip.road, beyond, linked))] if linked is not None else []
+        else:
+            found = [self._entered(link) for link in self._network.links(strip.road, strip.lane, strip.forward)]
+        return tuple(number for number in found if number is not None)
+
+    def _entered(self, link: LaneLink) -> int | None:
+        """The strip that a link leads into, unless against its traffic."""
+        section = 0 if link.at_start else len(self._network.roads[link.road_id].sections) - 1
+        number = self._index.get((link.road_id, section, link.lane_id))
+        return number if number is not None and self.strips[number].forward == link.at_start else None
+
+    def _straightest(self, number: int) -> int:
+        def turn(after: int) -> float:
+            strip = self.strips[after]
+            return self._traveller.turn(LaneLink(strip.road, strip.lane, strip.forward))
+
+        return min(self.following[number], key=turn, default=NOWHERE)
+
+
+def _from_left(from_right: tuple[int, ...], forward: dict[int, bool], way: bool) -> list[int]:
+    """Lanes of one direction from the left to the right of their traffic, given all lanes in ascending t."""
+    lanes = [lane for lane in from_right if forward[lane] == way]
+    return lanes[::-1] if way else lanes
+
+
+class _Lookup:
+    """Table from section and lane id to strips."""
+
+    def __init__(self, network: RoadNetwork, index: dict[tuple[str, int, int], int]) -> None:
+        self._roads = {road: number for number, road in enumerate(network.roads)}
+        self._starts = [np.array([section.s for section in road.sections]) for road in network.roads.values()]
+        self._first = np.concatenate([[0], np.cumsum([len(starts) for starts in self._starts])])
+        self._reach = max((abs(lane) for _, _, lane in index), default=0)
+        self._table = np.full((self._first[-1], 2 * self._reach + 1), NOWHERE, np.int64)
+        for (road, section, lane), number in index.items():
+            self._table[self._first[self._roads[road]] + section, lane + self._reach] = number
+
+    def find(self, road_id: NDArray[np.object_], lane_id: Whole, s: Floats) -> Whole:
+        road = np.fromiter((self._roads.get(one, NOWHERE) for one in road_id), np.int64, len(road_id))
+        row = np.zeros(len(road), np.int64)
+        for number in np.unique(road[road >= 0]).tolist():
+            mine = road == number
+            row[mine] = self._first[number] + np.maximum(np.searchsorted(self._starts[number], s[mine], side="right") - 1, 0)
+        known = (road >= 0) & (np.abs(lane_id) <= self._reach)
+        return np.where(known, self._table[row, np.where(known, lane_id, 0) + self._reach], NOWHERE)
+
+
+@lru_cache(maxsize=8)
+def graph(network: RoadNetwork) -> LaneGraph:
+    """The lanes of a network, built once."""
+    return LaneGraph(network)

@@ -1,0 +1,124 @@
+"""Proposes the roles of a map's lanes from junctions, rings, lane types, speed limits, and lanes that begin or end."""
+
+from __future__ import annotations
+
+from recognition.sites.lanes import LaneGraph, Strip
+from recognition.sites.rings import ring_strips
+from recognition.sites.roles import Entry, Role
+from xodr.network import RoadNetwork
+from xodr.ways import DRIVABLE
+
+FAST = 70.0 / 3.6
+"""Roads with a limit above this (m/s) are no urban ones (METHOD: at most 70 km/h)."""
+_ENTERING = ("onRamp", "entry", "mwyEntry")
+_LEAVING = ("offRamp", "exit", "mwyExit")
+_LIGHT = "1000001"
+"""Type of a traffic light in OpenDRIVE's own catalogue of signals."""
+
+
+def propose(network: RoadNetwork, graph: LaneGraph) -> list[Entry]:
+    """A role for every driving lane, by road, lane and s."""
+    roles = _Proposal(network, graph).roles
+    entries = [_entry(graph.strips[number], role) for number, role in roles.items()]
+    return _joined(sorted(entries, key=lambda entry: (list(network.roads).index(entry.road), entry.lane, entry.start)))
+
+
+class _Proposal:
+    def __init__(self, network: RoadNetwork, graph: LaneGraph) -> None:
+        self._network, self._graph = network, graph
+        self._before: list[list[int]] = [[] for _ in graph.strips]
+        for number, after in enumerate(graph.following):
+            for other in after:
+                self._before[other].append(number)
+        self._rings = ring_strips(network, graph)
+        self._crossings = {name: lights for name in network.junctions if (lights := self._crossing(name)) is not None}
+        driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
+        self.roles = {number: self._first(number) for number in driving}
+        self._add_ramps()
+        self._add_approaches()
+
+    def _first(self, number: int) -> Role:
+        """The role that a strip has by itself."""
+        strip = self._graph.strips[number]
+        junction = self._network.roads[strip.road].junction_id
+        if number in self._rings:
+            return Role.RING
+        if any(after in self._rings for after in self._graph.following[number]):
+            return Role.ENTRY
+        if any(before in self._rings for before in self._before[number]):
+            return Role.EXIT
+        if strip.kind in _ENTERING:
+            return Role.ON_RAMP
+        if strip.kind in _LEAVING:
+            return Role.OFF_RAMP
+        if self._fast(strip):
+            return Role.MAIN
+        if junction in self._crossings:
+            return Role.SIGNALISED if self._crossings[junction] else Role.INSIDE
+        return Role.URBAN
+
+    def _fast(self, strip: Strip) -> bool:
+        road = self._network.roads[strip.road]
+        kind = road.road_type(0.5 * (strip.start + strip.end))
+        return kind.startswith("motorway") or (strip.speed_limit > FAST and kind in ("unknown", "rural"))
+
+    def _crossing(self, junction_id: str) -> bool | None:
+        """Whether a junction has traffic lights; None where it is none: ways only part or only meet there, or it is on a ring."""
+        junction = self._network.junctions[junction_id]
+        inside = {connection.connecting_road for connection in junction.connections}
+        strips = [number for number, strip in enumerate(self._graph.strips) if strip.road in inside and strip.kind in DRIVABLE]
+        incoming = {self._graph.strips[before].road for number in strips for before in self._before[number]} - inside
+        outgoing = {self._graph.strips[after].road for number in strips for after in self._graph.following[number]} - inside
+        if len(incoming) < 2 or len(outgoing) < 2 or self._rings.intersection(strips):
+            return None
+        signals = [signal for road in incoming | inside for signal in self._network.roads[road].signals]
+        return bool(junction.controllers) or any(signal.dynamic or signal.type == _LIGHT for signal in signals)
+
+    def _add_ramps(self) -> None:
+        """Main lanes that end beside others which go on, and those that begin so, are ramps, with what leads only there."""
+        for number, role in list(self.roles.items()):
+            if role is Role.MAIN and not self._graph.following[number] and self._neighbours(number, self._graph.following):
+                self._mark(number, self._before, Role.ON_RAMP)
+            elif role is Role.MAIN and not self._before[number] and self._neighbours(number, self._before):
+                self._mark(number, self._graph.following, Role.OFF_RAMP)
+
+    def _neighbours(self, number: int, links: list[list[int]] | list[tuple[int, ...]]) -> bool:
+        """Whether a lane beside a strip, in the same direction, has links of that kind."""
+        strip = self._graph.strips[number]
+        beside = [
+            other
+            for other in self.roles
+            if other != number
+            and self._graph.strips[other][:2] == strip[:2]
+            and self._graph.strips[other].forward == strip.forward
+        ]
+        return any(links[other] for other in beside)
+
+    def _mark(self, number: int, links: list[list[int]] | list[tuple[int, ...]], role: Role) -> None:
+        while self.roles.get(number) is Role.MAIN:
+            self.roles[number] = role
+            if len(links[number]) != 1:
+                return
+            number = links[number][0]
+
+    def _add_approaches(self) -> None:
+        crossings = (Role.INSIDE, Role.SIGNALISED, Role.ENTRY)
+        for number, role in self.roles.items():
+            if role is Role.URBAN and any(self.roles.get(after) in crossings for after in self._graph.following[number]):
+                self.roles[number] = Role.APPROACH
+
+
+def _entry(strip: Strip, role: Role) -> Entry:
+    return Entry(strip.road, strip.lane, strip.start, strip.end, role)
+
+
+def _joined(entries: list[Entry]) -> list[Entry]:
+    """Neighbouring stretches of one lane and role as one."""
+    joined: list[Entry] = []
+    for entry in entries:
+        last = joined[-1] if joined else None
+        if last and (last.road, last.lane, last.end, last.role) == (entry.road, entry.lane, entry.start, entry.role):
+            joined[-1] = last._replace(end=entry.end)
+        else:
+            joined.append(entry)
+    return joined

@@ -1,0 +1,202 @@
+"""Reference lines, profiles and lanes evaluated at many places at once, in numpy.
+
+Reference lines become cubics between knots so close together that they are exact to a micrometre.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from xodr.model import LaneSection
+from xodr.profiles import Profile
+from xodr.road import NO_WIDTH, Road
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+_FINE = 0.02
+"""Most that the heading changes from knot to knot, rad: a cubic then misses an arc of 1 km radius by less than 1e-6 m."""
+_COARSE = 0.3
+"""Most that it changes along a chord, rad."""
+_LARGEST_TURN = 0.5 * math.pi
+"""Most that it changes within a part, rad."""
+_EDGES = 5.0
+"""Distance between places where a road's width is looked at, m."""
+_MARGIN = 0.5
+"""Room for widths between those places, m."""
+_TINY = 1e-18
+
+
+class Local(NamedTuple):
+    """Positions in the frame of a reference line at given s: ahead and to the left (m), and the line's curvature (1/m)."""
+
+    ahead: Floats
+    aside: Floats
+    curvature: Floats
+
+
+class Part(NamedTuple):
+    """A part of a road that does not bend back on itself.
+
+    s: its knots. x, y: its line, a cubic of the distance from each knot (coefficients by power, (4, knots - 1)).
+    chords: indices of those knots that straight lines between come near the line. bounds: west, east, south and north of the
+    road's surface, m.
+    """
+
+    road: Road
+    s: Floats
+    x: Floats
+    y: Floats
+    chords: Whole
+    bounds: tuple[float, float, float, float]
+
+    def near(self, x: Floats, y: Floats, reach: float) -> NDArray[np.bool_]:
+        """Positions that may be within this distance (m) of the part's surface."""
+        west, east, south, north = self.bounds
+        return (x >= west - reach) & (x <= east + reach) & (y >= south - reach) & (y <= north + reach)
+
+    def local(self, x: Floats, y: Floats, s: Floats) -> Local:
+        """Positions in the frame of the line at each s."""
+        index = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
+        u = s - self.s[index]
+        (px, dx, ddx), (py, dy, ddy) = (_cubic(line[:, index], u) for line in (self.x, self.y))
+        norm = np.hypot(dx, dy)
+        ahead, aside = ((x - px) * dx + (y - py) * dy) / norm, ((y - py) * dx - (x - px) * dy) / norm
+        return Local(ahead, aside, (dx * ddy - dy * ddx) / norm**3)
+
+    def heading(self, s: Floats) -> Floats:
+        """Heading of the line at each s, rad."""
+        index = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
+        u = s - self.s[index]
+        return np.arctan2(_cubic(self.y[:, index], u)[1], _cubic(self.x[:, index], u)[1])
+
+    def on_chords(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """s of the place on the chords that is nearest to each position, and the ends of its chord."""
+        best, s, low, high = np.full(len(x), np.inf), *np.zeros((3, len(x)))
+        (ax, ay), start = self._corners(), self.s[self.chords]
+        for index, (dx, dy) in enumerate(zip(np.diff(ax), np.diff(ay), strict=True)):
+            px, py, since, until = x - ax[index], y - ay[index], start[index], start[index + 1]
+            share = np.clip((px * dx + py * dy) / max(dx * dx + dy * dy, _TINY), 0.0, 1.0)
+            square = (px - share * dx) ** 2 + (py - share * dy) ** 2
+            nearer = square < best
+            best[nearer], s[nearer] = square[nearer], since + share[nearer] * (until - since)
+            low[nearer], high[nearer] = since, until
+        return s, low, high
+
+    def _corners(self) -> tuple[Floats, Floats]:
+        """x and y of the ends of the chords."""
+        end = self.s[-1:] - self.s[-2:-1]
+        x, y = (np.append(line[0], _cubic(line[:, -1:], end)[0])[self.chords] for line in (self.x, self.y))
+        return x, y
+
+
+def _cubic(coefficients: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
+    """Values and two derivatives of cubics."""
+    a, b, c, d = coefficients
+    return a + u * (b + u * (c + u * d)), b + u * (2.0 * c + 3.0 * u * d), 2.0 * c + 6.0 * u * d
+
+
+def parts(road: Road) -> list[Part]:
+    """A road cut into parts."""
+    knots = [0.0, *(s for s in road.line.knots() if 0.0 < s < road.length), road.length]
+    found: list[Part] = []
+    pieces: list[list[tuple[float, float]]] = [[]]
+    turned = 0.0
+    for low, high in pairwise(knots):
+        if high - low <= 0.0:
+            continue
+        turn = abs(road.heading(_inside(high)) - road.heading(low))
+        turned += turn
+        if turned > _LARGEST_TURN and pieces[-1]:
+            pieces.append([])
+            turned = turn
+        pieces[-1].append((low, high))
+    for piece in pieces:
+        found.append(_part(road, piece))
+    return found
+
+
+def _inside(end: float) -> float:
+    """The s just before an end: where a line has a kink, its heading before it."""
+    return math.nextafter(end, -math.inf)
+
+
+def _part(road: Road, chords: list[tuple[float, float]]) -> Part:
+    knots, marks = [chords[0][0]], [0]
+    for low, high in chords:
+        turn = abs(road.heading(_inside(high)) - road.heading(low))
+        bend = max(abs(road.curvature(low)), abs(road.curvature(0.5 * (low + high)))) * (high - low)
+        count = max(1, math.ceil(max(turn, bend) / _FINE))
+        knots += [low + (high - low) * (index + 1) / count for index in range(count)]
+        marks.append(len(knots) - 1)
+    lines = [(*road.line.at(a), *road.line.at(_inside(b)), b - a) for a, b in pairwise(knots)]
+    x0, y0, h0, x1, y1, h1, length = np.array(lines).T
+    x = _hermite(x0, np.cos(h0), x1, np.cos(h1), length)
+    y = _hermite(y0, np.sin(h0), y1, np.sin(h1), length)
+    return Part(road, np.array(knots), x, y, np.array(marks), _bounds(road, knots, np.append(x0, x1[-1]), np.append(y0, y1[-1])))
+
+
+def _hermite(a: Floats, slope_a: Floats, b: Floats, slope_b: Floats, length: Floats) -> Floats:
+    """Coefficients of the cubics through a and b with the given slopes."""
+    rise = (b - a) / length
+    return np.stack([a, slope_a, (3.0 * rise - 2.0 * slope_a - slope_b) / length, (slope_a + slope_b - 2.0 * rise) / length**2])
+
+
+def _bounds(road: Road, knots: list[float], x: Floats, y: Floats) -> tuple[float, float, float, float]:
+    start, end = knots[0], knots[-1]
+    count = 1 + math.ceil((end - start) / _EDGES)
+    places = [*np.linspace(start, end, count).tolist(), *(section.s for section in road.sections if start < section.s < end)]
+    room = max(abs(edge) for s in places for edge in road.edges(s)) + _MARGIN
+    return float(x.min() - room), float(x.max() + room), float(y.min() - room), float(y.max() + room)
+
+
+# profiles and lanes -------------------------------------------------------------------------
+
+
+def values(profile: Profile, s: Floats) -> Floats:
+    """A profile at each s."""
+    if profile.constant is not None:
+        return np.full(len(s), profile.constant)
+    start, a, b, c, d = np.array(profile.pieces).T[:, np.maximum(np.searchsorted(profile.starts, s, side="right") - 1, 0)]
+    u = s - start
+    return a + u * (b + u * (c + u * d))
+
+
+def sections(road: Road, s: Floats) -> Whole:
+    """Index of the lane section at each s."""
+    return np.maximum(np.searchsorted([section.s for section in road.sections], s, side="right") - 1, 0)
+
+
+def edges(section: LaneSection, s: Floats) -> tuple[Floats, Floats]:
+    """t of the right and left edge at each s: `Road.edges` within one lane section."""
+    right, left = (section.lanes[side[-1] if side else 0].outer for side in (section.right, section.left))
+    return values(right, s), values(left, s)
+
+
+def lanes(section: LaneSection, s: Floats, t: Floats) -> Whole:
+    """The lane of each (s, t): `xodr.road.lane_in` for many."""
+    centre = values(section.lanes[0].center, s)
+    found = np.zeros(len(s), np.int64)
+    for mine, here, beyond in ((t > centre, section.left, section.right), (t <= centre, section.right, section.left)):
+        found[mine] = _lanes_of_side(section, s[mine], np.abs(t - centre)[mine], centre[mine], here, beyond)
+    return found
+
+
+def _lanes_of_side(
+    section: LaneSection, s: Floats, away: Floats, centre: Floats, here: tuple[int, ...], beyond: tuple[int, ...]
+) -> Whole:
+    found = np.zeros(len(s), np.int64)
+    searching = np.ones(len(s), bool)
+    for lane_id in here:
+        lane = section.lanes[lane_id]
+        there = searching & (values(lane.width, s) > NO_WIDTH)
+        found[there] = lane_id
+        searching &= ~(there & (away <= np.abs(values(lane.outer, s) - centre)))
+    for lane_id in beyond:
+        found[(found == 0) & (values(section.lanes[lane_id].width, s) > NO_WIDTH)] = lane_id
+    return found
