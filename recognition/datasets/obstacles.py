@@ -33,6 +33,7 @@ _CATEGORIES = {
 _ELEMENTS = ("obstacle", "dynamicObstacle", "staticObstacle", "environmentObstacle", "phantomObstacle")
 _LATEST = 100_000
 """Last time step that is read: hours, where scenarios last for seconds."""
+_OTHERS = ("location", "scenarioTags", "tags", "lanelet", "trafficSign", "trafficLight", "intersection", "planningProblem")
 _MOMENTS = ("initialState", "state", "occupancy")
 
 
@@ -67,9 +68,10 @@ def recording_of(root: etree._Element) -> tuple[Recording, Report]:
     for element, role in _obstacles(root):
         reason = _unusable(element, role)
         if reason:
-            exclusions.append(Exclusion(f"{element.tag} {element.get('id')}", sum(1 for _ in element.iter(*_MOMENTS)), reason))
+            exclusions.append(_left_out(element, reason))
         else:
             obstacles.append(_obstacle(element, role))
+    exclusions += [_left_out(element, "there is no such element in CommonRoad") for element in _unknown(root)]
     recording, report = _assembled(root, _to_the_end(obstacles), step)
     report.exclusions += exclusions
     return recording, report
@@ -84,6 +86,14 @@ def _obstacles(root: etree._Element) -> Iterator[tuple[etree._Element, str]]:
             raise invalid(element, f"there is another obstacle {id_}" if id_ else "there is no id")
         ids.add(id_)
         yield element, (element.findtext("role") or "").strip() if tag == "obstacle" else tag.removesuffix("Obstacle")
+
+
+def _unknown(root: etree._Element) -> list[etree._Element]:
+    return [element for element in root.iterchildren(etree.Element) if element.tag not in (*_ELEMENTS, *_OTHERS)]
+
+
+def _left_out(element: etree._Element, reason: str) -> Exclusion:
+    return Exclusion(f"{element.tag} {element.get('id', '')}".strip(), sum(1 for _ in element.iter(*_MOMENTS)), reason)
 
 
 def _unusable(element: etree._Element, role: str) -> str | None:
@@ -134,7 +144,9 @@ def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
 def _states(element: etree._Element, x: float, y: float) -> list[State]:
     """The states of the point (x, y) of an obstacle's frame, in ascending time."""
     states: list[State] = []
-    for state in (child(element, "initialState"), *element.iterfind("trajectory/state")):
+    for state in (child(element, "initialState"), *element.iterfind("trajectory/*")):
+        if state.tag not in _MOMENTS:
+            raise invalid(state, "a trajectory consists of states")
         one = _state(state, x, y)
         if states and one.step <= states[-1].step:
             raise invalid(state, f"the time {one.step} comes after {states[-1].step}")

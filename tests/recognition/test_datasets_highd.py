@@ -183,6 +183,7 @@ def broken(tmp_path: Path, **changes: object) -> Path:
         ("x", "", "a value is missing"),
         ("x", "inf", "'inf' is no measured value|inf is no measured value"),
         ("x", "1e300", "1e300 is no measured value"),
+        ("x", "-99999", r"the vehicle is 1001\d\d m away from the others"),
         ("xVelocity", "fast", "'fast' is not a number"),
         ("frame", "6.5", "'6.5' is not a whole number"),
         ("frame", "-6", "'-6' is not a whole number from 0"),
