@@ -174,7 +174,7 @@ def _mismatch(part: Part, s: Floats, t: Floats, lane_id: Whole, users: _Users) -
         height = np.where(above > OTHER_LEVEL, above, 0.0)
     if users.h is not None:
         way = part.heading(np.clip(s, part.s[0], part.s[-1])) + _turned(road, s, lane_id)
-        angle = np.round(np.abs(np.remainder(users.h - way + math.pi, math.tau) - math.pi), 3)
+        angle = np.abs(np.remainder(users.h - way + math.pi, math.tau) - math.pi).round(3)
     return height, angle
 
 

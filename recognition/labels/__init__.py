@@ -5,7 +5,7 @@ No label comes from anything but the recorded motion and the roles of the lanes 
 
 from __future__ import annotations
 
-from recognition.labels import highway, ramps
+from recognition.labels import highway, junction, ramps, roundabout, urban
 from recognition.labels.classes import Event, Label, counts
 from recognition.labels.hits import events
 from recognition.labels.rules import Rules
@@ -24,6 +24,15 @@ RULES = (
     highway.lane_change_right,
     ramps.ramp_entering,
     ramps.ramp_exiting,
+    urban.urban_cut_in,
+    urban.urban_cut_out,
+    roundabout.roundabout_entering,
+    roundabout.roundabout_exiting,
+    roundabout.roundabout_circulating,
+    junction.left_turn,
+    junction.right_turn,
+    junction.straight_cross,
+    junction.merging,
 )
 """The rules in the order of the classes; each finds the events of one class in a scene."""
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from recognition.labels.stays import held, stays
 from recognition.sites.lanes import NOWHERE, Floats, LaneGraph, Whole
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def lane_changes(scene: Scene) -> LaneChanges:
     course = np.cumsum(begins) - 1
     steps = np.where(begins, 0, np.concatenate([[0], steps]))
     raw = np.cumsum(steps)
-    lane = _held(raw - raw[_first(begins)], course, scene.rows(scene.rules.hold))
+    lane = held(raw - raw[_first(begins)], course, scene.rows(scene.rules.hold))
     side = _side(scene, steps, begins)
     row = np.flatnonzero((lane[1:] != lane[:-1]) & ~begins[1:]) + 1
     row = row[_is_held(lane, course, row, scene.rows(scene.rules.hold)) & (np.abs(lane[row] - lane[row - 1]) == 1)]
@@ -68,26 +69,9 @@ def _first(begins: Flags) -> Whole:
     return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
 
-def _stays(lane: Whole, course: Whole) -> tuple[Whole, Whole]:
-    """First rows of the stays in one lane, and their numbers of rows."""
-    begins = np.ones(len(lane), bool)
-    begins[1:] = (lane[1:] != lane[:-1]) | (course[1:] != course[:-1])
-    starts = np.flatnonzero(begins)
-    return starts, np.diff(np.append(starts, len(lane)))
-
-
-def _held(lane: Whole, course: Whole, least: int) -> Whole:
-    """Lanes with stays of fewer than `least` rows counted to the last longer one before them in the same course."""
-    starts, sizes = _stays(lane, course)
-    number = np.arange(len(starts))
-    last_long = np.maximum.accumulate(np.where(sizes >= least, number, -1))
-    same = (last_long >= 0) & (course[starts[last_long]] == course[starts])
-    return np.repeat(lane[starts[np.where(same, last_long, number)]], sizes)
-
-
 def _is_held(lane: Whole, course: Whole, row: Whole, least: int) -> Flags:
     """Whether the stays before and after each of the rows, with which a stay begins, are long enough."""
-    starts, sizes = _stays(lane, course)
+    starts, sizes = stays(lane, course)
     place = np.searchsorted(starts, row)
     return (sizes[place] >= least) & (sizes[place - 1] >= least)
 
@@ -103,7 +87,7 @@ def _side(scene: Scene, steps: Whole, begins: Flags) -> Floats:
 def _shifts(scene: Scene, lane: Whole, course: Whole, side: Floats, rows: Whole, left: Flags) -> Floats:
     """Displacement from the outermost place before to the outermost place after each change, within its two stays."""
     reach = scene.rows(scene.rules.shift_time)
-    starts, sizes = _stays(lane, course)
+    starts, sizes = stays(lane, course)
     place = np.searchsorted(starts, rows)
     earliest = np.maximum(rows - reach, starts[place - 1])
     latest = np.minimum(rows + reach, rows + sizes[place])

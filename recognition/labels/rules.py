@@ -20,6 +20,7 @@ class Rules:
         following_headway: greatest THW of following, and least of free cruise.
         following_ttc: TTC below which following gets the tag `ttc_below_4s`.
         hold: how long a lane is held before and after a change; shorter stays in a lane are none.
+        flicker: stays in a role shorter than this are none: where lanes of a junction overlap, rows jump between them.
         shift: least lateral displacement of a lane change, in lane widths.
         strict_shift: least lateral displacement in m, instead, where it is given.
         shift_time: time before and after a change in which the displacement is measured.
@@ -32,7 +33,7 @@ class Rules:
         ramp_length: way along the ramp.
         ramp_shift: least lateral shift between ramp and main lane.
         yield_speed, yield_time: who was slower, or has a lower PET, gets the tag `yields`.
-        ring_spacing: least time between two events of circulating, and between one and an entering or exiting.
+        ring_spacing: least time between two events of circulating.
         turn: least and greatest change of heading of a turn.
         straight: greatest change of heading of a straight cross.
         opposing_time: time within which an opposing vehicle passes.
@@ -52,6 +53,7 @@ class Rules:
     following_headway: float = 4.0
     following_ttc: float = 4.0
     hold: float = 1.0
+    flicker: float = 0.5
     shift: float = 0.8
     strict_shift: float | None = None
     shift_time: float = 4.0

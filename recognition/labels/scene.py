@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from recognition.labels.changes import LaneChanges, lane_changes
 from recognition.labels.leads import Leads, leads
 from recognition.labels.motion import constant, smoothed
+from recognition.labels.passages import Passages, passages
 from recognition.labels.rules import Rules
 from recognition.sites import Role, Site
 from recognition.sites.lanes import NOWHERE, Floats, Whole
@@ -62,6 +63,22 @@ class Scene:
     front: Floats
     rear: Floats
     width: Floats
+
+    @cached_property
+    def passages(self) -> Passages:
+        """Ways through junctions."""
+        return passages(self)
+
+    @cached_property
+    def vulnerable(self) -> tuple[Floats, Floats, Floats, Whole]:
+        """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0) and cyclists."""
+        cyclists = [name for name in self.names if self.recording.tracks[name].category == "bicycle"]
+        walkers = [track.name for track in self.recording.tracks.values() if track.kind == "pedestrian"]
+        tracks = [self.recording.tracks[name] for name in (*cyclists, *walkers)]
+        numbers = [*map(self.names.index, cyclists), *(-1 - number for number in range(len(walkers)))]
+        sizes = [len(track.columns["time"]) for track in tracks]
+        x, y, time = (_joined(tracks, name) for name in ("x", "y", "time"))
+        return x, y, time, np.repeat(np.array(numbers, np.int64), sizes)
 
     def rows(self, seconds: float) -> int:
         """Number of time steps in a time, at least 1."""

@@ -8,8 +8,8 @@ from recognition.sites.roles import Entry, Role
 from xodr.network import RoadNetwork
 from xodr.ways import DRIVABLE
 
-FAST = 70.0 / 3.6
-"""Roads with a limit above this (m/s) are no urban ones (METHOD: at most 70 km/h)."""
+FAST = 70.0 / 3.6 + 0.01
+"""Roads with a limit above this (m/s) are no urban ones: METHOD says at most 70 km/h, and files round."""
 _ENTERING = ("onRamp", "entry", "mwyEntry")
 _LEAVING = ("offRamp", "exit", "mwyExit")
 _LIGHT = "1000001"

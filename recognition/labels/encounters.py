@@ -1,0 +1,32 @@
+"""Who else was at a place, and how long before or after."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.sites.lanes import Floats, Whole
+
+REACH = 2.0
+"""Places less than this apart (m) are the same place."""
+
+
+def time_apart(x: Floats, y: Floats, time: Floats, track: Whole, others: tuple[Floats, Floats, Floats, Whole]) -> Floats:
+    """Least time between each of n visits and one of another track at the same place, s; infinite where there is none.
+
+    Args:
+        x, y, time, track: of the visits (n,).
+        others: the same of all rows that count.
+    """
+    from scipy.spatial import cKDTree
+
+    there_x, there_y, then, who = others
+    apart = np.full(len(x), np.inf)
+    if not len(x) or not len(there_x):
+        return apart
+    here, there = (cKDTree(np.stack(points, axis=1)) for points in ((x, y), (there_x, there_y)))
+    near = here.sparse_distance_matrix(there, REACH, output_type="ndarray")
+    visit, other = near["i"], near["j"]
+    foreign = who[other] != track[visit]
+    visit, other = visit[foreign], other[foreign]
+    np.minimum.at(apart, visit, np.abs(time[visit] - then[other]))
+    return apart

@@ -1,0 +1,115 @@
+"""Rules 14 to 17: turning, crossing and merging at junctions without traffic lights.
+
+A way through a junction on which ego merges is merging only, whatever it turns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.labels.classes import Label
+from recognition.labels.encounters import time_apart
+from recognition.labels.hits import NOBODY, Hits, alone
+from recognition.labels.scene import Flags, Scene
+from recognition.sites.lanes import Floats, Whole
+
+_OPPOSITE = -0.87
+"""Cosine of the least angle between headings from opposite sides: 150 degrees."""
+
+
+def left_turn(scene: Scene) -> Hits:
+    """14: the heading changes to the left as `rules.turn` says."""
+    least, greatest = np.radians(scene.rules.turn)
+    turn = scene.passages.turn
+    return _turn(scene, Label.LEFT_TURN, (turn >= least) & (turn <= greatest))
+
+
+def right_turn(scene: Scene) -> Hits:
+    """15: the heading changes to the right as `rules.turn` says."""
+    least, greatest = np.radians(scene.rules.turn)
+    turn = -scene.passages.turn
+    return _turn(scene, Label.RIGHT_TURN, (turn >= least) & (turn <= greatest))
+
+
+def straight_cross(scene: Scene) -> Hits:
+    """16: the heading hardly changes, and the way crosses one that somebody took in this recording."""
+    straight = np.abs(scene.passages.turn) < np.radians(scene.rules.straight)
+    return _turn(scene, Label.STRAIGHT_CROSS, straight & _crosses(scene))
+
+
+def merging(scene: Scene) -> Hits:
+    """17: somebody from elsewhere comes into the same lane behind the junction shortly before or after ego."""
+    passages = scene.passages
+    gap, partner = arrivals(scene)
+    chosen = np.flatnonzero(_counting(scene) & (gap < scene.rules.merging_gap) & scene.complete[passages.after])
+    return Hits(Label.MERGING, passages.after[chosen], passages.after[partner[chosen]], {"arrival_gap": gap[chosen]})
+
+
+def arrivals(scene: Scene) -> tuple[Floats, Whole]:
+    """Least time between each passage's arrival behind the junction and that of one from another road in the same lane (s,
+    infinite for none), and the index of that passage."""
+    passages, time = scene.passages, scene.time[scene.passages.after]
+    gap, partner = np.full(len(passages), np.inf), np.full(len(passages), NOBODY, np.int64)
+    for target in np.unique(passages.target).tolist():
+        mine = np.flatnonzero(passages.target == target)
+        apart = np.abs(time[mine][:, None] - time[mine])
+        apart[passages.origin_road[mine][:, None] == passages.origin_road[mine]] = np.inf
+        nearest = apart.argmin(axis=1)
+        gap[mine], partner[mine] = apart[np.arange(len(mine)), nearest], mine[nearest]
+    return gap, partner
+
+
+def _turn(scene: Scene, label: Label, chosen: Flags) -> Hits:
+    passages = scene.passages
+    merges = arrivals(scene)[0] < scene.rules.merging_gap
+    found = np.flatnonzero(chosen & _counting(scene) & ~merges & scene.complete[passages.row])
+    tags = {"opposing": _opposing(scene)[found], "vru_conflict": _vru_conflict(scene, found)}
+    return alone(label, passages.row[found], turn=np.degrees(passages.turn[found]), **tags)
+
+
+def _counting(scene: Scene) -> Flags:
+    return ~scene.passages.signalised | scene.rules.signalised
+
+
+def _crosses(scene: Scene) -> Flags:
+    """Passages whose way crosses one from another road into another lane."""
+    from shapely import LineString
+
+    passages = scene.passages
+    if not len(passages):
+        return np.zeros(0, bool)
+    ways = np.stack([passages.origin, passages.target], axis=1)
+    pairs, first, which = np.unique(ways, axis=0, return_index=True, return_inverse=True)
+    lines = [LineString(np.stack([scene.x[rows], scene.y[rows]], axis=1)) for rows in map(passages.rows, first.tolist())]
+    roads = passages.origin_road[first]
+    crossed = [
+        any(
+            roads[one] != roads[other] and pairs[one, 1] != pairs[other, 1] and lines[one].intersects(lines[other])
+            for other in range(len(pairs))
+        )
+        for one in range(len(pairs))
+    ]
+    return np.array(crossed, bool)[which.reshape(-1)]
+
+
+def _opposing(scene: Scene) -> Flags:
+    """Passages while which somebody comes through the same junction from the other side."""
+    passages = scene.passages
+    time, heading = scene.time[passages.row], scene.h[passages.before]
+    found = np.zeros(len(passages), bool)
+    for junction in np.unique(passages.junction).tolist():
+        mine = np.flatnonzero(passages.junction == junction)
+        near = np.abs(time[mine][:, None] - time[mine]) <= scene.rules.opposing_time
+        found[mine] = (near & (np.cos(heading[mine][:, None] - heading[mine]) < _OPPOSITE)).any(axis=1)
+    return found
+
+
+def _vru_conflict(scene: Scene, found: Whole) -> Flags:
+    """Passages on whose way a pedestrian or cyclist was shortly before or after ego."""
+    rows = [scene.passages.rows(index) for index in found.tolist()]
+    passage = np.repeat(np.arange(len(rows)), [len(one) for one in rows])
+    visit = np.concatenate([np.arange(0), *rows])
+    apart = time_apart(scene.x[visit], scene.y[visit], scene.time[visit], scene.track[visit], scene.vulnerable)
+    least = np.full(len(rows), np.inf)
+    np.minimum.at(least, passage, apart)
+    return least < scene.rules.vru_pet
