@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from xodr.lanelet2.assembly import build
+from xodr.lanelet2.completion import completed
 from xodr.lanelet2.crosswalks import with_crosswalks
 from xodr.lanelet2.deviation import deviation
-from xodr.lanelet2.lanelet import squared
 from xodr.lanelet2.reader import read_lanelets
 from xodr.reader import load
 
@@ -46,8 +46,8 @@ def convert(osm: str | PathLike[str], origin: tuple[float, float] | None, target
     """
     source = Path(osm)
     found, projection = read_lanelets(source, origin)
-    lanelets = [squared(lanelet) for lanelet in found.lanes]
+    lanelets, added = completed(found.lanes)
     built = build(lanelets, source.stem, projection.geo)
     written = replace(built.map, roads=with_crosswalks(built.map.roads, found.crosswalks)).write(target)
     away = deviation(lanelets, built.lanelets, load(written))
-    return Conversion(written, built.lanelets, [*found.notes, *built.notes], max(away.values()))
+    return Conversion(written, built.lanelets, [*found.notes, *added, *built.notes], max(away.values()))

@@ -4,54 +4,61 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Points
-from xodr.lanelet2.polylines import joined, middle
+from xodr.lanelet2.polylines import across
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
 STEP = 0.5
 """Distance between the places that are compared, m."""
 
-_PLACES = ("left", "right", "centre")
-
 
 def deviation(lanelets: Sequence[Lanelet], where: Mapping[str, tuple[str, int]], network: RoadNetwork) -> dict[str, float]:
-    """Largest distance [m] between the borders and centre line of each lanelet and those of the lanes, by lanelet.
+    """Largest distance [m] of each lanelet's bounds from the borders of its lane, and of the lane's centre from theirs.
 
-    Each point of a lanelet is compared with its own lane and the lanes that lead on from it or to it: lanes may begin a bit
-    earlier or later than their lanelets. `where` gives the road and lane of each lanelet.
+    Bounds may also lie on lanes that lead on from it or to it: lanes begin a bit earlier or later than their lanelets.
+    `where` gives the road and lane of each lanelet.
     """
     lines = {lane: _lines(network.roads[lane[0]], lane[1]) for lane in set(where.values())}
-    return {lanelet.id: _farthest(lanelet, where[lanelet.id], lines, network) for lanelet in lanelets}
+    found = {}
+    for lanelet in lanelets:
+        own = where[lanelet.id]
+        links = chain(network.links(*own, True), network.links(*own, False))
+        around = [lines[lane] for lane in (own, *((link.road_id, link.lane_id) for link in links)) if lane in lines]
+        borders = (
+            _farthest(lanelet.left, [lane.left for lane in around]),
+            _farthest(lanelet.right, [lane.right for lane in around]),
+        )
+        found[lanelet.id] = max(*borders, _off_centre(lanelet, lines[own].centre))
+    return found
 
 
-def _lines(road: Road, lane_id: int) -> dict[str, Points]:
-    """Left border, right border and centre of a lane as seen in the direction of +s."""
+class _Lines(NamedTuple):
+    """Borders and centre of a lane, as seen in the direction of +s."""
+
+    left: Points
+    right: Points
+    centre: Points
+
+
+def _lines(road: Road, lane_id: int) -> _Lines:
     places = np.linspace(0.0, road.length, max(int(road.length / STEP), 2) + 1).tolist()
     lane = road.lane(0.0, lane_id)
-    profiles = {"left": lane.inner, "right": lane.outer, "centre": lane.center}
-    return {name: np.array([road.pose(s, profile(s))[:2] for s in places]) for name, profile in profiles.items()}
+    return _Lines(*(np.array([road.pose(s, at(s))[:2] for s in places]) for at in (lane.inner, lane.outer, lane.center)))
 
 
-def _farthest(
-    lanelet: Lanelet, own: tuple[str, int], lines: dict[tuple[str, int], dict[str, Points]], network: RoadNetwork
-) -> float:
-    from shapely import LineString, MultiLineString, distance, points
+def _farthest(bound: Points, borders: list[Points]) -> float:
+    from shapely import LineString, MultiLineString, distance, get_coordinates, points
 
-    links = chain(network.links(*own, True), network.links(*own, False))
-    lanes = [own, *((link.road_id, link.lane_id) for link in links)]
-    mine = {"left": lanelet.left, "right": lanelet.right, "centre": middle(lanelet.left, lanelet.right)}
-    worst = 0.0
-    for place in _PLACES:
-        known = MultiLineString([LineString(lines[lane][place]) for lane in lanes if lane in lines])
-        worst = max(worst, float(distance(points(_dense(mine[place])), known).max()))
-    return worst
+    dense = get_coordinates(LineString(bound).segmentize(STEP))
+    return float(distance(points(dense), MultiLineString([LineString(border) for border in borders])).max())
 
 
-def _dense(line: Points) -> Points:
-    from shapely import LineString, get_coordinates
-
-    return joined([get_coordinates(LineString(line).segmentize(STEP))])
+def _off_centre(lanelet: Lanelet, centre: Points) -> float:
+    """How far a lane's centre is from half-way between the bounds, across the lane, where it has one on both sides."""
+    left, right = (across(centre, np.gradient(centre, axis=0), bound) for bound in (lanelet.left, lanelet.right))
+    return float(np.nanmax(np.abs(left + right) / 2, initial=0.0))

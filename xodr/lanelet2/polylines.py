@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from xodr.lanelet2.lanelet import Points
 
@@ -106,3 +107,19 @@ def between(line: Points, start: Frame, end: Frame) -> Points:
     at = lengths(line)
     inner = at[(at > s0) & (at < s1)]
     return along(line, np.concatenate([[s0], inner, [s1]]))
+
+
+def across(points: Points, tangents: Points, line: Points) -> NDArray[np.float64]:
+    """How far to the left of points a line passes that goes their way, measured at right angles to tangents (n,), m.
+
+    The place nearest to the point is meant; NaN where the line does not pass.
+    """
+    tangents = tangents / np.hypot(*tangents.T)[:, None]
+    delta = line[None] - points[:, None]
+    ahead = (delta * tangents[:, None]).sum(axis=2)
+    aside = delta[..., 1] * tangents[:, None, 0] - delta[..., 0] * tangents[:, None, 1]
+    meets = (ahead[:, :-1] <= 0.0) & (ahead[:, 1:] > 0.0)
+    share = np.divide(ahead[:, :-1], ahead[:, :-1] - ahead[:, 1:], where=meets, out=np.zeros(meets.shape))
+    t = np.where(meets, aside[:, :-1] + share * (aside[:, 1:] - aside[:, :-1]), np.inf)
+    nearest = np.take_along_axis(t, np.argmin(np.abs(t), axis=1)[:, None], axis=1)[:, 0]
+    return np.where(np.isfinite(nearest), nearest, np.nan)

@@ -11,16 +11,16 @@ from xodr.builders.curves import Pose
 from xodr.builders.parametric import ParamPoly3
 from xodr.lanelet2.lanelet import Points
 from xodr.lanelet2.mouths import Mouth
-from xodr.lanelet2.polylines import between, lengths, middle, resampled
+from xodr.lanelet2.polylines import across, between, lengths, middle, resampled
 from xodr.lanelet2.splines import Floats, Spline, fit
 
-STEP = 0.5
+STEP = 0.25
 """Distance between the places where borders are measured, m."""
 LINE_TOLERANCE = 0.3
 """How far the reference line may keep from the middle of the road, m: only its smoothness matters."""
-BORDER_TOLERANCE = 0.08
+BORDER_TOLERANCE = 0.15
 """How far the borders may keep from those of the lanelets, m."""
-_SHORTEST_BEND, _SHORTEST_PIECE = 3.0, 1.0
+_SHORTEST_BEND, _SHORTEST_PIECE = 3.0, 0.6
 """Shortest pieces of the reference line and of the borders, m."""
 _SHARPEST = 0.8
 """Largest curvature, in parts of that at which the road's inner edge would be the centre of the curve."""
@@ -105,18 +105,10 @@ def _arc_lengths(line: Spline, at: Floats | None = None) -> Floats:
 
 
 def _offsets(line: Spline, at: Floats, border: Points) -> Floats:
-    """t of a border at parameters of the reference line: where the line's normals meet it, interpolated where they do not."""
-    points, tangents = line(at), line(at, 1)
-    tangents = tangents / np.hypot(*tangents.T)[:, None]
-    delta = border[None] - points[:, None]
-    ahead = (delta * tangents[:, None]).sum(axis=2)
-    aside = delta[..., 1] * tangents[:, None, 0] - delta[..., 0] * tangents[:, None, 1]
-    meets = (ahead[:, :-1] <= 0.0) & (ahead[:, 1:] > 0.0)
-    share = np.divide(ahead[:, :-1], ahead[:, :-1] - ahead[:, 1:], where=meets, out=np.zeros(meets.shape))
-    t = np.where(meets, aside[:, :-1] + share * (aside[:, 1:] - aside[:, :-1]), np.inf)
-    nearest = np.take_along_axis(t, np.argmin(np.abs(t), axis=1)[:, None], axis=1)[:, 0]
-    found = np.isfinite(nearest)
-    return np.interp(at, at[found], nearest[found]) if found.any() else np.zeros(len(at))
+    """t of a border at parameters of the reference line, interpolated where no normal of the line meets it."""
+    t = across(line(at), line(at, 1), border)
+    found = np.isfinite(t)
+    return np.interp(at, at[found], t[found]) if found.any() else np.zeros(len(at))
 
 
 def _smooth(s: Floats, samples: Floats, ends: Floats, slopes: Floats) -> Spline:
