@@ -6,13 +6,11 @@ import numpy as np
 
 from recognition.samples import Features, Whole
 
-DIMENSION = 16
 
-
-def clouds(labels: list[int], each: int, seed: int, apart: float = 5.0) -> tuple[Features, Whole]:
-    """`each` samples of every label around a centre that the label alone decides, shuffled."""
+def clouds(labels: list[int], each: int, seed: int, apart: float = 5.0, width: int = 16) -> tuple[Features, Whole]:
+    """`each` samples of every label, in `width` dimensions, around a centre that the label alone decides, shuffled."""
     generator = np.random.default_rng(seed)
     truth = generator.permutation(np.repeat(labels, each))
-    centres = {label: apart * np.random.default_rng(label).standard_normal(DIMENSION) / 2.0 for label in labels}
-    noise = generator.standard_normal((len(truth), DIMENSION))
+    centres = {label: apart * np.random.default_rng(label).standard_normal(width) / 2.0 for label in labels}
+    noise = generator.standard_normal((len(truth), width))
     return (np.array([centres[label] for label in truth.tolist()]) + noise).astype(np.float32), truth.astype(np.int64)

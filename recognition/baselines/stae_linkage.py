@@ -1,0 +1,23 @@
+"""Autoencoder and average linkage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.baselines.pool import ClusteringMethod, Pool
+from recognition.samples import Whole
+
+
+class STAELinkage(ClusteringMethod):
+    """Average linkage on the codes of an autoencoder of the grids (`recognition.baselines.stae`), given the true K."""
+
+    given_count = True
+
+    def cluster(self, pool: Pool) -> Whole:
+        """Cluster number of each sample (n,)."""
+        from sklearn.cluster import AgglomerativeClustering
+
+        from recognition.baselines.stae import stae_codes
+
+        found = AgglomerativeClustering(pool.classes, linkage="average").fit_predict(stae_codes(pool.grids, self.seed))
+        return np.asarray(found, dtype=np.int64)

@@ -1,0 +1,96 @@
+"""Results on disk: one small file for each, written whole or not at all, in a folder of one configuration."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from schemas.errors import InvalidFile, UsageError
+
+_CONFIGURATION, _RESULTS = "configuration.json", "results"
+
+
+class Key(NamedTuple):
+    """What a result is of: a kind of experiment, a method, a seed, a round (from 1)."""
+
+    kind: str
+    method: str
+    seed: int
+    round: int
+
+
+@dataclass(frozen=True)
+class Store:
+    """Results in a folder."""
+
+    folder: Path
+
+    def open(self, configuration: dict[str, Any]) -> None:
+        """Make the folder ready for results of a configuration.
+
+        Raises:
+            UsageError: it holds results of another configuration; the differing settings are named.
+        """
+        path, wanted = self.folder / _CONFIGURATION, json.loads(json.dumps(configuration))
+        if path.exists():
+            before = _read(path)
+            different = sorted(name for name in before | wanted if before.get(name) != wanted.get(name))
+            if different:
+                raise UsageError(f"the folder holds results of another {', '.join(different)}; choose another folder", path=path)
+        else:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, wanted)
+
+    def has(self, key: Key) -> bool:
+        """Whether that result is there."""
+        return self._path(key).exists()
+
+    def read(self, key: Key) -> dict[str, Any]:
+        """The result.
+
+        Raises:
+            InvalidFile: it is missing or damaged.
+        """
+        return _read(self._path(key))
+
+    def write(self, key: Key, values: dict[str, Any]) -> None:
+        """Keep a result."""
+        path = self._path(key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, values)
+
+    def results(self, kind: str) -> Iterator[tuple[Key, dict[str, Any]]]:
+        """All results of a kind, sorted by method, seed and round."""
+        root = self.folder / _RESULTS / kind
+        found = [Key(kind, path.parent.name, *_numbers(path)) for path in root.glob("*/seed*-round*.json")]
+        for key in sorted(found):
+            yield key, self.read(key)
+
+    def _path(self, key: Key) -> Path:
+        return self.folder / _RESULTS / key.kind / key.method / f"seed{key.seed}-round{key.round}.json"
+
+
+def write_atomically(path: Path, values: dict[str, Any]) -> None:
+    """Write JSON beside its place and move it there, so that an interruption leaves no half file."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    draft.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+    draft.replace(path)
+
+
+def _numbers(path: Path) -> tuple[int, int]:
+    seed, _, number = path.stem.removeprefix("seed").partition("-round")
+    return int(seed), int(number)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InvalidFile(f"this result can't be read ({error}); remove it to have it made again", path=path) from None
+    if not isinstance(values, dict):
+        raise InvalidFile("this is no result; remove it to have it made again", path=path)
+    return values
