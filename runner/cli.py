@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
-import traceback
 from collections.abc import Generator
 from contextlib import closing
 from pathlib import Path
@@ -13,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schemas.errors import ToolchainError, UsageError
+from runner.command_line import guarded, interruptible
+from schemas.errors import UsageError
 from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
@@ -25,8 +24,6 @@ _EPILOG = (
     "4 valid file that asks for something this runner does not do, 5 internal error. With several runs, the gravest of theirs."
 )
 _GRAVEST_FIRST = (5, 3, 4, 2, 1, 0)
-_INTERRUPTED, _PIPE_CLOSED = 130, 141
-"""Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 
@@ -94,18 +91,20 @@ def xosc_run(
     else:
         outcomes = run_batch(source, options, out=out, plot=plot, processes=jobs, resume=resume)
     kept: list[Outcome] | None = [] if junit is not None else None
-    code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)
-    if junit is not None and kept is not None:
-        from runner.outputs.report import write_junit
+    try:
+        code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)
+    finally:
+        if junit is not None and kept is not None:
+            from runner.outputs.report import write_junit
 
-        write_junit(kept, junit)
+            write_junit(kept, junit)
     raise typer.Exit(code)
 
 
 def _follow(outcomes: Generator[Outcome], table: Table, kept: list[Outcome] | None) -> int:
     """Show outcomes as they come, keep them if asked to; the exit code."""
     code = 0
-    try:
+    with interruptible("xosc-run", "with --out and --resume a batch goes on where it was"):
         with closing(outcomes):
             for outcome in outcomes:
                 if kept is not None:
@@ -113,12 +112,6 @@ def _follow(outcomes: Generator[Outcome], table: Table, kept: list[Outcome] | No
                 code = min(code, outcome.exit_code, key=_GRAVEST_FIRST.index)
                 table.show(outcome)
         table.close()
-    except KeyboardInterrupt:
-        print("\nxosc-run: interrupted; with --out and --resume a batch goes on where it was", file=sys.stderr)
-        return _INTERRUPTED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter complains when it ends
-        return _PIPE_CLOSED
     return code
 
 
@@ -133,21 +126,9 @@ def _parameters(pairs: list[str]) -> dict[str, str]:
 
 
 def main() -> None:
-    """Entry point: errors become one line and an exit code; a traceback only with -v."""
+    """Entry point."""
     sys.path.append(os.getcwd())  # for systems under test named as module:Class
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files may be of any bytes
-    try:
-        app()
-    except (ToolchainError, OSError) as error:
-        from runner.jobs import describe
-
-        if "-v" in sys.argv or "--verbose" in sys.argv:
-            traceback.print_exc()
-        message, code = describe(error)
-        print(f"xosc-run: {message}", file=sys.stderr)
-        raise SystemExit(code) from None
+    guarded("xosc-run", app)
 
 
 if __name__ == "__main__":

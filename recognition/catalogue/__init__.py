@@ -1,1 +1,1 @@
-"""Catalogues of standard scenario files, made from recordings: roads, scenarios, the OpenSCENARIO catalogues that they use, tags."""
+"""Catalogues of standard scenario files, made from recordings."""

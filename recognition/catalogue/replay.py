@@ -13,6 +13,7 @@ import numpy as np
 
 from recognition.catalogue.entities import Entry
 from recognition.catalogue.scenes import EGO, Part, Scene
+from recognition.datasets.rows import Floats
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.files import Header
@@ -30,11 +31,12 @@ def trajectories(scene: Scene) -> list[Any]:
 
 
 def _trajectory(part: Part, start: float) -> Any:
-    time = np.maximum(part.time - start, 0.0)
-    columns = (time, *(part.column(name) for name in ("x", "y")))
-    return maneuvers.trajectory(
-        part.name, *(np.round(values, _DIGITS) for values in columns), h=np.round(part.column("h"), _DIGITS)
-    )
+    time, x, y, h = (_rounded(values) for values in (part.time - start, *(part.column(name) for name in ("x", "y", "h"))))
+    return maneuvers.trajectory(part.name, time, x, y, h=h)
+
+
+def _rounded(values: Floats) -> list[float]:
+    return [float(value) + 0.0 for value in np.round(values, _DIGITS)]
 
 
 def scenario(
@@ -77,17 +79,16 @@ def _from_start(part: Part, scene: Scene) -> bool:
 
 def _place(part: Part) -> Any:
     """Where a participant's trajectory begins."""
-    return maneuvers.world_position(
-        *(round(float(part.column(name)[0]), _DIGITS) for name in ("x", "y")), h=round(float(part.column("h")[0]), _DIGITS)
-    )
+    x, y, h = (_rounded(part.column(name)[:1])[0] for name in ("x", "y", "h"))
+    return maneuvers.world_position(x, y, h=h)
 
 
 def _init(part: Part) -> list[Any]:
-    return [maneuvers.teleport(_place(part)), maneuvers.speed(round(float(part.column("speed")[0]), _DIGITS))]
+    return [maneuvers.teleport(_place(part)), maneuvers.speed(_rounded(part.column("speed")[:1])[0])]
 
 
 def _events(part: Part, scene: Scene) -> list[Any]:
-    begins, ends = (round(float(part.time[row]) - scene.start, _DIGITS) for row in (0, -1))
+    begins, ends = _rounded(part.time[[0, -1]] - scene.start)
     start = maneuvers.simulation_time(begins - _EARLY)
     follow = maneuvers.follow_trajectory(maneuvers.reference("TrajectoryCatalog", part.name), domain="absolute")
     events = [maneuvers.event("follow", [follow], start, "parallel")]

@@ -116,7 +116,7 @@ class Stage:
 
 
 def needed(time: Floats, values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Rows between which values (n, k) are linear in time but for less than 1 (Douglas and Peucker, 1973); first and last included."""
+    """Rows between which values (n, k) are linear in time but for less than 1, ends included (Douglas and Peucker, 1973)."""
     kept = {0, len(time) - 1}
     pending = [(0, len(time) - 1)]
     while pending:

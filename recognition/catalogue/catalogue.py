@@ -1,0 +1,225 @@
+"""Writing catalogues: for each class a folder with scenarios and the OpenSCENARIO catalogues that they refer to, roads, index."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
+
+from recognition.catalogue import annotation, index, replay, variation
+from recognition.catalogue.entities import entry
+from recognition.catalogue.episodes import Episode, plain
+from recognition.catalogue.maneuvers import maneuver
+from recognition.catalogue.scenes import EGO, Part, Scene, Scope, Stage
+from recognition.catalogue.store import Store
+from recognition.datasets import Exclusion, Source
+from recognition.sites import Site
+from runner.recording import Recording
+from schemas.errors import Unsupported
+from xosc import maneuvers, tags
+from xosc.document import Document, to_bytes
+from xosc.files import Header
+from xosc.versions import Version
+
+AUTHOR = "xosc-recognize"
+DATE = datetime(2000, 1, 1)
+"""Date in every file: the recordings tell none, and the same catalogue has to have the same bytes."""
+
+_FOLDERS = {
+    "Vehicle": "vehicles",
+    "Pedestrian": "pedestrians",
+    "MiscObject": "objects",
+    "Controller": "controllers",
+    "Maneuver": "maneuvers",
+    "Trajectory": "trajectories",
+    "Route": "routes",
+}
+_PROPERTIES = (1, 2)
+"""First version of the standard with Properties in the FileHeader"""
+
+
+@dataclass(frozen=True)
+class Config:
+    """How a catalogue is written.
+
+    Attributes:
+        scope: what belongs to a scene.
+        version: of OpenSCENARIO.
+    """
+
+    scope: Scope = field(default_factory=Scope)
+    version: Version = (1, 3)
+
+
+class _Place(NamedTuple):
+    """Where the entries of a catalogue go: the class's folder, the kind, and what tells catalogues of that kind apart."""
+
+    folder: str
+    kind: str
+    part: str
+
+    @property
+    def directory(self) -> str:
+        """Relative to the class's folder."""
+        return str(PurePosixPath("catalogs", _FOLDERS[self.kind], self.part))
+
+
+class Catalogue:
+    """A catalogue being written into a folder.
+
+    Args:
+        root: the folder.
+
+    Raises:
+        UsageError: it can't be written.
+    """
+
+    def __init__(self, root: Path, config: Config) -> None:
+        self.store = Store(root)
+        self.rows: list[dict[str, Any]] = []
+        self.exclusions: list[dict[str, Any]] = []
+        self._config = config
+        self._entries: dict[_Place, dict[str, Any]] = {}
+
+    def add(
+        self, source: Source, recording: Recording, site: Site, episodes: Iterable[Episode], exclusions: Iterable[Exclusion]
+    ) -> None:
+        """Write the scenarios of a recording, which has its road coordinates."""
+        road = f"roads/{plain(source.site)}.xodr"
+        self.store.write(road, site.path.read_bytes())
+        stage = Stage(recording, self._config.scope)
+        for episode in episodes:
+            self._write(_Context(source, recording, site, road, episode, stage.cut(episode.ego, episode.start, episode.end)))
+        for exclusion in exclusions:
+            self.exclusions.append({"recording": source.name, **exclusion._asdict()})
+
+    def close(self, **more: Any) -> list[str]:
+        """Write the OpenSCENARIO catalogues and the index; the files of earlier runs that were removed."""
+        for place, entries in sorted(self._entries.items(), key=lambda item: item[0]):
+            self._catalog(place, entries)
+        rows = sorted(self.rows, key=lambda row: row["file"])
+        told = {"exclusions": self.exclusions, **more}
+        self.store.write("index.json", index.as_json(rows, told))
+        self.store.write("index.csv", index.as_csv(rows))
+        self.store.write("index.parquet", index.as_parquet(rows))
+        return self.store.close()
+
+    def _catalog(self, place: _Place, entries: dict[str, Any]) -> None:
+        name = f"{place.folder}/{place.directory}/{_FOLDERS[place.kind]}.xosc"
+        header = Header(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
+        ordered = [entries[key] for key in sorted(entries)]
+        document = maneuvers.catalog(self.store.root / name, header, f"{place.kind}Catalog", ordered, self._config.version)
+        self.store.write(name, to_bytes(document))
+
+    def _enter(self, context: _Context, kind: str, name: str, built: Any, part: str) -> dict[str, str]:
+        """Enter something in a catalogue; the catalogue's folder by its kind."""
+        place = _Place(context.episode.folder, kind, part)
+        self._entries.setdefault(place, {}).setdefault(name, built)
+        return {kind: place.directory}
+
+    def _write(self, context: _Context) -> None:
+        episode, scene = context.episode, context.scene
+        facts = _facts(context)
+        tagged = annotation.tags(episode.name, episode.title, scene, facts)
+        described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.source.name}"
+        told = tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
+        header = Header(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, told)
+        row = facts | {
+            "file": self._put(self._replay(context, header)),
+            "maneuver": None,
+            "no_maneuver": None,
+            "road": context.road,
+        }
+        try:
+            row["maneuver"] = self._put(self._variation(context, header))
+        except Unsupported as reason:
+            row["no_maneuver"] = reason.message
+        row["openlabel"] = f"{episode.folder}/{episode.name}.openlabel.json"
+        self.store.write(row["openlabel"], tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR))
+        self.rows.append(row)
+
+    def _put(self, document: Document) -> str:
+        name = document.path.relative_to(self.store.root).as_posix()
+        self.store.write(name, to_bytes(document))
+        return name
+
+    def _replay(self, context: _Context, header: Header) -> Document:
+        episode, scene = context.episode, context.scene
+        entries = {part.name: entry(part.track) for part in scene.parts}
+        catalogs: dict[str, str] = {}
+        for each in entries.values():
+            catalogs |= self._enter(context, each.kind, each.name, each.built, plain(context.source.name))
+        for path in replay.trajectories(scene):
+            catalogs |= self._enter(context, "Trajectory", path.name, path, episode.name)
+        path = self.store.root / episode.folder / f"{episode.name}.xosc"
+        road, version = f"../{context.road}", self._config.version
+        return replay.scenario(path, header, scene, road=road, entries=entries, catalogs=catalogs, version=version)
+
+    def _variation(self, context: _Context, header: Header) -> Document:
+        episode, network = context.episode, context.site.network
+        span = episode.span
+        if span is None or episode.passage is not None:
+            raise Unsupported("this is the scene of a whole vehicle, not of one manoeuvre")
+        partner = episode.finding.moment.partner if episode.finding is not None else None
+        measured = maneuver(context.recording, network, episode.label, episode.ego, partner, span)
+        catalogs: dict[str, str] = {}
+        for track in (measured.ego, measured.other):
+            if track is not None:
+                each = entry(track)
+                catalogs |= self._enter(context, each.kind, each.name, each.built, plain(context.source.name))
+        built = variation.catalogue_entry(measured)
+        catalogs |= self._enter(context, "Maneuver", built.name, built, "")
+        catalogs |= self._enter(context, "Controller", variation.CONTROLLER.name, variation.CONTROLLER, "")
+        route = variation.route(measured, network, episode.name)
+        if route is not None:
+            catalogs |= self._enter(context, "Route", route.name, route, plain(context.source.name))
+        stage = variation.Stage(
+            self.store.root / episode.folder / f"{episode.name}_maneuver.xosc", f"../{context.road}", catalogs
+        )
+        other = context.name_of(partner)
+        return variation.scenario(stage, header, measured, network, other, route.name if route else None, self._config.version)
+
+
+class _Context(NamedTuple):
+    """A scenario being written, and where it comes from."""
+
+    source: Source
+    recording: Recording
+    site: Site
+    road: str
+    episode: Episode
+    scene: Scene
+
+    def name_of(self, track: str | None) -> str:
+        """Name in the scenario of a track that takes part in it."""
+        parts: tuple[Part, ...] = self.scene.parts
+        return next((part.name for part in parts if part.track.name == track and part.name != EGO), "Other")
+
+
+def _facts(context: _Context) -> dict[str, Any]:
+    """What the index tells of a scenario, but for its files."""
+    source, episode, scene = context.source, context.episode, context.scene
+    moment = episode.finding.moment if episode.finding is not None else None
+    rule = moment.rule.title if moment is not None and moment.rule else None
+    measured = {name: None if value is None else round(value, 3) for name, value in annotation.measures(scene).items()}
+    return {
+        "class": episode.title,
+        "state": episode.state,
+        "confidence": moment.confidence if moment is not None else None,
+        "rule_class": rule,
+        "model_class": moment.model if moment is not None else None,
+        "passage": episode.passage,
+        "data_set": source.format,
+        "site": source.site,
+        "recording": source.name,
+        "vehicle": episode.ego,
+        "partner": moment.partner if moment is not None else None,
+        "time": round(moment.time, 3) if moment is not None else None,
+        "start": round(scene.start, 3),
+        "end": round(scene.end, 3),
+        "participants": len(scene.parts),
+        "tags": dict(sorted(moment.tags.items())) if moment is not None else {},
+        **measured,
+    }

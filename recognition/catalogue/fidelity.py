@@ -1,0 +1,52 @@
+"""How closely the scenarios of a catalogue, when they are run, repeat what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from recognition.catalogue.scenes import Part, Scene
+from runner.execution import run
+from runner.result import RunResult
+
+_STEP = 0.05
+"""Time step (s) of the runs"""
+
+
+class Deviation(NamedTuple):
+    """How far a participant of a run is from its recorded positions.
+
+    greatest, mean: distance over the recorded rows, m. missing: recorded rows at which it is not in the run.
+    """
+
+    participant: str
+    greatest: float
+    mean: float
+    missing: int
+
+
+def replayed(path: Path, scene: Scene, world: str = "sumo") -> Iterator[Deviation]:
+    """Run a scenario without a system under test, and compare every participant with the scene that it was made from.
+
+    Reference points are compared at every recorded row, also those that the scenario has no vertex for.
+    """
+    result = run(path, sut="none", timestep=_STEP, max_time=scene.end - scene.start + 1.0, world=world)
+    for part in scene.parts:
+        yield _deviation(part, scene, result)
+
+
+def _deviation(part: Part, scene: Scene, result: RunResult) -> Deviation:
+    recorded = part.track.columns
+    rows = slice(int(part.rows[0]), int(part.rows[-1]) + 1)
+    time = recorded["time"][rows] - scene.start
+    track = result.recording.tracks.get(part.name)
+    if track is None:
+        return Deviation(part.name, np.inf, np.inf, len(time))
+    driven = track.columns
+    there = (time >= driven["time"][0] - _STEP) & (time <= driven["time"][-1] + _STEP)
+    dx, dy = (np.interp(time, driven["time"], driven[axis]) - recorded[axis][rows] for axis in ("x", "y"))
+    away = np.hypot(dx, dy)[there]
+    return Deviation(part.name, float(away.max()), float(away.mean()), int((~there).sum()))

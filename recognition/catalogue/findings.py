@@ -1,0 +1,87 @@
+"""What is recognised in recordings: moments that rules and model have labelled, joined into findings.
+
+Moments are those at which a rule holds and, for a model, further ones at a regular stride, so that what no rule describes
+can be found to be unknown. Moments of one ego and one class that follow each other closely are one finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from recognition.labels.classes import Event, Label
+
+KNOWN, UNKNOWN, DISCOVERED = "known", "unknown", "discovered"
+WINDOW = 1.5
+"""Length (s) of what is looked at about a moment"""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A window of a recording about one ego, labelled.
+
+    Attributes:
+        ego: name of the track.
+        time: the middle of the window, s.
+        title: name of the class: of one of the 17, `unknown`, or of a discovered class.
+        state: known, unknown or discovered.
+        rule: what the rules say, UNKNOWN for nothing.
+        model: name of the class that the model says, None without a model.
+        confidence: of the model, in [0, 1]; None without.
+        partner, tags: of the rule's event.
+    """
+
+    ego: str
+    time: float
+    title: str
+    state: str
+    rule: Label = Label.UNKNOWN
+    model: str | None = None
+    confidence: float | None = None
+    partner: str | None = None
+    tags: dict[str, bool | float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A stretch of a recording in which one class is recognised about one ego.
+
+    Attributes:
+        moment: the one with a rule's event, if any, else the one with most confidence.
+        start, end: of the windows, s.
+        moments: how many there are.
+    """
+
+    moment: Moment
+    start: float
+    end: float
+    moments: int
+
+
+def by_rules(event: Event) -> Moment:
+    """The moment of a rule's event, without a model."""
+    return Moment(event.ego, event.time, event.label.title, KNOWN, event.label, partner=event.partner, tags=event.tags)
+
+
+def joined(moments: Iterable[Moment], gap: float) -> list[Finding]:
+    """Findings, sorted by ego and time.
+
+    Args:
+        gap: greatest time between the windows of one finding, s.
+    """
+    groups: dict[tuple[str, str, str | None], list[Moment]] = {}
+    for moment in moments:
+        groups.setdefault((moment.ego, moment.title, moment.partner if moment.rule else None), []).append(moment)
+    found = [finding for group in groups.values() for finding in _runs(sorted(group, key=lambda moment: moment.time), gap)]
+    return sorted(found, key=lambda finding: (finding.moment.ego, finding.moment.time, finding.moment.title))
+
+
+def _runs(moments: Sequence[Moment], gap: float) -> list[Finding]:
+    breaks = [index for index, (one, other) in enumerate(pairwise(moments), 1) if other.time - one.time > WINDOW + gap]
+    return [_finding(moments[start:end]) for start, end in pairwise([0, *breaks, len(moments)])]
+
+
+def _finding(moments: Sequence[Moment]) -> Finding:
+    best = max(moments, key=lambda moment: (bool(moment.rule), moment.confidence or 0.0, -moment.time))
+    return Finding(best, moments[0].time - WINDOW / 2, moments[-1].time + WINDOW / 2, len(moments))

@@ -1,0 +1,70 @@
+"""The index of a catalogue: one row a scenario, as JSON, CSV and Parquet, for people and other programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+COLUMNS: dict[str, type] = {
+    "file": str,
+    "maneuver": str,
+    "no_maneuver": str,
+    "openlabel": str,
+    "road": str,
+    "class": str,
+    "state": str,
+    "confidence": float,
+    "rule_class": str,
+    "model_class": str,
+    "passage": str,
+    "data_set": str,
+    "site": str,
+    "recording": str,
+    "vehicle": str,
+    "partner": str,
+    "time": float,
+    "start": float,
+    "end": float,
+    "participants": int,
+    "min_ttc": float,
+    "min_thw": float,
+    "max_drac": float,
+    "min_distance": float,
+    "pet": float,
+    "rss_risk_ad_rss": float,
+    "rss_risk_r157": float,
+}
+"""Columns of a row; absent values are None. Files relative to the index: the scenario that replays the recording, the one with the
+manoeuvre (or why there is none), tags, road. The class, by whom and how sure. Where from, with times in s. Measures."""
+
+Row = Mapping[str, Any]
+
+
+def as_json(rows: Sequence[Row], more: Mapping[str, Any]) -> bytes:
+    """The rows under "scenarios", after what else is to be told."""
+    listed = [{name: row.get(name) for name in COLUMNS} | {"tags": row.get("tags", {})} for row in rows]
+    return (json.dumps({**more, "scenarios": listed}, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def as_csv(rows: Sequence[Row]) -> bytes:
+    """A header and a line a row; absent values are blank."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    table.writerows([row.get(name) for name in COLUMNS] for row in rows)
+    return text.getvalue().encode()
+
+
+def as_parquet(rows: Sequence[Row]) -> bytes:
+    """The same as a Parquet table."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    types = {str: pa.string(), float: pa.float64(), int: pa.int64()}
+    table = pa.table({name: pa.array([row.get(name) for row in rows], types[kind]) for name, kind in COLUMNS.items()})
+    target = pa.BufferOutputStream()
+    pq.write_table(table, target, compression="zstd")
+    return target.getvalue().to_pybytes()

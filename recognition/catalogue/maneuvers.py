@@ -1,0 +1,207 @@
+"""The manoeuvre in a recorded scene, as seven numbers: gap, speeds, times. Classes without such a manoeuvre are refused by name.
+
+The actor is who changes lane (in car following the lead, who changes its speed): the ego in lane changes, else the other one.
+The manoeuvre begins and ends where the lateral motion does. Before it, everyone is taken to keep its speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.datasets.rows import Floats
+from recognition.labels.classes import Label
+from runner.recording import Recording, Track
+from runner.relations import Motion, relation
+from schemas.errors import Unsupported
+from xodr.network import RoadNetwork
+
+LONGEST = 10.0
+"""Time (s) from the scene's start to the manoeuvre, and from its end to the scene's, at most."""
+
+_KINDS = {
+    Label.CAR_FOLLOWING: "following",
+    Label.CUT_IN: "cut_in",
+    Label.URBAN_CUT_IN: "cut_in",
+    Label.CUT_OUT: "cut_out",
+    Label.URBAN_CUT_OUT: "cut_out",
+    Label.LANE_CHANGE_LEFT: "lane_change",
+    Label.LANE_CHANGE_RIGHT: "lane_change",
+}
+_SHORTEST = 1.0
+"""Duration (s) of a manoeuvre, at least"""
+_DRIFT = 0.1
+"""Lateral speed (m/s) below which a lane change has not begun yet, or has ended"""
+_SIDEWAYS = 1.0
+"""Lateral way (m) of a lane change, at least"""
+_SMOOTHING = 0.5
+"""Window (s) over which speeds are averaged"""
+_JUMP = 0.7
+"""Lateral way (m) from one row to the next that is no motion: the road's reference line has changed"""
+_APART = 1.0
+"""Gap (m) at the beginning between those in one lane, at least"""
+
+
+class Seven(NamedTuple):
+    """The parameters: gap to the lead at the trigger (m; None without a lead), speeds (m/s), times (s)."""
+
+    gap: float | None
+    start_speed: float
+    start_delay: float
+    end_speed: float
+    duration: float
+    final_speed: float
+    end_delay: float
+
+
+@dataclass(frozen=True)
+class Maneuver:
+    """A manoeuvre.
+
+    Attributes:
+        kind: cut_in, cut_out, lane_change or following.
+        ego: its track.
+        other: who is ahead of the ego when it begins; None for nobody.
+        left: whether the lane change is to the left; None where there is none.
+        values: the parameters.
+        speed: before the manoeuvre of the one who is not the actor, m/s.
+        start, end: of the scene, in the recording, s.
+    """
+
+    kind: str
+    ego: Track
+    other: Track | None
+    left: bool | None
+    values: Seven
+    speed: float
+    start: float
+    end: float
+
+    @property
+    def ego_acts(self) -> bool:
+        """Whether the ego is the actor."""
+        return self.kind == "lane_change"
+
+
+class Span(NamedTuple):
+    """An event's start, middle and end, s."""
+
+    start: float
+    middle: float
+    end: float
+
+
+def maneuver(recording: Recording, network: RoadNetwork, label: Label, ego: str, partner: str | None, span: Span) -> Maneuver:
+    """The manoeuvre of an event.
+
+    Args:
+        network: the roads that the recording's road coordinates are on.
+        partner: whom the event is about besides the ego.
+
+    Raises:
+        Unsupported: the class, or what was recorded, is no manoeuvre that the parameters describe.
+    """
+    kind = _KINDS.get(label)
+    if kind is None:
+        raise Unsupported(f"the seven parameters describe lane changes and car following, not {label.title}")
+    own, other = recording.tracks[ego], recording.tracks[partner] if partner is not None else None
+    actor = own if kind == "lane_change" else other
+    if actor is None:
+        raise Unsupported("the other vehicle is not known")
+    if kind == "following":
+        start, end, left = span.start, min(span.end, span.start + LONGEST), None
+    else:
+        start, end, left = lane_change(actor, network, span.middle)
+    gap = _gap(own, other, start, kind) if other is not None else None
+    if gap is None:
+        other = None
+    present = [track.columns["time"] for track in (own, other) if track is not None]
+    first = max(start - LONGEST, *(float(time[0]) for time in present))
+    last = min(end + LONGEST, float(actor.columns["time"][-1]))
+    if not first <= start < end <= last:
+        raise Unsupported("the manoeuvre was not recorded whole")
+    passive = own if actor is not own else other
+    if gap is not None and passive is not None and kind != "cut_in":
+        first = max(first, start - _longest_approach(gap, _speed(own, start), _speed(other or own, start)))
+    speed = _mean_speed(passive, first, start) if passive is not None else 0.0
+    speeds = (_speed(actor, time) for time in (start, end, last))
+    starting, ending, final = speeds
+    values = Seven(gap, starting, start - first, ending, max(end - start, _SHORTEST), final, last - end)
+    return Maneuver(kind, own, other, left, values, speed, first, last)
+
+
+def lane_change(track: Track, network: RoadNetwork, time: float) -> tuple[float, float, bool]:
+    """When the lane change at a time (s) begins and ends, and whether it is to the left.
+
+    Raises:
+        Unsupported: there is none that stands out from drifting.
+    """
+    at, side = track.columns["time"], _sideways(track, network)
+    width = max(1, round(_SMOOTHING / max(float(np.median(np.diff(at))), 1e-3)))
+    rate = np.convolve(np.gradient(side, at), np.full(width, 1.0 / width), "same")
+    near = np.flatnonzero(np.abs(at - time) <= _SHORTEST)
+    middle = int(near[np.abs(rate[near]).argmax()])
+    left = bool(rate[middle] > 0.0)
+    still = np.flatnonzero((rate if left else -rate) <= _DRIFT)
+    before, after = still[still <= middle], still[still >= middle]
+    first, last = (before[-1] if len(before) else 0), (after[0] if len(after) else len(at) - 1)
+    way = abs(float(side[last] - side[first]))
+    if way < _SIDEWAYS:
+        raise Unsupported(f"the lane change covers {way:.1f} m sideways only, which does not stand out from drifting")
+    return float(at[first]), float(at[last]), left
+
+
+def _sideways(track: Track, network: RoadNetwork) -> Floats:
+    """Way to the left of a track since its beginning (m), along its roads."""
+    columns = track.columns
+    moved = np.diff(columns["t"]) * facing(track, network)[1:]
+    moved[(columns["road_id"][1:] != columns["road_id"][:-1]) | (np.abs(moved) > _JUMP)] = 0.0
+    return np.concatenate([[0.0], np.cumsum(moved)])
+
+
+def facing(track: Track, network: RoadNetwork) -> NDArray[np.float64]:
+    """+1 at rows where a track faces increasing s, −1 at the others."""
+    columns = track.columns
+    places = zip(columns["road_id"], columns["s"].tolist(), strict=True)
+    headings = np.array([network.road(road).heading(s) for road, s in places])
+    return np.where(np.cos(columns["h"] - headings) >= 0.0, 1.0, -1.0)
+
+
+def _gap(ego: Track, other: Track, time: float, kind: str) -> float | None:
+    """Gap of the boxes (m) as the ego sees it; None where an ego that changes lane has the other one in another lane."""
+    rows, _, view = relation(*(Motion.from_columns(track.name, track.box, track.columns) for track in (ego, other)))
+    if not len(rows):
+        raise Unsupported("the other vehicle was not recorded together with the ego")
+    nearest = int(np.abs(ego.columns["time"][rows] - time).argmin())
+    gap, aside = float(view.ahead[nearest]), float(view.aside[nearest])
+    if kind == "lane_change" and (gap <= 0.0 or aside != 0.0):
+        return None
+    if gap <= 0.0:
+        raise Unsupported("the other vehicle is not ahead of the ego when the manoeuvre begins")
+    return gap
+
+
+def _longest_approach(gap: float, ego_speed: float, other_speed: float) -> float:
+    """Time (s) that two in one lane can have kept their speeds before they had this gap (m)."""
+    opening = other_speed - ego_speed
+    return (gap - _APART) / opening if opening * LONGEST > gap - _APART > 0.0 else LONGEST
+
+
+def _speed(track: Track, time: float) -> float:
+    """Speed (m/s) about a time (s)."""
+    columns = track.columns
+    near = np.abs(columns["time"] - time) <= 0.5 * _SMOOTHING
+    return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
+
+
+def _mean_speed(track: Track, start: float, end: float) -> float:
+    """Speed (m/s) with which a track would have come from where it was at `start` to where it was at `end` (s)."""
+    columns = track.columns
+    rows = np.flatnonzero((columns["time"] >= start) & (columns["time"] <= end))
+    if end - start < _SMOOTHING or len(rows) < 2:
+        return _speed(track, end)
+    way = np.hypot(np.diff(columns["x"][rows]), np.diff(columns["y"][rows])).sum()
+    return float(way / (columns["time"][rows[-1]] - columns["time"][rows[0]]))

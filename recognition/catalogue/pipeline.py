@@ -1,0 +1,165 @@
+"""From recordings to a catalogue: read, recognise, write."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from recognition import datasets
+from recognition.catalogue import findings, usable
+from recognition.catalogue.catalogue import Catalogue, Config
+from recognition.catalogue.episodes import Around, of_findings, of_vehicles
+from recognition.catalogue.findings import Moment, by_rules
+from recognition.datasets import Source
+from recognition.labels import Event, Rules, label
+from recognition.sites import Site, site_of
+from recognition.sites.placing import place
+from runner.recording import Recording
+from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from xodr.sumo_net.cache import folder as cache_folder
+
+EVENTS, VEHICLES = "events", "vehicles"
+SCENES = (EVENTS, VEHICLES)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is recognised and written.
+
+    Attributes:
+        scenes: what a scenario is made for: every event, or every usable vehicle.
+        rules: thresholds of the labelling rules.
+        needs: what makes a vehicle usable.
+        around: time before and after an event that belongs to its scenario.
+        gap: greatest time between two windows of one event, s.
+        config: how the catalogue is written.
+    """
+
+    scenes: str = EVENTS
+    rules: Rules = field(default_factory=Rules)
+    needs: usable.Usable = field(default_factory=usable.Usable)
+    around: Around = field(default_factory=Around)
+    gap: float = 1.0
+    config: Config = field(default_factory=Config)
+
+
+class Recogniser(Protocol):
+    """Labels moments of recordings: it looks at all of them, then tells the moments of each."""
+
+    def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
+        """Take in a recording and the events that rules have found in it."""
+        ...
+
+    def moments(self, name: str) -> list[Moment]:
+        """The moments of a recording that was looked at."""
+        ...
+
+
+class ByRules:
+    """The rules alone."""
+
+    def __init__(self) -> None:
+        self._events: dict[str, list[Event]] = {}
+
+    def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
+        """Keep the events."""
+        self._events[name] = events
+
+    def moments(self, name: str) -> list[Moment]:
+        """One for each event."""
+        return [by_rules(event) for event in self._events[name]]
+
+
+class Summary(NamedTuple):
+    """What became of recordings.
+
+    classes: scenarios by title of the class. passages: vehicles' scenes by how they pass. exclusions: vehicles without a scene.
+    edited: files that a person has edited, left alone. removed: files of earlier runs that are no longer part of the catalogue.
+    failures: recordings that could not be read, and why.
+    """
+
+    classes: Counter[str]
+    passages: Counter[str]
+    exclusions: int
+    edited: list[str]
+    removed: list[str]
+    failures: dict[str, ToolchainError]
+
+
+Progress = Callable[[Sequence[Source], str], Iterable[Source]]
+"""Goes through sources while showing how far it is, under a word for what is being done"""
+
+
+def build(paths: Sequence[Path], out: Path, settings: Settings, recogniser: Recogniser, progress: Progress) -> Summary:
+    """Make a catalogue of the recordings in files and folders.
+
+    A recording that can't be read does not keep the others from their place in the catalogue.
+
+    Raises:
+        InvalidFile: there is no recording of a known format in a path.
+        UsageError: the folder can't be written, or two recordings have one name.
+    """
+    roads = cache_folder() / "roads"
+    sources = [source for path in paths for source in datasets.open(path, roads).sources]
+    twice = [name for name, count in Counter(source.name for source in sources).items() if count > 1]
+    if twice:
+        raise UsageError(f"there are two recordings called {twice[0]!r}")
+    work = _Work(settings, recogniser, Catalogue(out, settings.config), roads)
+    for source in progress(sources, "recognising"):
+        work.try_to(work.look, source)
+    for source in progress([source for source in sources if source.name not in work.failures], "writing"):
+        work.try_to(work.write, source)
+    return work.close()
+
+
+class _Work:
+    """One catalogue in the making."""
+
+    def __init__(self, settings: Settings, recogniser: Recogniser, catalogue: Catalogue, roads: Path) -> None:
+        self.failures: dict[str, ToolchainError] = {}
+        self._settings, self._recogniser, self._catalogue, self._roads = settings, recogniser, catalogue, roads
+        self._sites: dict[str, Site] = {}
+
+    def try_to(self, do: Callable[[Source], None], source: Source) -> None:
+        """Do something with a source; what is wrong with it is kept for the end."""
+        try:
+            do(source)
+        except (InvalidFile, Unsupported, UsageError) as error:
+            error.path = error.path or str(source.path)
+            self.failures[source.name] = error
+
+    def look(self, source: Source) -> None:
+        """Read and label a recording."""
+        recording = source.load()
+        site = self._sites[source.name] = site_of(source, recording, self._roads)
+        self._recogniser.look(source.name, recording, site, label(recording, site, source.name, self._settings.rules))
+
+    def write(self, source: Source) -> None:
+        """Write the scenarios of a recording."""
+        settings, site = self._settings, self._sites[source.name]
+        recording = source.load()
+        place(recording, site.network)
+        found = findings.joined(self._recogniser.moments(source.name), settings.gap)
+        if settings.scenes == EVENTS:
+            self._catalogue.add(source, recording, site, of_findings(source.name, found, settings.around), [])
+            return
+        names, exclusions = usable.vehicles(recording, site.network, settings.needs)
+        episodes = of_vehicles(source.name, [recording.tracks[name] for name in names], found)
+        self._catalogue.add(source, recording, site, episodes, exclusions)
+
+    def close(self) -> Summary:
+        """Finish the catalogue."""
+        catalogue = self._catalogue
+        rows = catalogue.rows
+        removed = catalogue.close(failures={name: str(error) for name, error in self.failures.items()})
+        return Summary(
+            Counter(row["class"] for row in rows),
+            Counter(row["passage"] for row in rows if row["passage"]),
+            len(catalogue.exclusions),
+            catalogue.store.edited,
+            removed,
+            self.failures,
+        )

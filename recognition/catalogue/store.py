@@ -1,0 +1,103 @@
+"""The folder of a catalogue: files that are written anew as long as nobody has edited them.
+
+The manifest holds the hash of every file as it was written. A file that differs from its hash, or that has none, is a
+person's: it is left alone and reported.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from schemas.errors import InvalidFile, UsageError
+
+MANIFEST = "manifest.json"
+
+
+class Store:
+    """A catalogue's folder.
+
+    Args:
+        root: the folder; made where it does not exist.
+
+    Attributes:
+        edited: files (relative to the root) that a person has edited, so that they were not written.
+
+    Raises:
+        UsageError: it can't be made.
+        InvalidFile: its manifest is not readable.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.edited: list[str] = []
+        self._before = _manifest(root / MANIFEST)
+        self._now: dict[str, str] = {}
+        with _writing(root):
+            root.mkdir(parents=True, exist_ok=True)
+
+    def write(self, name: str, content: bytes) -> bool:
+        """Write a file, named relative to the root; False where there is one that a person has edited."""
+        path = self.root / name
+        found = path.read_bytes() if path.is_file() else None
+        if found is not None and found != content and _hash(found) != self._before.get(name):
+            self.edited.append(name)
+            return False
+        self._now[name] = _hash(content)
+        if found != content:
+            with _writing(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+        return True
+
+    def close(self) -> list[str]:
+        """Remove what earlier runs have written and this one has not, and write the manifest; the files that were removed."""
+        stale = sorted(self._before.keys() - self._now.keys() - set(self.edited))
+        removed = []
+        for name in stale:
+            path = self.root / name
+            if not path.is_file():
+                continue
+            if _hash(path.read_bytes()) != self._before[name]:
+                self.edited.append(name)
+                continue
+            with _writing(path):
+                path.unlink()
+                _remove_empty(path.parent, self.root)
+            removed.append(name)
+        kept = {name: self._before[name] for name in self.edited if name in self._before}
+        text = json.dumps({"files": dict(sorted((self._now | kept).items()))}, indent=1, ensure_ascii=False) + "\n"
+        with _writing(self.root / MANIFEST):
+            (self.root / MANIFEST).write_text(text, encoding="utf-8")
+        return removed
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _manifest(path: Path) -> dict[str, str]:
+    if not path.is_file():
+        return {}
+    try:
+        files = json.loads(path.read_text(encoding="utf-8"))["files"]
+        return {str(name): str(value) for name, value in files.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InvalidFile(f"the manifest of the catalogue is not readable: {error}", path=path) from None
+
+
+def _remove_empty(folder: Path, root: Path) -> None:
+    while folder != root and not any(folder.iterdir()):
+        folder.rmdir()
+        folder = folder.parent
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"this can't be written: {error.strerror or error}", path=path) from None

@@ -1,0 +1,47 @@
+"""What command lines share: errors become one line and an exit code, interruptions and closed pipes the codes of a shell."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import typer
+
+from schemas.errors import ToolchainError
+
+INTERRUPTED, PIPE_CLOSED = 130, 141
+"""Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
+
+
+def guarded(name: str, app: Callable[[], object]) -> None:
+    """Run a command's app: errors become one line and an exit code; a traceback only with -v."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may be of any bytes
+    try:
+        app()
+    except (ToolchainError, OSError) as error:
+        from runner.jobs import describe
+
+        if "-v" in sys.argv or "--verbose" in sys.argv:
+            traceback.print_exc()
+        message, code = describe(error)
+        print(f"{name}: {message}", file=sys.stderr)
+        raise SystemExit(code) from None
+
+
+@contextmanager
+def interruptible(name: str, hint: str = "") -> Iterator[None]:
+    """End the command in good order when it is interrupted (with a hint what to do then), or nobody reads its output."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter complains when it ends
+        raise typer.Exit(PIPE_CLOSED) from None
