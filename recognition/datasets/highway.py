@@ -8,8 +8,6 @@ direction 1, towards -x) on the left 1, 2, … outwards. Places on it are exact 
 
 from __future__ import annotations
 
-import hashlib
-import tempfile
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.datasets.rows import Floats
+from recognition.files import digest, keep
 from schemas.errors import UsageError
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
@@ -95,13 +94,7 @@ class Highway:
             UsageError: the folder can't be written.
         """
         content = self.road_map(name).to_xml()
-        path = folder / f"{name}-{hashlib.blake2b(content, digest_size=6).hexdigest()}.xodr"
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            if not path.is_file() or path.read_bytes() != content:
-                with tempfile.NamedTemporaryFile(dir=folder, prefix=path.name, delete=False) as draft:
-                    draft.write(content)
-                Path(draft.name).replace(path)  # whole or not at all, also for those who write the same beside
+            return keep(content, folder / f"{name}-{digest(content)}.xodr")
         except OSError as error:
             raise UsageError(f"the road can't be written: {error.strerror or error}", path=folder) from None
-        return path

@@ -42,6 +42,19 @@ def sources(path: Path, roads: Path) -> list[Source]:
     return [Source(path.parent.name, path.parent.name.partition("~")[0], FORMAT, path, partial(_read, path))]
 
 
+def road(path: Path) -> Path:
+    """The OpenDRIVE file of the run that a trajectory file belongs to.
+
+    Raises:
+        InvalidFile: the run had none, or it is not there any more.
+    """
+    file = path.with_name(_RESULT)
+    name = _entry(_result(file), file, "files").get("road")
+    if not isinstance(name, str) or not Path(name).is_file():
+        raise InvalidFile(f"the road of this run, {name!r}, is not there", path=file)
+    return Path(name)
+
+
 def _read(path: Path) -> tuple[Recording, Report]:
     file = path.with_name(_RESULT)
     result = _result(file)

@@ -11,7 +11,7 @@ from recognition.labels.classes import Label
 from recognition.labels.encounters import time_apart
 from recognition.labels.hits import NOBODY, Hits, alone
 from recognition.labels.scene import Flags, Scene
-from recognition.sites.lanes import Floats, Whole
+from recognition.sites.lanes import NOWHERE, Floats, Whole
 
 _OPPOSITE = -0.87
 """Cosine of the least angle between headings from opposite sides: 150 degrees."""
@@ -41,17 +41,21 @@ def merging(scene: Scene) -> Hits:
     """17: somebody from elsewhere comes into the same lane behind the junction shortly before or after ego."""
     passages = scene.passages
     gap, partner = arrivals(scene)
-    chosen = np.flatnonzero(_counting(scene) & (gap < scene.rules.merging_gap) & scene.complete[passages.after])
-    return Hits(Label.MERGING, passages.after[chosen], passages.after[partner[chosen]], {"arrival_gap": gap[chosen]})
+    chosen = np.flatnonzero(_counting(scene) & (gap < scene.rules.merging_gap) & scene.complete[passages.last])
+    return Hits(Label.MERGING, passages.last[chosen], passages.last[partner[chosen]], {"arrival_gap": gap[chosen]})
 
 
 def arrivals(scene: Scene) -> tuple[Floats, Whole]:
-    """Least time between each passage's arrival behind the junction and that of one from another road in the same lane (s,
-    infinite for none), and the index of that passage."""
-    passages, time = scene.passages, scene.time[scene.passages.after]
+    """How soon before or after each passage somebody from another road arrives in the same lane, and in which passage.
+
+    Returns:
+        Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,), NOBODY for none.
+    """
+    passages, time = scene.passages, scene.time[scene.passages.last]
     gap, partner = np.full(len(passages), np.inf), np.full(len(passages), NOBODY, np.int64)
-    for target in np.unique(passages.target).tolist():
-        mine = np.flatnonzero(passages.target == target)
+    arriving = passages.arrived & (passages.origin_road != NOWHERE)
+    for target in np.unique(passages.target[arriving]).tolist():
+        mine = np.flatnonzero(arriving & (passages.target == target))
         apart = np.abs(time[mine][:, None] - time[mine])
         apart[passages.origin_road[mine][:, None] == passages.origin_road[mine]] = np.inf
         nearest = apart.argmin(axis=1)
@@ -72,30 +76,30 @@ def _counting(scene: Scene) -> Flags:
 
 
 def _crosses(scene: Scene) -> Flags:
-    """Passages whose way crosses one from another road into another lane."""
-    from shapely import LineString
+    """Passages whose way crosses one from another road into another lane: the longest passage of each stands for all."""
+    from shapely import LineString, STRtree
 
     passages = scene.passages
-    if not len(passages):
-        return np.zeros(0, bool)
-    ways = np.stack([passages.origin, passages.target], axis=1)
-    pairs, first, which = np.unique(ways, axis=0, return_index=True, return_inverse=True)
-    lines = [LineString(np.stack([scene.x[rows], scene.y[rows]], axis=1)) for rows in map(passages.rows, first.tolist())]
-    roads = passages.origin_road[first]
-    crossed = [
-        any(
-            roads[one] != roads[other] and pairs[one, 1] != pairs[other, 1] and lines[one].intersects(lines[other])
-            for other in range(len(pairs))
-        )
-        for one in range(len(pairs))
-    ]
-    return np.array(crossed, bool)[which.reshape(-1)]
+    lines = [LineString(np.stack([scene.x[rows], scene.y[rows]], axis=1)) for rows in map(passages.rows, range(len(passages)))]
+    longest: dict[tuple[int, int], int] = {}
+    for index, way in enumerate(zip(passages.origin_road.tolist(), passages.target.tolist(), strict=True)):
+        if NOWHERE not in way and (way not in longest or lines[index].length > lines[longest[way]].length):
+            longest[way] = index
+    found = np.zeros(len(passages), bool)
+    if not longest:
+        return found
+    used = np.array(list(longest.values()), np.int64)
+    mine, theirs = STRtree([lines[index] for index in used]).query(lines, predicate="intersects")
+    theirs = used[theirs]
+    other = (passages.origin_road[mine] != passages.origin_road[theirs]) & (passages.target[mine] != passages.target[theirs])
+    found[mine[other & (passages.origin_road[mine] != NOWHERE)]] = True
+    return found
 
 
 def _opposing(scene: Scene) -> Flags:
     """Passages while which somebody comes through the same junction from the other side."""
     passages = scene.passages
-    time, heading = scene.time[passages.row], scene.h[passages.before]
+    time, heading = scene.time[passages.row], scene.h[passages.first]
     found = np.zeros(len(passages), bool)
     for junction in np.unique(passages.junction).tolist():
         mine = np.flatnonzero(passages.junction == junction)

@@ -17,19 +17,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Passages:
-    """Complete ways through junctions, in the order of their rows.
+    """Ways through junctions, in the order of their rows; also of tracks that begin or end inside.
 
     Attributes:
-        before, after: last row before the junction and first one behind it.
+        first, last: first and last row: those beside the junction, or those inside where the track begins or ends.
+        arrived: whether the last row is behind the junction.
         row: the middle: half of the turn is done there, or, of a straight way, half of the way.
         turn: change of heading, rad, positive to the left.
         junction: number of the junction.
         signalised: whether it has traffic lights.
-        origin, target: strips before and behind the junction. origin_road: number of the road before it.
+        origin, target: strips before and behind the junction, NOWHERE where neither track nor map tell.
+        origin_road: number of the road of the origin, NOWHERE likewise.
     """
 
-    before: Whole
-    after: Whole
+    first: Whole
+    last: Whole
+    arrived: Flags
     row: Whole
     turn: Floats
     junction: Whole
@@ -43,33 +46,45 @@ class Passages:
 
     def rows(self, index: int) -> Whole:
         """All rows of one of them."""
-        return np.arange(self.before[index], self.after[index] + 1)
+        return np.arange(self.first[index], self.last[index] + 1)
 
 
 def passages(scene: Scene) -> Passages:
-    """The ways of all tracks through junctions; those that begin or end inside are left out."""
+    """The ways of all tracks through junctions, of `rules.passage` at least."""
     junction_of, road_of = _numbers(scene)
     inside = np.where(scene.has_role(Role.INSIDE, Role.SIGNALISED), junction_of[scene.strip], NOWHERE)
     inside = held(inside, scene.track, scene.rows(scene.rules.flicker))
     start, size = stays(inside, scene.track)
-    crossing = inside[start] != NOWHERE
-    before, after = start[crossing] - 1, (start + size)[crossing]
-    known = (before >= 0) & (after < len(inside))
-    before, after = before[known], after[known]
-    same = (scene.track[before] == scene.track[before + 1]) & (scene.track[after] == scene.track[after - 1])
-    same &= (scene.strip[before] != NOWHERE) & (scene.strip[after] != NOWHERE)
-    before, after = before[same], after[same]
-    turned = np.cumsum(np.remainder(np.diff(scene.h, prepend=scene.h[:1]) + np.pi, 2.0 * np.pi) - np.pi)
     way = np.cumsum(np.hypot(np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])))
-    turn = turned[after] - turned[before]
+    chosen = (inside[start] != NOWHERE) & (way[start + size - 1] - way[start] >= scene.rules.passage)
+    start, end = start[chosen], (start + size - 1)[chosen]
+    entered, arrived = _same_track(scene, start, -1), _same_track(scene, end, 1)
+    first, last = start - entered, end + arrived
+    turned = np.cumsum(np.remainder(np.diff(scene.h, prepend=scene.h[:1]) + np.pi, 2.0 * np.pi) - np.pi)
+    turn = turned[last] - turned[first]
     straight = np.abs(turn) < np.radians(scene.rules.turn[0])
-    row = [
-        _half(way if goes_straight else turned, start, end)
-        for start, end, goes_straight in zip(before.tolist(), after.tolist(), straight.tolist(), strict=True)
+    middle = [
+        _half(way if goes_straight else turned, a, b)
+        for a, b, goes_straight in zip(first.tolist(), last.tolist(), straight.tolist(), strict=True)
     ]
-    lights = scene.role[before + 1] == ROLES.index(Role.SIGNALISED)
-    origin, target = scene.strip[before], scene.strip[after]
-    return Passages(before, after, np.array(row, np.int64), turn, inside[before + 1], lights, origin, target, road_of[origin])
+    origin = np.where(entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first]))
+    target = np.where(arrived, scene.strip[last], _neighbours(scene.site.lanes.following, scene.strip[last]))
+    lights = scene.role[start] == ROLES.index(Role.SIGNALISED)
+    roads = np.where(origin != NOWHERE, road_of[origin], NOWHERE)
+    return Passages(first, last, arrived, np.array(middle, np.int64), turn, inside[start], lights, origin, target, roads)
+
+
+def _same_track(scene: Scene, row: Whole, step: int) -> Flags:
+    """Whether the row before (step -1) or after (1) each row is of the same track."""
+    other = row + step
+    there = (other >= 0) & (other < len(scene.track))
+    return there & (scene.track[np.where(there, other, 0)] == scene.track[row])
+
+
+def _neighbours(links: list[list[int]], strip: Whole) -> Whole:
+    """The strip that each one is linked to, NOWHERE where there is none."""
+    linked = np.array([found[0] if found else NOWHERE for found in links], np.int64)
+    return np.where(strip != NOWHERE, linked[strip], NOWHERE)
 
 
 def _numbers(scene: Scene) -> tuple[Whole, Whole]:

@@ -34,6 +34,7 @@ class Rules:
         ramp_shift: least lateral shift between ramp and main lane.
         yield_speed, yield_time: who was slower, or has a lower PET, gets the tag `yields`.
         ring_spacing: least time between two events of circulating.
+        passage: least way through a junction that counts.
         turn: least and greatest change of heading of a turn.
         straight: greatest change of heading of a straight cross.
         opposing_time: time within which an opposing vehicle passes.
@@ -68,6 +69,7 @@ class Rules:
     yield_speed: float = 2.0
     yield_time: float = 3.0
     ring_spacing: float = 3.0
+    passage: float = 5.0
     turn: tuple[float, float] = (45.0, 135.0)
     straight: float = 20.0
     opposing_time: float = 5.0

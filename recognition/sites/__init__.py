@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from recognition.datasets import Source
 from recognition.sites.lanes import LaneGraph, graph
+from recognition.sites.maps import map_of
 from recognition.sites.proposal import propose
 from recognition.sites.roles import Entry, Role, Roles, roles_beside
 from runner.recording import Recording
-from schemas.errors import UsageError
 from xodr.network import RoadNetwork
 from xodr.reader import load
 
@@ -37,32 +38,38 @@ class Site:
         return graph(self.network)
 
 
-def site_at(path: Path, network: RoadNetwork | None = None) -> Site:
+def site_at(path: Path, network: RoadNetwork | None = None, lights: frozenset[str] = frozenset()) -> Site:
     """The site with this OpenDRIVE file; its roles are those in the file beside it, proposed and written there where it is new.
 
     Args:
         network: what the file describes, where it is loaded already.
+        lights: roads that traffic lights are for, besides those with signals.
 
     Raises:
         InvalidFile: the map or the roles are malformed, or don't fit each other.
     """
-    network = network or load(path)
-    return Site(path, network, roles_beside(network, propose(network, graph(network))))
+    network = network or _loaded(path, path.stat().st_mtime_ns)
+    return Site(path, network, roles_beside(network, propose(network, graph(network), lights)))
 
 
 def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     """The site of a recording.
+
+    highD: the road that the recording brings along. Own runs: theirs. Others: `<site>.xodr` beside the tracks, else a road made
+    of the site's Lanelet2 map, of the scenario's lanelets (CommonRoad), or of the lateral positions (NGSIM tables).
 
     Args:
         source: where the recording is from.
         roads: folder for roads that have to be made.
 
     Raises:
+        InvalidFile: a map or its roles are malformed, or don't fit each other.
         UsageError: nothing tells of the roads.
     """
-    if recording.network is not None:
-        return site_at(Path(recording.network.path), recording.network)
-    beside = source.path.parent / f"{source.site}.xodr"
-    if beside.is_file():
-        return site_at(beside)
-    raise UsageError(f"nothing tells of the roads of {source.name}", path=source.path)
+    path, lights = map_of(source, recording, roads)
+    return site_at(path, recording.network, lights)
+
+
+@lru_cache(maxsize=8)
+def _loaded(path: Path, _version: int) -> RoadNetwork:
+    return load(path)

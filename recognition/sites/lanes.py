@@ -50,7 +50,7 @@ class LaneGraph:
 
     Attributes:
         strips: the lanes within sections.
-        following: indices of the strips that traffic reaches from each.
+        following, preceding: indices of the strips that traffic reaches from each, and from which it reaches it.
         straight: that one of them which turns least, or NOWHERE.
     """
 
@@ -68,6 +68,10 @@ class LaneGraph:
         for number, strip in enumerate(self.strips):
             self._of_lane.setdefault((strip.road, strip.lane), []).append(number)
         self.following = [self._following(strip) for strip in self.strips]
+        self.preceding: list[list[int]] = [[] for _ in self.strips]
+        for number, after in enumerate(self.following):
+            for other in after:
+                self.preceding[other].append(number)
         self.straight = np.array([self._straightest(number) for number in range(len(self.strips))], np.int64)
         self._start = np.array([strip.start for strip in self.strips])
         self._end = np.array([strip.end for strip in self.strips])
@@ -106,10 +110,8 @@ class LaneGraph:
                 if steps is not None:
                     return steps
             ahead = [after for strip in ahead for after in self.following[strip]]
-        for before, after in enumerate(self.following):
-            if other in after and (steps := self._beside(one, before)) is not None:
-                return steps
-        return None
+        found = (self._beside(one, before) for before in self.preceding[other])
+        return next((steps for steps in found if steps is not None), None)
 
     def _beside(self, one: int, other: int) -> int | None:
         a, b = self.strips[one], self.strips[other]
@@ -133,7 +135,7 @@ class LaneGraph:
             strips.append(Strip(*where, length, width, math.inf if limit is None else limit))
         return strips
 
-    def _following(self, strip: Strip) -> tuple[int, ...]:
+    def _following(self, strip: Strip) -> list[int]:
         road = self._network.roads[strip.road]
         lane = road.sections[strip.section].lanes[strip.lane]
         beyond = strip.section + (1 if strip.forward else -1)
@@ -142,7 +144,7 @@ class LaneGraph:
             found = [self._index.get((strip.road, beyond, linked))] if linked is not None else []
         else:
             found = [self._entered(link) for link in self._network.links(strip.road, strip.lane, strip.forward)]
-        return tuple(number for number in found if number is not None)
+        return [number for number in found if number is not None]
 
     def _entered(self, link: LaneLink) -> int | None:
         """The strip that a link leads into, unless against its traffic."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from recognition.sites.lanes import LaneGraph, Strip
 from recognition.sites.rings import ring_strips
 from recognition.sites.roles import Entry, Role
@@ -16,22 +18,22 @@ _LIGHT = "1000001"
 """Type of a traffic light in OpenDRIVE's own catalogue of signals."""
 
 
-def propose(network: RoadNetwork, graph: LaneGraph) -> list[Entry]:
-    """A role for every driving lane, by road, lane and s."""
-    roles = _Proposal(network, graph).roles
+def propose(network: RoadNetwork, graph: LaneGraph, lights: frozenset[str] = frozenset()) -> list[Entry]:
+    """A role for every driving lane, by road, lane and s.
+
+    Args:
+        lights: roads that traffic lights are for, besides those with signals.
+    """
+    roles = _Proposal(network, graph, lights).roles
     entries = [_entry(graph.strips[number], role) for number, role in roles.items()]
     return _joined(sorted(entries, key=lambda entry: (list(network.roads).index(entry.road), entry.lane, entry.start)))
 
 
 class _Proposal:
-    def __init__(self, network: RoadNetwork, graph: LaneGraph) -> None:
-        self._network, self._graph = network, graph
-        self._before: list[list[int]] = [[] for _ in graph.strips]
-        for number, after in enumerate(graph.following):
-            for other in after:
-                self._before[other].append(number)
+    def __init__(self, network: RoadNetwork, graph: LaneGraph, lights: frozenset[str]) -> None:
+        self._network, self._graph, self._lights = network, graph, lights
         self._rings = ring_strips(network, graph)
-        self._crossings = {name: lights for name in network.junctions if (lights := self._crossing(name)) is not None}
+        self._crossings = {name: lit for name in network.junctions if (lit := self._crossing(name)) is not None}
         driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
         self.roles = {number: self._first(number) for number in driving}
         self._add_ramps()
@@ -45,7 +47,7 @@ class _Proposal:
             return Role.RING
         if any(after in self._rings for after in self._graph.following[number]):
             return Role.ENTRY
-        if any(before in self._rings for before in self._before[number]):
+        if any(before in self._rings for before in self._graph.preceding[number]):
             return Role.EXIT
         if strip.kind in _ENTERING:
             return Role.ON_RAMP
@@ -58,31 +60,35 @@ class _Proposal:
         return Role.URBAN
 
     def _fast(self, strip: Strip) -> bool:
+        """Whether a strip is no urban one. Where the map tells neither kind nor limit of a road, crossings make it urban."""
         road = self._network.roads[strip.road]
         kind = road.road_type(0.5 * (strip.start + strip.end))
-        return kind.startswith("motorway") or (strip.speed_limit > FAST and kind in ("unknown", "rural"))
+        if kind != "unknown" or math.isfinite(strip.speed_limit):
+            return kind.startswith("motorway") or (strip.speed_limit > FAST and not kind.startswith("town"))
+        return not self._crossings and not self._rings
 
     def _crossing(self, junction_id: str) -> bool | None:
         """Whether a junction has traffic lights; None where it is none: ways only part or only meet there, or it is on a ring."""
         junction = self._network.junctions[junction_id]
         inside = {connection.connecting_road for connection in junction.connections}
         strips = [number for number, strip in enumerate(self._graph.strips) if strip.road in inside and strip.kind in DRIVABLE]
-        incoming = {self._graph.strips[before].road for number in strips for before in self._before[number]} - inside
+        incoming = {self._graph.strips[before].road for number in strips for before in self._graph.preceding[number]} - inside
         outgoing = {self._graph.strips[after].road for number in strips for after in self._graph.following[number]} - inside
         if len(incoming) < 2 or len(outgoing) < 2 or self._rings.intersection(strips):
             return None
         signals = [signal for road in incoming | inside for signal in self._network.roads[road].signals]
-        return bool(junction.controllers) or any(signal.dynamic or signal.type == _LIGHT for signal in signals)
+        lit = any(signal.dynamic or signal.type == _LIGHT for signal in signals)
+        return lit or bool(junction.controllers) or not self._lights.isdisjoint(incoming | inside)
 
     def _add_ramps(self) -> None:
         """Main lanes that end beside others which go on, and those that begin so, are ramps, with what leads only there."""
         for number, role in list(self.roles.items()):
             if role is Role.MAIN and not self._graph.following[number] and self._neighbours(number, self._graph.following):
-                self._mark(number, self._before, Role.ON_RAMP)
-            elif role is Role.MAIN and not self._before[number] and self._neighbours(number, self._before):
+                self._mark(number, self._graph.preceding, Role.ON_RAMP)
+            elif role is Role.MAIN and not self._graph.preceding[number] and self._neighbours(number, self._graph.preceding):
                 self._mark(number, self._graph.following, Role.OFF_RAMP)
 
-    def _neighbours(self, number: int, links: list[list[int]] | list[tuple[int, ...]]) -> bool:
+    def _neighbours(self, number: int, links: list[list[int]]) -> bool:
         """Whether a lane beside a strip, in the same direction, has links of that kind."""
         strip = self._graph.strips[number]
         beside = [
@@ -94,7 +100,7 @@ class _Proposal:
         ]
         return any(links[other] for other in beside)
 
-    def _mark(self, number: int, links: list[list[int]] | list[tuple[int, ...]], role: Role) -> None:
+    def _mark(self, number: int, links: list[list[int]], role: Role) -> None:
         while self.roles.get(number) is Role.MAIN:
             self.roles[number] = role
             if len(links[number]) != 1:

@@ -11,10 +11,9 @@ fits, and it is neither renewed nor overwritten. An unedited file is renewed whe
 
 from __future__ import annotations
 
-import hashlib
 import json
-import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from recognition.files import digest, keep
 from recognition.sites.lanes import Floats, LaneGraph, Whole
 from schemas.errors import InvalidFile
 from xodr.network import RoadNetwork
@@ -108,13 +108,12 @@ def roles_beside(network: RoadNetwork, proposed: Sequence[Entry]) -> Roles:
     proposal = Roles(tuple(proposed))
     text = _text(proposal)
     if not path.is_file():
-        _write(path, text)
+        _keep(text, path)
         return proposal
     document = _document(path)
     if document.get("proposal") != _digest(document.get("roles")):
         return Roles(tuple(_checked(document.get("roles"), network, path)))
-    if path.read_text(encoding="utf-8") != text:
-        _write(path, text)
+    _keep(text, path)
     return proposal
 
 
@@ -131,16 +130,12 @@ def _text(roles: Roles) -> str:
 
 
 def _digest(listed: object) -> str:
-    return hashlib.blake2b(json.dumps(listed, sort_keys=True).encode(), digest_size=8).hexdigest()
+    return digest(json.dumps(listed, sort_keys=True).encode())
 
 
-def _write(path: Path, text: str) -> None:
-    try:
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=path.name, delete=False, encoding="utf-8") as draft:
-            draft.write(text)
-        Path(draft.name).replace(path)  # whole or not at all, also for those who write the same beside
-    except OSError:
-        return  # a folder for reading only keeps no file: the same roles are proposed next time
+def _keep(text: str, path: Path) -> None:
+    with suppress(OSError):  # a folder for reading only keeps no file: the same roles are proposed next time
+        keep(text.encode(), path)
 
 
 # reading ------------------------------------------------------------------------------------
