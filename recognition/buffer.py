@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -103,7 +103,7 @@ def sift(features: ArrayLike, prototypes: Prototypes, config: Preprocessing = Pr
     return Sifted(isolation > limit, prototypes.ratio(features) <= 1.0)
 
 
-def _isolation(standard: Features, neighbours: int, metric: str) -> Floats:
+def _isolation(standard: Features, neighbours: int, metric: Literal["euclidean", "cosine"]) -> Floats:
     """a(h) (m,): mean distance to the nearest neighbours, not counting the sample itself."""
     distances = cdist(standard, standard, metric)
     np.fill_diagonal(distances, np.inf)

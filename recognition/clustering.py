@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from recognition.encoder.training import deterministic
 from recognition.samples import Features, Floats, Whole
 from schemas.errors import UsageError
 
-Augment = Callable[[Tensor, torch.Generator], Tensor]
+Augment = Callable[[Tensor], Tensor]
 Similarity = Callable[[Features], NDArray[np.float32]]
 _LEAST = 1e-6
 """G is kept this far from 0 and 1, where its logarithm ends."""
@@ -74,26 +75,41 @@ class Clusters(NamedTuple):
     losses: Floats
 
 
+class Pairs(NamedTuple):
+    """Targets w_ij of pairs of unknown samples, and how much each pair counts, 0 or 1; both (n, n)."""
+
+    targets: Tensor
+    counts: Tensor
+
+
+class _Data(NamedTuple):
+    """Unknown samples with their pairs, labelled samples with the columns of their classes."""
+
+    samples: Tensor
+    pairs: Pairs
+    anchors: Tensor
+    truth: Tensor
+
+
 def consistency_weight(epoch: int, config: Clustering) -> float:
     """ω(e), for epochs that count from 0."""
     return config.consistency * math.exp(-5.0 * (1.0 - min(epoch / config.ramp, 1.0)) ** 2)
 
 
-def pair_targets(similarity: NDArray[np.float32], config: Clustering) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Targets w_ij and how much each pair counts, 0 or 1; both (n, n)."""
+def pair_targets(similarity: NDArray[np.float32], config: Clustering) -> Pairs:
+    """What S (n, n) says of which pairs are alike."""
     if config.targets == "soft":
-        return similarity, np.ones_like(similarity)
-    pairs = similarity[np.triu_indices(len(similarity), 1)]
-    low, high = np.quantile(pairs, [config.negative, config.positive])
+        return Pairs(torch.from_numpy(similarity), torch.ones(similarity.shape))
+    low, high = np.quantile(similarity[np.triu_indices(len(similarity), 1)], [config.negative, config.positive])
     alike = similarity >= high
-    return alike.astype(np.float32), (alike | (similarity <= low)).astype(np.float32)
+    return Pairs(torch.from_numpy(alike).float(), torch.from_numpy(alike | (similarity <= low)).float())
 
 
-def clustering_loss(p: Tensor, p_augmented: Tensor, targets: Tensor, counts: Tensor) -> Tensor:
-    """L_clu of p (n, Q) and p' (n, Q) for targets w (n, n); pairs whose count is 0 take no part."""
+def clustering_loss(p: Tensor, p_augmented: Tensor, pairs: Pairs) -> Tensor:
+    """L_clu of p (n, Q) and p' (n, Q)."""
     alike = (p @ p_augmented.T).clamp(_LEAST, 1.0 - _LEAST)
-    terms = targets * alike.log() + (1.0 - targets) * (1.0 - alike).log()
-    return -(terms * counts).sum() / counts.sum().clamp(min=1.0)
+    terms = pairs.targets * alike.log() + (1.0 - pairs.targets) * (1.0 - alike).log()
+    return -(terms * pairs.counts).sum() / pairs.counts.sum().clamp(min=1.0)
 
 
 class Heads(nn.Module):
@@ -123,9 +139,9 @@ class Projection(nn.Module):
         return features + self.outer(functional.gelu(self.inner(features)))
 
 
-def jitter(features: Tensor, generator: torch.Generator, strength: float = 0.3) -> Tensor:
+def jitter(features: Tensor, strength: float = 0.3) -> Tensor:
     """Augmented view of standardised features: normal noise of this standard deviation."""
-    return features + strength * torch.randn(features.shape, generator=generator)
+    return features + strength * torch.randn_like(features)
 
 
 def cluster(
@@ -156,19 +172,15 @@ def cluster(
         raise UsageError(f"{len(unknown)} unknown and {len(known)} known samples are too few to cluster")
     samples, anchors = torch.from_numpy(np.ascontiguousarray(unknown)), torch.from_numpy(np.ascontiguousarray(known))
     truth = torch.from_numpy(np.unique(labels, return_inverse=True)[1])
-    generator = torch.Generator().manual_seed(seed)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        heads = _heads(backbone, anchors, truth, config)
-    optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
     losses = np.zeros((config.epochs, 3))
-    pairs: tuple[Tensor, Tensor] | None = None
-    for epoch in range(config.epochs):
-        if pairs is None or config.refreshed:
-            similar = similarity(_batched(heads.backbone, samples, config.batch).numpy())
-            pairs = tuple(map(torch.from_numpy, pair_targets(similar, config)))
-        losses[epoch] = _epoch(heads, optimiser, samples, pairs, (anchors, truth), epoch, config, augment, generator)
-    confidence, assignment = _batched(lambda some: heads(some)[1], samples, config.batch).softmax(dim=1).max(dim=1)
+    with deterministic(seed):
+        heads = _heads(backbone, anchors, truth, config)
+        optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
+        for epoch in range(config.epochs):
+            if not epoch or config.refreshed:
+                pairs = pair_targets(similarity(_batched(backbone, samples, config.batch).numpy()), config)
+            losses[epoch] = _epoch(heads, optimiser, _Data(samples, pairs, anchors, truth), epoch, config, augment)
+        confidence, assignment = _batched(lambda some: heads(some)[1], samples, config.batch).softmax(dim=1).max(dim=1)
     return Clusters(assignment.numpy(), confidence.double().numpy(), losses)
 
 
@@ -185,38 +197,28 @@ def _heads(backbone: nn.Module, anchors: Tensor, truth: Tensor, config: Clusteri
 
 
 def _epoch(
-    heads: Heads,
-    optimiser: torch.optim.Optimizer,
-    samples: Tensor,
-    pairs: tuple[Tensor, Tensor],
-    labelled: tuple[Tensor, Tensor],
-    epoch: int,
-    config: Clustering,
-    augment: Augment,
-    generator: torch.Generator,
+    heads: Heads, optimiser: torch.optim.Optimizer, data: _Data, epoch: int, config: Clustering, augment: Augment
 ) -> Floats:
     """One pass over the unknown samples, with as many labelled ones beside them; mean losses L_ce, L_clu, L_con."""
-    anchors, truth = labelled
-    targets, counts = pairs
     total = torch.zeros(3)
-    batches = torch.randperm(len(samples), generator=generator).split(config.batch)
-    for batch in batches:
-        beside = torch.randint(len(anchors), (len(batch),), generator=generator)
-        inputs = torch.cat([samples[batch], anchors[beside]])
+    for batch in torch.randperm(len(data.samples)).split(config.batch):
+        count = len(batch)
+        beside = torch.randint(len(data.anchors), (count,))
+        inputs = torch.cat([data.samples[batch], data.anchors[beside]])
         known, novel = heads(inputs)
         q, p = known.softmax(dim=1), novel.softmax(dim=1)
-        q_other, p_other = (logits.softmax(dim=1) for logits in heads(augment(inputs, generator)))
+        q_other, p_other = (logits.softmax(dim=1) for logits in heads(augment(inputs)))
         chosen = torch.meshgrid(batch, batch, indexing="ij")
-        losses = torch.stack([
-            functional.cross_entropy(known[len(batch) :], truth[beside]),
-            clustering_loss(p[: len(batch)], p_other[: len(batch)], targets[chosen], counts[chosen]),
+        losses = (
+            functional.cross_entropy(known[count:], data.truth[beside]),
+            clustering_loss(p[:count], p_other[:count], Pairs(data.pairs.targets[chosen], data.pairs.counts[chosen])),
             functional.mse_loss(q, q_other) + functional.mse_loss(p, p_other),
-        ])  # fmt: skip
+        )
         optimiser.zero_grad()
         (losses[0] + losses[1] + consistency_weight(epoch, config) * losses[2]).backward()
         optimiser.step()
-        total += losses.detach() * len(batch)
-    return (total / len(samples)).double().numpy()
+        total += torch.stack(losses).detach() * count
+    return (total / len(data.samples)).double().numpy()
 
 
 def _batched(module: Callable[[Tensor], Tensor], inputs: Tensor, batch: int) -> Tensor:

@@ -51,7 +51,7 @@ class EvtDeficit(Screening):
 
     def similarities(self, votes: Whole) -> Floats:
         """s_k (n, K) in [0, 1]: share of class k's samples that lack at least as many votes."""
-        deficits = self.trees - votes + 0.5
+        deficits = self.trees - votes.astype(np.float64) + 0.5
         return np.stack([self._survival(deficits[:, column], column) for column in range(len(self.classes))], axis=1)
 
     def _score(self, votes: Whole) -> Floats:
@@ -66,7 +66,7 @@ class EvtDeficit(Screening):
 
 
 def tail(excesses: Floats) -> tuple[float, float]:
-    """Shape ξ and scale σ of the generalised Pareto distribution of positive excesses; of the exponential one, if they are few."""
+    """Shape ξ and scale σ of the generalised Pareto distribution of positive excesses; of the exponential one if few."""
     if len(excesses) < _FEWEST_EXCEEDANCES:
         return 0.0, float(excesses.mean()) if len(excesses) else 1.0
     shape, _, scale = genpareto.fit(excesses, floc=0.0)
