@@ -31,6 +31,8 @@ LONGEST_PET = 10.0
 """Post-encroachment times above this (s) are no encounter"""
 _PET_STEP = 0.05
 """Least time (s) between the footprints compared for the post-encroachment time"""
+_BLOCK = 1024
+"""Footprints of the ego that are compared with those of another one at once"""
 _STILL = 1e-3
 """Speeds below this (m/s) count as standing, slower closing as not closing"""
 
@@ -95,24 +97,25 @@ def lateral_violation(seen: View, parameters: rss.RssParameters) -> Flags:
 def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_PET) -> Extreme | None:
     """Least time between one participant leaving a place and the other one reaching it; 0 for a collision, None for no encounter.
 
-    Footprints of both at different times are compared, with the time between them growing until two of them overlap. For
+    Footprints of both at different times are compared; of those that overlap the ones least apart in time count. For
     crossing paths this is the time from the first one leaving the conflict area until the second one enters it, for
     vehicles one behind the other the time gap.
 
     Args:
         longest: the time above which there is no encounter, s.
     """
-    if not _paths_meet(ego, other):
-        return None
     step = max(_PET_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
     mine, theirs = _ticks(ego, step), _ticks(other, step)
-    for lag in range(int(longest / step) + 1):
-        for shift in {lag, -lag}:
-            _, rows, others = np.intersect1d(mine[0] + shift, theirs[0], assume_unique=True, return_indices=True)
-            hits = boxes_overlap(ego.at(mine[1][rows]), other.at(theirs[1][others]))
-            if hits.any():
-                return Extreme(lag * step, float(ego.time[mine[1][rows[hits.argmax()]]]), other.name)
-    return None
+    near, best = reach(ego.box) + reach(other.box), (int(longest / step) + 1, 0)
+    for start in range(0, len(mine[1]), _BLOCK):
+        ticks, rows = (values[start : start + _BLOCK] for values in mine)
+        dx, dy = (getattr(ego, axis)[rows, None] - getattr(other, axis)[theirs[1]] for axis in ("x", "y"))
+        lag = np.abs(ticks[:, None] - theirs[0])
+        own, others = np.nonzero((np.hypot(dx, dy) <= near) & (lag < best[0]))
+        hits = boxes_overlap(ego.at(rows[own]), other.at(theirs[1][others]))
+        if hits.any():
+            best = min(zip(lag[own[hits], others[hits]].tolist(), rows[own[hits]].tolist(), strict=True))
+    return Extreme(best[0] * step, float(ego.time[best[1]]), other.name) if best[0] <= int(longest / step) else None
 
 
 def _ticks(m: Motion, step: float) -> tuple[Rows, Rows]:
@@ -120,19 +123,6 @@ def _ticks(m: Motion, step: float) -> tuple[Rows, Rows]:
     multiples = np.round(m.time / step).astype(np.int64)
     ticks, rows = np.unique(multiples, return_index=True)
     return ticks, rows
-
-
-def _paths_meet(ego: Motion, other: Motion) -> bool:
-    """Whether the areas that two participants pass through come near each other at all."""
-    if ego.time.size == 0 or other.time.size == 0:
-        return False
-    near = reach(ego.box) + reach(other.box)
-    return bool(
-        ego.x.min() <= other.x.max() + near
-        and other.x.min() <= ego.x.max() + near
-        and ego.y.min() <= other.y.max() + near
-        and other.y.min() <= ego.y.max() + near
-    )
 
 
 # a run --------------------------------------------------------------------------------------

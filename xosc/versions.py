@@ -43,6 +43,8 @@ def convert(document: Document, to: Version) -> Document:
     top = Node(tree.getroot(), document.path)
     for problem in _violations(tree, document.version):
         raise _nearest(problem.element, document).invalid(f"not valid in its own version: {problem.message}")
+    if to == document.version:
+        return Document(document.path, top.element, to, document.kind)
     _refuse_expressions(top, document.version, to)
     for change, tag in _changes(document.version, to):
         for element in list(top.element.iter(tag)):
