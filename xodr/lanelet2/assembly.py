@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from xodr.builders.elements import Connection, Cubic, Geo, Junction, Lane, Link, Road, RoadMap, Section
-from xodr.lanelet2.bundles import Bundle, Joint, Layout, layout
+from xodr.lanelet2.bundles import Bundle, Joint, Layout
 from xodr.lanelet2.graph import Graph
+from xodr.lanelet2.insides import layout
 from xodr.lanelet2.lanelet import Lanelet
 from xodr.lanelet2.mouths import Borders, mouths
 from xodr.lanelet2.shapes import Shape, shape
@@ -19,11 +20,14 @@ from xodr.lanelet2.shapes import Shape, shape
 class Built(NamedTuple):
     """A road map made of lanelets.
 
-    lanelets: road id and lane id of each lanelet. notes: what could not be kept as it was, one sentence each.
+    lanelets: road id and lane id of each lanelet. Of a lanelet that was cut in two for a junction, that is its first part; the
+        second part has its id followed by "/2". parts: the lanelets, so cut. notes: what could not be kept as it was, one
+        sentence each.
     """
 
     map: RoadMap
     lanelets: dict[str, tuple[str, int]]
+    parts: list[Lanelet]
     notes: list[str]
 
 
@@ -36,8 +40,7 @@ def build(lanelets: Sequence[Lanelet], name: str, geo: Geo | None = None) -> Bui
     Raises:
         UsageError: an id is used twice, or a lanelet refers to one that there is not.
     """
-    graph = Graph(lanelets)
-    plan = layout(graph)
+    graph, plan = layout(Graph(lanelets))
     borders = Borders(graph, plan)
     ends = mouths(borders)
     shapes = [shape(borders.extended(number), ends[number, False], ends[number, True]) for number in range(len(plan.bundles))]
@@ -62,7 +65,7 @@ class _Builder:
             for lane, names in enumerate(bundle.lanes)
             for lanelet in names
         }
-        return Built(RoadMap(name, roads, junctions, geo=geo), where, self.graph.notes)
+        return Built(RoadMap(name, roads, junctions, geo=geo), where, list(self.graph.lanelets.values()), self.graph.notes)
 
     # roads ----------------------------------------------------------------------------------
 

@@ -1,14 +1,11 @@
 """Lanelets taken together into what becomes one road: those side by side, and those one after the other.
 
 A `Joint` is a place where bundles end and begin. Where one bundle continues in one, roads are linked. Everywhere else there is
-a junction: its connecting roads are the bundles "inside" it, which lead from one road to one other and cross, split or merge.
-Where lanes split or merge without any such bundle (ramps, the edge of a map) the junction is a direct one.
+a junction: a default one where bundles are connecting roads (see `xodr.lanelet2.insides`), else a direct one.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from xodr.lanelet2.graph import Graph
@@ -56,15 +53,7 @@ class Layout:
     ends: dict[int, Joint] = field(default_factory=dict)
 
 
-def layout(graph: Graph) -> Layout:
-    """The roads that a map of lanelets consists of."""
-    rows = _joined(graph, [Bundle(tuple((name,) for name in row)) for row in graph.rows()])
-    inside = _inside(graph, rows)
-    marked = [replace(bundle, inside=number in inside) for number, bundle in enumerate(rows.bundles)]
-    return _joined(graph, _chained(graph, _joined(graph, marked)))
-
-
-def _joined(graph: Graph, bundles: list[Bundle]) -> Layout:
+def joined(graph: Graph, bundles: list[Bundle]) -> Layout:
     """The joints between bundles."""
     begins = {name: (number, lane) for number, bundle in enumerate(bundles) for lane, name in enumerate(bundle.first)}
     found = Layout(bundles)
@@ -105,52 +94,10 @@ def _joint(
     return ending, beginning, links
 
 
-# which are connecting roads ------------------------------------------------------------------------
-
-
-def _inside(graph: Graph, rows: Layout) -> set[int]:
-    """The bundles that become connecting roads: those of whole sides of joints that cross, or split and merge again."""
-    able = {number for number in range(len(rows.bundles)) if _leads_from_one_to_one(rows, number)}
-    sides = [side for joint in rows.joints if not joint.plain for side in (joint.beginning, joint.ending) if len(side) > 1]
-    while unable := {number for side in sides if not able.issuperset(side) for number in side} & able:
-        able -= unable
-    wanted = [number for number in sorted(able) if _crosses(graph, rows, number) or _splits_and_merges(rows, number)]
-    siblings: dict[int, list[int]] = defaultdict(list)
-    for side in sides:
-        for number in side:
-            siblings[number] += side
-    return _spread(wanted, siblings)
-
-
-def _leads_from_one_to_one(rows: Layout, number: int) -> bool:
-    start, end = rows.starts.get(number), rows.ends.get(number)
-    return start is not None and end is not None and len(start.ending) == 1 and len(end.beginning) == 1
-
-
-def _crosses(graph: Graph, rows: Layout, number: int) -> bool:
-    return any(graph.crossings[name] for name in rows.bundles[number].first)
-
-
-def _splits_and_merges(rows: Layout, number: int) -> bool:
-    """Whether a single lane begins at a split and ends at a merge, as in a roundabout."""
-    return len(rows.bundles[number].lanes) == 1 and not rows.starts[number].plain and not rows.ends[number].plain
-
-
-def _spread(wanted: Iterable[int], siblings: dict[int, list[int]]) -> set[int]:
-    found: set[int] = set()
-    todo = list(wanted)
-    while todo:
-        number = todo.pop()
-        if number not in found:
-            found.add(number)
-            todo += siblings[number]
-    return found
-
-
 # one after the other -------------------------------------------------------------------------------
 
 
-def _chained(graph: Graph, rows: Layout) -> list[Bundle]:
+def chained(graph: Graph, rows: Layout) -> list[Bundle]:
     """Bundles that continue each other lane by lane, without any difference, taken together."""
     onward = {joint.ending[0]: joint.beginning[0] for joint in rows.joints if _continues(graph, rows, joint)}
     heads = [number for number in range(len(rows.bundles)) if number not in set(onward.values())]

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
-from xodr.lanelet2.polylines import Frame, along, crossing, direction, lengths, middle, resampled
+from xodr.lanelet2.polylines import Frame, crossing, direction, frame_at, middle, resampled
+from xodr.lanelet2.splitting import second, split
 
 TOUCHING = 0.1
 """Points that are not farther apart than this are one, m."""
@@ -87,24 +88,14 @@ def _led_into(table: dict[str, Lanelet]) -> list[str]:
         target = next((other for other in _lanes(table) if other is not lanelet and _ends_upon(lanelet, other)), None)
         if target is None:
             continue
-        x, y = (lanelet.left[-1] + lanelet.right[-1]) / 2
         row = _row(table, target)
         line = middle(row[0].left, row[-1].right)
-        s = crossing(line, Frame(float(x), float(y), direction(_middle_of(target), True)))[0]
-        heading = direction(along(line, np.linspace(0.0, s, 65)), True)
-        _split(table, row, Frame(float(x), float(y), heading))
-        table[lanelet.id] = replace(lanelet, successors=(_second(target.id),))
-        notes.append(f"lanelet {lanelet.id} ends upon {target.id}: it leads into that one's second part, {_second(target.id)}")
+        x, y = (lanelet.left[-1] + lanelet.right[-1]) / 2
+        heading = direction(middle(lanelet.left, lanelet.right), True)
+        split(table, row, frame_at(line, crossing(line, Frame(float(x), float(y), heading))[0]))
+        table[lanelet.id] = replace(lanelet, successors=(second(target.id),))
+        notes.append(f"lanelet {lanelet.id} ends upon {target.id}: it leads into that one's second part, {second(target.id)}")
     return notes
-
-
-def _middle_of(lanelet: Lanelet) -> Points:
-    """The centre line of a lanelet."""
-    return middle(lanelet.left, lanelet.right)
-
-
-def _second(name: str) -> str:
-    return f"{name}/2"
 
 
 def _ends_upon(lanelet: Lanelet, other: Lanelet) -> bool:
@@ -133,22 +124,6 @@ def _row(table: dict[str, Lanelet], lanelet: Lanelet) -> list[Lanelet]:
     while (beside := row[-1].beside_right) is not None:
         row.append(table[beside.id])
     return row
-
-
-def _split(table: dict[str, Lanelet], row: list[Lanelet], frame: Frame) -> None:
-    """Replace lanelets beside each other by their parts before and after a line across them."""
-    for lanelet in row:
-        (left, left_rest), (right, right_rest) = (_parts(line, frame) for line in (lanelet.left, lanelet.right))
-        name = _second(lanelet.id)
-        beside = Neighbour(_second(lanelet.beside_right.id), True) if lanelet.beside_right else None
-        table[lanelet.id] = replace(lanelet, left=left, right=right, successors=(name,))
-        table[name] = replace(lanelet, id=name, left=left_rest, right=right_rest, beside_right=beside)
-
-
-def _parts(line: Points, frame: Frame) -> tuple[Points, Points]:
-    s, at = crossing(line, frame)[0], lengths(line)
-    cut = along(line, np.array([s]))
-    return np.concatenate([line[at < s], cut]), np.concatenate([cut, line[at > s]])
 
 
 # ends that are not across ------------------------------------------------------------------------------

@@ -49,5 +49,5 @@ def convert(osm: str | PathLike[str], origin: tuple[float, float] | None, target
     lanelets, added = completed(found.lanes)
     built = build(lanelets, source.stem, projection.geo)
     written = replace(built.map, roads=with_crosswalks(built.map.roads, found.crosswalks)).write(target)
-    away = deviation(lanelets, built.lanelets, load(written))
+    away = deviation(built.parts, built.lanelets, load(written))
     return Conversion(written, built.lanelets, [*found.notes, *added, *built.notes], max(away.values()))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from schemas.errors import UsageError
-from xodr.lanelet2.lanelet import Lanelet, Points
+from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
 from xodr.lanelet2.polylines import middle, resampled
 
 APART = 0.5
@@ -71,6 +72,19 @@ class Graph:
     def _known(self, name: str) -> str:
         self._place(name)
         return name
+
+    def canonical(self) -> dict[str, Lanelet]:
+        """The lanelets with all their successors and right neighbours, and nothing said twice."""
+        return {
+            name: replace(
+                lanelet,
+                predecessors=(),
+                successors=tuple(self.after[name]),
+                beside_left=None,
+                beside_right=Neighbour(self.right[name], True) if name in self.right else None,
+            )
+            for name, lanelet in self.lanelets.items()
+        }
 
     def rows(self) -> list[tuple[str, ...]]:
         """Lanelets that lie beside each other, from left to right; every lanelet is in one row."""

@@ -81,6 +81,12 @@ def direction(line: Points, at_end: bool) -> float:
     return math.atan2(dy, dx)
 
 
+def frame_at(line: Points, s: float) -> Frame:
+    """The line across a line at an arc length, m."""
+    before = along(line, np.linspace(0.0, s, 65))
+    return Frame(float(before[-1, 0]), float(before[-1, 1]), direction(before, True))
+
+
 def crossing(line: Points, frame: Frame) -> tuple[float, float]:
     """Where a line crosses a frame from behind it: arc length on the line and distance to the left of the frame's origin, m.
 

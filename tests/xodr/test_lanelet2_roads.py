@@ -1,0 +1,250 @@
+"""Roads made of lanelets: right lanes at the right places, joined without gaps or kinks, every connection kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import libsumo
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import schemas
+import xodr
+from schemas.errors import UsageError
+from tests.xodr.lanelet_maps import WIDTH, LaneletMap, fork, four_way, merge, ring, straight, turn, two_lanes
+from xodr import sumo_net
+from xodr.lanelet2 import Conversion, Lanelet, Neighbour, build, convert
+from xodr.lanelet2.reader import read_lanelets
+
+MAPS: dict[str, Callable[[], LaneletMap]] = {
+    "two lanes": two_lanes,
+    "fork": fork,
+    "merge": merge,
+    "four-way junction": four_way,
+    "ring": ring,
+}
+every_map = pytest.mark.parametrize("name", MAPS)
+
+
+@pytest.fixture(autouse=True)
+def cache_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+def converted(made: LaneletMap, folder: Path) -> tuple[Conversion, xodr.RoadNetwork]:
+    conversion = convert(made.write(folder), None, folder / "map.xodr")
+    return conversion, xodr.load(conversion.path)
+
+
+@every_map
+def test_maps_are_valid_and_where_they_were(name: str, tmp_path: Path) -> None:
+    conversion, _ = converted(MAPS[name](), tmp_path)
+    assert schemas.check(conversion.path) == []
+    assert conversion.deviation < 0.15
+
+
+@every_map
+def test_every_connection_of_lanelets_is_one_of_lanes(name: str, tmp_path: Path) -> None:
+    conversion, network = converted(MAPS[name](), tmp_path)
+    lanelets = read_lanelets(tmp_path / "map.osm", None)[0].lanes
+    pairs = [(last_part(conversion, one.id), conversion.lanelets[other]) for one in lanelets for other in one.successors]
+    assert pairs or name == "two lanes"
+    for (road, lane), target in pairs:
+        assert (road, lane) == target or target in {(link.road_id, link.lane_id) for link in network.links(road, lane, True)}
+
+
+def last_part(conversion: Conversion, name: str) -> tuple[str, int]:
+    return conversion.lanelets.get(f"{name}/2", conversion.lanelets[name])
+
+
+@every_map
+def test_lanes_go_on_without_gap_or_kink(name: str, tmp_path: Path) -> None:
+    _, network = converted(MAPS[name](), tmp_path)
+    for road in network.roads.values():
+        for lane in road.lane_ids(0.0):
+            for link in network.links(road.id, lane, True):
+                end, start = lane_pose(road, road.length, lane), lane_pose(network.roads[link.road_id], 0.0, link.lane_id)
+                assert math.dist(end[:2], start[:2]) < 1e-6
+                assert abs(math.remainder(end[2] - start[2], math.tau)) < 0.01
+                there = network.roads[link.road_id]
+                assert there.lane_width(0.0, link.lane_id) == pytest.approx(road.lane_width(road.length, lane), abs=1e-6)
+
+
+def lane_pose(road: xodr.Road, s: float, lane: int) -> tuple[float, float, float]:
+    """Place and direction of a lane's centre."""
+    pose = road.pose(s, road.lane_t(s, lane))
+    return pose.x, pose.y, pose.h + math.atan(road.lane_slope(s, lane) / (1.0 - road.curvature(s) * road.lane_t(s, lane)))
+
+
+@every_map
+def test_same_map_gives_the_same_bytes(name: str, tmp_path: Path) -> None:
+    first = converted(MAPS[name](), tmp_path)[0].path.read_bytes()
+    assert converted(MAPS[name](), tmp_path)[0].path.read_bytes() == first
+
+
+def test_neighbours_are_lanes_of_one_road(tmp_path: Path) -> None:
+    conversion, network = converted(two_lanes(speed_limit="80 km/h"), tmp_path)
+    assert conversion.lanelets == {"1": ("1", -1), "2": ("1", -2)}
+    road = network.road("1")
+    assert road.length == pytest.approx(100.0)
+    assert [road.lane_width(50.0, lane) for lane in (-1, -2)] == pytest.approx([WIDTH, WIDTH])
+    assert network.locate(30.0, -2.0).lane_id == -2
+    assert road.speed_limit(50.0, -2) == pytest.approx(80 / 3.6)
+
+
+def test_opposite_lanes_are_roads_of_their_own(tmp_path: Path) -> None:
+    made = LaneletMap()
+    centre = straight((0.0, 0.0), (100.0, 0.0))
+    made.lanelet(1, centre, straight((0.0, 0.0), (100.0, 0.0), -WIDTH))
+    made.lanelet(2, centre, straight((0.0, 0.0), (100.0, 0.0), WIDTH))
+    conversion, network = converted(made, tmp_path)
+    headings = {name: network.roads[road].heading(0.0) for name, (road, _) in conversion.lanelets.items()}
+    assert math.cos(headings["1"]) == pytest.approx(1.0)
+    assert math.cos(headings["2"]) == pytest.approx(-1.0)
+
+
+def test_lanelets_one_after_the_other_are_one_lane(tmp_path: Path) -> None:
+    conversion, network = converted(fork(), tmp_path)
+    assert conversion.lanelets["2"] == conversion.lanelets["4"]
+    assert network.roads[conversion.lanelets["2"][0]].length == pytest.approx(100.0, abs=0.1)
+
+
+def test_a_fork_at_the_edge_of_a_map_is_a_direct_junction(tmp_path: Path) -> None:
+    _, network = converted(fork(), tmp_path)
+    assert [junction.type for junction in network.junctions.values()] == ["direct"]
+    assert all(road.junction_id is None for road in network.roads.values())
+
+
+def test_what_crosses_is_one_junction(tmp_path: Path) -> None:
+    conversion, network = converted(four_way(), tmp_path)
+    (junction,) = network.junctions.values()
+    assert junction.type == "default"
+    across = {
+        conversion.lanelets[f"{100 + 10 * here + there}"][0] for here in range(1, 5) for there in range(1, 5) if here != there
+    }
+    assert {road.id for road in network.roads.values() if road.junction_id == junction.id} == across
+    assert len(across) == 12
+
+
+def test_a_ring_leads_round(tmp_path: Path) -> None:
+    conversion, network = converted(ring(), tmp_path)
+    assert len(network.junctions) == 3
+    inside = {name for name, (road, _) in conversion.lanelets.items() if network.roads[road].junction_id is not None}
+    assert inside >= {"1", "2", "3"} and not inside & {"11", "12", "13"}
+    road, lane = conversion.lanelets["11"]
+    start = network.lane_point(road, lane, 1.0)
+    poses = [network.pose(network.travel(start, distance, True).point) for distance in np.linspace(0.0, 126.0, 64)]
+    assert all(math.hypot(pose.x, pose.y) == pytest.approx(20.0, abs=0.2) for pose in poses)
+
+
+def test_lanes_that_do_not_end_abreast_go_on_where_each_ends(tmp_path: Path) -> None:
+    """Three lanes end 4 m after each other; the left one leads to the left, the right one to the right."""
+    made = LaneletMap()
+    corners = [(50.0, 5.25), (54.0, 1.75), (58.0, -1.75), (62.0, -5.25)]
+    ends = [(90.0, 12.0), (90.0, 8.0), (90.0, 1.75), (90.0, -1.75), (90.0, -8.0), (90.0, -12.0)]
+    for index in range(3):
+        left, right = corners[index : index + 2]
+        made.lanelet(1 + index, [(0.0, left[1]), left], [(0.0, right[1]), right])
+        made.lanelet(11 + index, [left, ends[2 * index]], [right, ends[2 * index + 1]])
+    conversion, network = converted(made, tmp_path)
+    assert len({conversion.lanelets[name][0] for name in ("1", "2", "3")}) == 1
+    assert network.road(conversion.lanelets["1"][0]).length == pytest.approx(50.0, abs=0.1)
+    assert conversion.deviation < 0.2
+    for index in (1, 2, 3):
+        (link,) = network.links(*conversion.lanelets[str(index)], True)
+        assert (link.road_id, link.lane_id) == conversion.lanelets[f"1{index}"]
+
+
+# lanelets of other origin -------------------------------------------------------------------------
+
+
+def test_lanelets_need_no_file() -> None:
+    left, middle, right = (np.array(straight((0.0, 0.0), (40.0, 0.0), t)) for t in (3.0, 0.0, -3.0))
+    lanelets = [
+        Lanelet("a", left, middle, beside_right=Neighbour("b", True)),
+        Lanelet("b", middle, right, beside_left=Neighbour("a", True), type="biking", speed_limit=5.0),
+    ]
+    built = build(lanelets, "by hand")
+    assert built.lanelets == {"a": ("1", -1), "b": ("1", -2)}
+    assert [lane.type for lane in built.map.roads[0].sections[0].lanes.values()] == ["driving", "biking"]
+
+
+def test_declared_neighbours_that_are_apart_are_two_roads() -> None:
+    left, right = (np.array(straight((0.0, 0.0), (40.0, 0.0), t)) for t in (3.0, 0.0))
+    lanelets = [Lanelet("a", left, right, beside_right=Neighbour("b", True)), Lanelet("b", right - (0, 2), right - (0, 5))]
+    built = build(lanelets, "apart")
+    assert len(built.map.roads) == 2
+    assert "a and b" in built.notes[0]
+
+
+@pytest.mark.parametrize("wrong", ["twice", "elsewhere"])
+def test_ids_that_mean_nothing_are_refused(wrong: str) -> None:
+    left, right = (np.array(straight((0.0, 0.0), (40.0, 0.0), t)) for t in (3.0, 0.0))
+    other = {"twice": Lanelet("a", left, right), "elsewhere": Lanelet("b", left, right, successors=("c",))}[wrong]
+    with pytest.raises(UsageError, match=r"same id|'c'"):
+        build([Lanelet("a", left, right), other], "wrong")
+
+
+@given(st.floats(-1.4, 1.4), st.floats(-1.4, 1.4), st.floats(20.0, 120.0), st.floats(2.5, 5.0), st.integers(1, 3))
+def test_curves_keep_their_borders(heading: float, other: float, length: float, width: float, lanes: int) -> None:
+    ends = (0.0, 0.0, heading), (length, 0.0, other)
+    count = int(length / 2)
+    lines = [np.array(turn(*ends, (lanes / 2 - index) * width, count)) for index in range(lanes + 1)]
+    if min(np.hypot(*np.diff(line, axis=0).T).min() for line in lines) < 0.3:
+        return  # too sharp to be a road of that width
+    row = [
+        Lanelet(
+            str(index),
+            lines[index],
+            lines[index + 1],
+            beside_right=Neighbour(str(index + 1), True) if index + 1 < lanes else None,
+        )
+        for index in range(lanes)
+    ]
+    road = build(row, "curve").map.roads[0]
+    assert len(road.sections[0].lanes) == lanes
+    assert all(piece.length > 0.0 for piece in road.plan)
+
+
+# in SUMO ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def simulation() -> Iterator[Callable[[Path], sumo_net.SumoNet]]:
+    """Starts SUMO on a road network."""
+
+    def start(path: Path) -> sumo_net.SumoNet:
+        net = sumo_net.build(path)
+        libsumo.start(
+            ["sumo", "-n", str(net.path), "--step-length", "0.5", "--no-step-log", "--no-warnings", "--time-to-teleport", "-1"]
+        )
+        return net
+
+    yield start
+    libsumo.close()
+
+
+@pytest.mark.parametrize("name", [name for name in MAPS if name != "two lanes"])
+def test_sumo_drives_every_connection(name: str, tmp_path: Path, simulation: Callable[[Path], sumo_net.SumoNet]) -> None:
+    conversion, network = converted(MAPS[name](), tmp_path)
+    net = simulation(conversion.path)
+    lanes = [lane for lane in net.sumo_lanes if not lane.startswith(":") and "passenger" in libsumo.lane.getAllowed(lane)]
+    routes = [(lane, link[0]) for lane in lanes for link in libsumo.lane.getLinks(lane)]
+    for number, (lane, target) in enumerate(routes):
+        libsumo.route.add(f"{number}", [lane.rpartition("_")[0], target.rpartition("_")[0]])
+        libsumo.vehicle.add(f"{number}", f"{number}", depart=str(12 * number), departLane=lane.rpartition("_")[2])
+    passed: set[str] = set()
+    arrived = 0
+    while arrived < len(routes):
+        libsumo.simulationStep()
+        arrived += libsumo.simulation.getArrivedNumber()
+        assert not libsumo.simulation.getCollisions()
+        assert libsumo.simulation.getTime() < 12 * len(routes) + 200
+        passed |= {
+            track.road_id for vehicle in libsumo.vehicle.getIDList() if (track := net.track(libsumo.vehicle.getLaneID(vehicle)))
+        }
+    assert passed == set(network.roads)
