@@ -83,7 +83,8 @@ def _run(job: Job, options: Options, out: Path | None, plot: bool) -> Outcome:
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
         return failure(job, error)
     state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
-    return Outcome(job, state, code, one_line("; ".join(result.verdict.reasons)), result.status, result.end_time, measures)
+    message = one_line("; ".join((*result.verdict.reasons, *result.remarks)))
+    return Outcome(job, state, code, message, result.status, result.end_time, measures)
 
 
 def _write(result: RunResult, folder: Path, plot: bool) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runner.departures import Departures
 from runner.ego import drive_ego, find_ego
 from runner.result import RunResult
 from runner.scenario import Scenario, compile_scenario
@@ -69,6 +70,9 @@ def run(
     sim = Simulation(compiled, open_world(world), timestep, seed)
     for violation in compiled.violations:
         sim.note("constraint", "parameters", str(violation))
+    departures = Departures(driver) if driver is not None else None
+    if departures is not None:
+        compiled.observers.append(departures)
     try:
         drive_ego(sim, driver, system)
         sim.begin()
@@ -83,6 +87,7 @@ def run(
         status="completed" if sim.finished else "timeout",
         end_time=sim.time,
         verdict=judge(sim, driver),
+        remarks=departures.remarks if departures is not None else (),
         ego=driver.name if driver is not None else None,
         sut=system_name(sut) if driver is not None else "none",
         settings={"timestep": timestep, "seed": seed, "world": world, "max_time": limit},

@@ -39,7 +39,7 @@ class Outcome:
     Args:
         state: `passed`, `failed` (its verdict) or `error` (a defect of the file or the run).
         exit_code: what the command line would answer for this run alone.
-        message: reasons of a failed verdict, or the error.
+        message: reasons of a failed verdict and remarks on the run, or the error.
         status, end_time, measures: of the run, where there was one (measures only with an output folder).
         trace: traceback of an error.
     """

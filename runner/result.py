@@ -34,6 +34,7 @@ class RunResult:
         status: `completed` (by its stop trigger) or `timeout` (the time limit came first).
         end_time: simulation time at the end, s.
         verdict: passed or failed, and why.
+        remarks: what is no failure, but may not be meant: the ego has left the road, or come to its end.
         ego: name of the ego, None where the scenario has none.
         sut: name of the system under test that drove it, `none` for none.
         settings: timestep, seed, world and time limit of the run.
@@ -46,6 +47,7 @@ class RunResult:
     status: str
     end_time: float
     verdict: Verdict
+    remarks: tuple[str, ...]
     ego: str | None
     sut: str
     settings: dict[str, Any]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from runner.closing import velocity
 from runner.conditions.base import EntityCondition
 from runner.conditions.comparison import TOLERANCE, Comparison
+from runner.departures import is_off_road
 from runner.registry import condition
 from xosc.node import Node
 
@@ -97,16 +98,6 @@ class OffroadCondition(_Lasting):
     def describe(self, entity: Entity, sim: Simulation) -> str:
         """Time off the road."""
         return self._text(entity, "off the road", self._since.get(entity.name, 0.0))
-
-
-def is_off_road(entity: Entity, sim: Simulation) -> bool:
-    """Whether an entity's reference point is on no lane of the road network; never where there is no road network."""
-    if entity.on_lane and entity.section is not None:
-        lane = entity.section.lanes[entity.lane]
-        if lane.type != "none" and abs(entity.offset) <= lane.width(entity.s) / 2:
-            return False
-    point = sim.road_point(entity)
-    return point is not None and sim.network is not None and not sim.network.on_road(point)
 
 
 @condition("CollisionCondition")

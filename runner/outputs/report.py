@@ -31,6 +31,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "status": result.status,
         "verdict": "passed" if result.verdict.passed else "failed",
         "reasons": list(result.verdict.reasons),
+        "remarks": list(result.remarks),
         "end_time": result.end_time,
         "ego": result.ego,
         "sut": result.sut,

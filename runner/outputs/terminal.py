@@ -53,7 +53,7 @@ class Table:
             name = name[: _NAME // 2 - 1] + "…" + name[-_NAME // 2 :]
         end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
         how = _ERRORS[outcome.exit_code] if outcome.state == "error" else _ENDS[outcome.status]
-        if outcome.state == "failed":
+        if outcome.message and outcome.state != "error":
             how += f": {outcome.message}"
         return f"{word}{name:{_NAME}}  {end:>9}  {how}"
 

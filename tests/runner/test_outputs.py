@@ -141,7 +141,7 @@ def test_csv_lines_follow_who_is_there(tmp_path: Path) -> None:
     a = track("a", *({"time": time, "road_id": None} for time in (0.0, 1.0, 2.0)))
     recording = Recording([a, track("b", {"time": 1.0, "road_id": None})], 1.0, None)
     settings = {"timestep": 1.0}
-    result = RunResult(Path("x.xosc"), {}, "completed", 2.0, Verdict(True), None, "none", settings, [], recording)
+    result = RunResult(Path("x.xosc"), {}, "completed", 2.0, Verdict(True), (), None, "none", settings, [], recording)
     trajectories.write_csv(result, tmp_path / "t.csv")
     rows = read_csv(tmp_path / "t.csv")
     assert [row["#2 Entity_Name [-]"] for row in rows] == ["", "b", ""]

@@ -1,0 +1,53 @@
+"""What is said of an ego that leaves the road or comes to its end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import runner
+from runner.batch import Options, run_batch
+from runner.jobs import jobs_of
+from runner.outputs.report import summary
+from runner.sut import Control
+from runner.sut.scripted import Scripted
+from tests.conformance.support import events
+from tests.runner.files import car, place, scenario
+
+LEFT, RIGHT = Control(steering=0.02), Control(steering=-0.02)
+
+
+def ride(folder: Path, *script: tuple[float, Control], s: float = 100.0, stop: float = 6.0) -> runner.RunResult:
+    """The ego alone at 20 m/s."""
+    path = scenario(folder, entities=[car("Ego")], init=place("Ego", s, 20), stories=" ", stop=stop)
+    return runner.run(path, world="kinematic", timestep=0.01, sut=Scripted(script))
+
+
+def test_ego_that_stays_on_its_road_gives_no_remark(tmp_path: Path) -> None:
+    result = ride(tmp_path)
+    assert result.remarks == ()
+    assert not {entry.kind for entry in result.events} & {"offRoad", "onRoad", "roadEnd"}
+
+
+def test_leaving_the_road_and_coming_back_are_events_and_the_first_leaving_is_a_remark(tmp_path: Path) -> None:
+    result = ride(tmp_path, (0.0, RIGHT), (2.0, LEFT), stop=30.0)
+    off, on = ([entry.time for entry in events(result, kind)] for kind in ("offRoad", "onRoad"))
+    assert off[0] < on[0]
+    assert result.remarks[0] == f"Ego has left the road at {off[0]:.2f} s"
+    assert summary(result)["remarks"] == list(result.remarks)
+    assert result.verdict.passed
+
+
+def test_end_of_the_road_is_a_remark(tmp_path: Path) -> None:
+    result = ride(tmp_path, s=980.0)
+    (entry,) = events(result, "roadEnd")
+    assert entry.time == pytest.approx(1.0, abs=0.02)
+    assert result.remarks == (f"Ego has come to the end of the road at {entry.time:.2f} s",)
+
+
+def test_remarks_are_in_the_outcome_of_a_batch(tmp_path: Path) -> None:
+    path = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 980, 20), stories=" ", stop=3.0)
+    (outcome,) = run_batch(jobs_of([path], {}, True), Options(world="kinematic"))
+    assert (outcome.state, outcome.exit_code) == ("passed", 0)
+    assert outcome.message == "Ego has come to the end of the road at 1.05 s"
