@@ -1,0 +1,207 @@
+"""Rules 1 to 6, on a straight motorway with lanes at y = -1.875 (left), -5.625 and -9.375 m."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recognition.labels import Label, Rules
+from recognition.sites import Site
+from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
+from xodr.builders import straight_highway
+
+LEFT, MIDDLE, RIGHT = -1.875, -5.625, -9.375
+SECONDS = 8.0
+
+
+@pytest.fixture(scope="module")
+def motorway(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    return site(straight_highway(), tmp_path_factory.mktemp("motorway"))
+
+
+def swaying(x: float, speed: float, change: float, seconds: float) -> np.ndarray:
+    """x of a vehicle whose speed changes steadily by `change` m/s in each second."""
+    time = STEP * np.arange(round(seconds / STEP) + 1)
+    return x + speed * time + 0.5 * change * time**2
+
+
+def test_an_undisturbed_vehicle_cruises_freely(motorway: Site) -> None:
+    (event,) = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE))
+    assert (event.label, event.ego, event.partner) == (Label.FREE_CRUISE, "ego", None)
+    assert event.time == pytest.approx(2.8, abs=0.11)  # the window and its margin fit in from here on
+    assert event.tags["speed"] == pytest.approx(30.0)
+
+
+def test_cruising_needs_the_margin_too(motorway: Site) -> None:
+    assert labels(motorway, track("ego", ahead(100, 30, 5.3), MIDDLE)) == []
+
+
+@pytest.mark.parametrize("change", [0.35, -0.35])
+def test_who_accelerates_or_brakes_does_not_cruise(motorway: Site, change: float) -> None:
+    assert labels(motorway, track("ego", swaying(100, 30, change, SECONDS), MIDDLE)) == []
+
+
+def test_slowly_wandering_speeds_are_no_cruise(motorway: Site) -> None:
+    gentle = swaying(100, 30, 0.29, SECONDS)  # |a| < 0.3, but 0.46 m/s of standard deviation in 5.5 s
+    assert of(labels(motorway, track("ego", gentle, MIDDLE)), "ego") == [Label.FREE_CRUISE]
+    assert labels(motorway, track("ego", gentle, MIDDLE), config=Rules(cruise_speed_deviation=0.4)) == []
+
+
+@pytest.mark.parametrize(("gap", "expected"), [(119.0, Label.CAR_FOLLOWING), (121.0, Label.FREE_CRUISE)])
+def test_a_headway_of_four_seconds_parts_following_from_cruising(motorway: Site, gap: float, expected: Label) -> None:
+    lead = track("lead", ahead(100 + gap + 4.5, 30, SECONDS), MIDDLE)
+    events = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), lead)
+    assert of(events, "ego") == [expected]
+    assert of(events, "lead") == [Label.FREE_CRUISE]
+
+
+def test_following_tells_lead_gap_and_headway(motorway: Site) -> None:
+    lead = track("lead", ahead(160, 30, SECONDS), MIDDLE)
+    event = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), lead)[0]
+    assert (event.label, event.partner) == (Label.CAR_FOLLOWING, "lead")
+    assert event.tags == {"gap": pytest.approx(55.5), "thw": pytest.approx(1.85), "ttc_below_4s": False}
+
+
+def test_closing_in_fast_while_following_is_a_tag(motorway: Site) -> None:
+    lead = track("lead", ahead(190, 18, SECONDS), MIDDLE)
+    events = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), lead, config=Rules(following_ttc=5.0))
+    assert [event.tags["ttc_below_4s"] for event in events if event.ego == "ego"] == [True]
+
+
+def test_somebody_in_the_next_lane_is_no_lead(motorway: Site) -> None:
+    beside = track("beside", ahead(140, 30, SECONDS), LEFT)
+    assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), beside), "ego") == [Label.FREE_CRUISE]
+
+
+def test_a_new_lead_ends_following(motorway: Site) -> None:
+    first = track("first", ahead(140, 30, 4.0), MIDDLE)
+    second = track("second", ahead(270, 30, 3.9), MIDDLE, start=4.1)
+    assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), first, second), "ego") == []
+
+
+def test_long_steady_drives_give_a_bounded_number_of_windows(motorway: Site) -> None:
+    ego = track("ego", ahead(0, 20, 60.0), MIDDLE)
+    times = [event.time for event in labels(motorway, ego)]
+    assert len(times) == Rules().most_windows
+    assert np.diff(times) == pytest.approx(Rules().spacing)
+
+
+# 5, 6 -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("end", "expected"), [(LEFT, Label.LANE_CHANGE_LEFT), (RIGHT, Label.LANE_CHANGE_RIGHT)])
+def test_a_change_of_lane_is_labelled_when_it_crosses_the_border(motorway: Site, end: float, expected: Label) -> None:
+    events = labels(motorway, track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, end, 4.0, SECONDS)))
+    assert of(events, "ego") == [expected]
+    assert events[0].time == pytest.approx(4.0, abs=0.11)
+    assert events[0].tags["shift"] == pytest.approx(3.75, abs=0.05)
+
+
+def test_a_change_against_the_reference_line_has_the_sides_of_its_traffic(tmp_path: Path) -> None:
+    place = site(straight_highway(opposite_lanes=2), tmp_path)
+    x, y = ahead(900, -30, SECONDS), sideways(3.5 + 1.875, 3.5 + 5.625, 4.0, SECONDS)
+    assert of(labels(place, track("ego", x, y)), "ego") == [Label.LANE_CHANGE_RIGHT]  # it drives towards -x, away from the median
+
+
+def test_left_hand_traffic_changes_to_the_same_sides(tmp_path: Path) -> None:
+    place = site(straight_highway(rule="LHT"), tmp_path)
+    x, y = ahead(100, 30, SECONDS), sideways(5.625, 9.375, 4.0, SECONDS)
+    assert of(labels(place, track("ego", x, y)), "ego") == [Label.LANE_CHANGE_LEFT]
+
+
+def test_a_lane_has_to_be_held_for_a_second_before_and_after(motorway: Site) -> None:
+    there_and_back = np.concatenate([sideways(MIDDLE, LEFT, 3.0, 3.4, 2.0), sideways(LEFT, MIDDLE, 0.4, 4.5, 2.0)])
+    assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), there_and_back)), "ego") == []
+
+
+def test_a_track_that_ends_in_the_change_tells_none(motorway: Site) -> None:
+    short = track("ego", ahead(100, 30, 4.6), sideways(MIDDLE, LEFT, 4.0, 4.6))
+    assert of(labels(motorway, short), "ego") == []
+
+
+def test_drifting_over_the_border_is_no_change(motorway: Site) -> None:
+    drift = track("ego", ahead(100, 30, SECONDS), sideways(-4.5, -3.0, 4.0, SECONDS))
+    assert of(labels(motorway, drift), "ego") == []
+    wide = Rules(shift=0.3)
+    assert of(labels(motorway, drift, config=wide), "ego") == [Label.LANE_CHANGE_LEFT]
+
+
+def test_the_strict_shift_counts_in_metres(motorway: Site) -> None:
+    ego = track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, LEFT + 0.4, 4.0, SECONDS))
+    cautious = track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE + 0.3, LEFT - 0.2, 4.0, SECONDS))
+    assert of(labels(motorway, ego, config=Rules(strict_shift=3.5)), "ego") == [Label.LANE_CHANGE_LEFT]
+    assert of(labels(motorway, cautious, config=Rules(strict_shift=3.5)), "ego") == []
+
+
+def test_noise_about_the_border_counts_as_one_change(motorway: Site) -> None:
+    y = sideways(MIDDLE, LEFT, 4.0, SECONDS, 5.0)
+    noisy = y + 0.2 * np.where(np.arange(len(y)) % 2, 1.0, -1.0)
+    ego = track("ego", ahead(100, 30, SECONDS), noisy, heading=0.0)
+    assert of(labels(motorway, ego), "ego") == [Label.LANE_CHANGE_LEFT]
+
+
+# 3, 4 -----------------------------------------------------------------------------------------
+
+
+def cutting_in(x: float, speed: float = 30.0) -> list:
+    ego = track("ego", ahead(100, 30, SECONDS), MIDDLE)
+    other = track("other", ahead(x, speed, SECONDS), sideways(LEFT, MIDDLE, 4.0, SECONDS))
+    return [ego, other]
+
+
+def test_who_comes_into_the_lane_ahead_cuts_in(motorway: Site) -> None:
+    events = labels(motorway, *cutting_in(130))
+    event = next(event for event in events if event.ego == "ego")
+    assert (event.label, event.partner) == (Label.CUT_IN, "other")
+    assert event.time == pytest.approx(4.0, abs=0.11)
+    assert event.tags == {"gap": pytest.approx(25.5, abs=0.2), "lateral_gap_below_2m": True}
+    assert of(events, "other") == [Label.LANE_CHANGE_RIGHT]
+
+
+@pytest.mark.parametrize(("x", "expected"), [(184.0, [Label.CUT_IN]), (185.5, []), (60.0, [])])
+def test_cutting_in_far_ahead_or_behind_is_none(motorway: Site, x: float, expected: list[Label]) -> None:
+    found = [one for one in of(labels(motorway, *cutting_in(x)), "ego") if one == Label.CUT_IN]
+    assert found == expected
+
+
+def test_only_the_first_behind_sees_the_cut_in(motorway: Site) -> None:
+    between = track("between", ahead(115, 30, SECONDS), MIDDLE)
+    events = labels(motorway, *cutting_in(140), between)
+    assert Label.CUT_IN in of(events, "between")
+    assert Label.CUT_IN not in of(events, "ego")
+
+
+def test_an_ego_that_changes_lane_itself_sees_no_cut_in(motorway: Site) -> None:
+    ego = track("ego", ahead(100, 30, SECONDS), sideways(RIGHT, MIDDLE, 3.8, SECONDS))
+    other = cutting_in(130)[1]
+    assert Label.CUT_IN not in of(labels(motorway, ego, other), "ego")
+
+
+def leaving(x: float = 130.0) -> list:
+    time = STEP * np.arange(round(SECONDS / STEP) + 1)
+    brakes = -1.5 * 0.5 * np.clip(time - 4.5, 0.0, 1.0) ** 2 - 1.5 * np.clip(time - 5.5, 0.0, None)
+    ego = track("ego", ahead(100, 30, SECONDS) + brakes, MIDDLE)
+    return [ego, track("lead", ahead(x, 30, SECONDS), sideways(MIDDLE, RIGHT, 4.0, SECONDS))]
+
+
+def test_a_lead_that_leaves_the_lane_cuts_out(motorway: Site) -> None:
+    event = next(event for event in labels(motorway, *leaving()) if event.ego == "ego")
+    assert (event.label, event.partner) == (Label.CUT_OUT, "lead")
+    assert event.tags == {"gap": pytest.approx(25.5, abs=0.2), "ego_brakes": True}
+
+
+def test_an_ego_that_stays_calm_has_no_braking_tag(motorway: Site) -> None:
+    calm = track("ego", ahead(100, 30, SECONDS), MIDDLE)
+    event = next(event for event in labels(motorway, calm, leaving()[1]) if event.ego == "ego")
+    assert (event.label, event.tags["ego_brakes"]) == (Label.CUT_OUT, False)
+
+
+def test_who_leaves_the_lane_far_ahead_does_not_cut_out(motorway: Site) -> None:
+    assert Label.CUT_OUT not in of(labels(motorway, *leaving(190.0)), "ego")
+
+
+def test_somebody_further_ahead_who_leaves_is_not_the_lead(motorway: Site) -> None:
+    between = track("between", ahead(115, 30, SECONDS), MIDDLE)
+    assert Label.CUT_OUT not in of(labels(motorway, *leaving(), between), "ego")

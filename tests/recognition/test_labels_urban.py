@@ -1,0 +1,71 @@
+"""Rules 9 and 10, on a street with a bend: two lanes each way, 50 km/h."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recognition.labels import Event, Label
+from recognition.sites import Site
+from runner.recording import Track
+from tests.recognition.driving import STEP, labels, of, site, track
+from xodr.builders import RoadMap, sharp_curve
+
+SECONDS = 10.0
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    return site(_street(50.0), tmp_path_factory.mktemp("street"))
+
+
+def _street(limit: float) -> RoadMap:
+    return sharp_curve(radius=80.0, angle=1.2, lanes=2, opposite_lanes=2, approach=120.0, speed_limit=limit / 3.6)
+
+
+def car(place: Site, name: str, s: float, speed: float, t: np.ndarray | float) -> Track:
+    """A car along the road at a constant speed of s, t metres to the left of the reference line."""
+    time = STEP * np.arange(round(SECONDS / STEP) + 1)
+    road = place.network.roads["1"]
+    poses = [road.pose(a, b) for a, b in zip((s + speed * time).tolist(), np.broadcast_to(t, len(time)).tolist(), strict=True)]
+    return track(name, [pose.x for pose in poses], [pose.y for pose in poses])
+
+
+def lateral(start: float, end: float, at: float = 5.0) -> np.ndarray:
+    share = np.clip((STEP * np.arange(round(SECONDS / STEP) + 1) - at) / 3.0 + 0.5, 0.0, 1.0)
+    return start + (end - start) * share**2 * (3.0 - 2.0 * share)
+
+
+def found(place: Site, speed: float, *, ahead: float, start: float = -1.75, end: float = -5.25) -> list[Event]:
+    """Events with an ego at 12 m/s on the right lane."""
+    return labels(place, car(place, "ego", 60.0, 12.0, -5.25), car(place, "other", 60.0 + ahead, speed, lateral(start, end)))
+
+
+def test_a_slower_car_that_comes_in_close_ahead_cuts_in(street: Site) -> None:
+    event = next(event for event in found(street, 8.0, ahead=34.0) if event.ego == "ego")
+    assert (event.label, event.partner) == (Label.URBAN_CUT_IN, "other")
+    assert 0.0 < float(event.tags["ttc"]) < 3.0
+    assert event.tags["gap"] == pytest.approx(34.0 - 4.0 * 5.0 - 4.5, abs=1.5)  # along the lane, however it bends
+
+
+@pytest.mark.parametrize(("speed", "ahead"), [(12.0, 20.0), (10.0, 35.0), (14.0, 12.0)])
+def test_without_a_short_time_to_collision_it_is_no_cut_in(street: Site, speed: float, ahead: float) -> None:
+    assert of(found(street, speed, ahead=ahead), "ego") == []
+
+
+def test_a_lead_that_leaves_the_lane_cuts_out(street: Site) -> None:
+    event = next(event for event in found(street, 12.0, ahead=25.0, start=-5.25, end=-1.75) if event.ego == "ego")
+    assert (event.label, event.partner, event.tags["ego_brakes"]) == (Label.URBAN_CUT_OUT, "other", False)
+
+
+def test_oncoming_traffic_that_changes_lane_does_not_cut_in(street: Site) -> None:
+    ego = car(street, "ego", 60.0, 12.0, -5.25)
+    oncoming = car(street, "other", 250.0, -12.0, lateral(5.25, 1.75))
+    assert labels(street, ego, oncoming) == []
+
+
+def test_the_same_on_a_fast_road_is_no_urban_one(tmp_path: Path) -> None:
+    fast = site(_street(80.0), tmp_path)
+    assert of(found(fast, 8.0, ahead=34.0), "ego") == [Label.CUT_IN]
