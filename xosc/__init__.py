@@ -1,9 +1,21 @@
 """OpenSCENARIO XML documents of versions 1.0 to 1.3: reading, resolving, varying and writing them."""
 
-from xosc.distributions import variations
+from xosc.distributions import ParameterSpace, sample, variations, write_distribution
 from xosc.document import Document, load, write
 from xosc.node import Node
 from xosc.resolve import Resolved, resolve
 from xosc.versions import convert
 
-__all__ = ["Document", "Node", "Resolved", "convert", "load", "resolve", "variations", "write"]
+__all__ = [
+    "Document",
+    "Node",
+    "ParameterSpace",
+    "Resolved",
+    "convert",
+    "load",
+    "resolve",
+    "sample",
+    "variations",
+    "write",
+    "write_distribution",
+]

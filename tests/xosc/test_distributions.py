@@ -227,6 +227,18 @@ def test_a_value_that_the_parameter_can_not_have_is_refused_where_it_is_listed(w
         list(variations(path))
 
 
+def test_a_type_that_is_an_expression_counts_as_what_it_says(written, tmp_path: Path) -> None:
+    symbolic = SCENARIO.replace('name="Speed" parameterType="double"', 'name="Speed" parameterType="$Kind"')
+    kind = '<ParameterDeclaration name="Kind" parameterType="string" value="double"/>'
+    (tmp_path / "symbolic.xosc").write_text(symbolic.replace("<ParameterDeclarations>", f"<ParameterDeclarations>{kind}"))
+    path = written(f"<Deterministic>{single('Speed', values('9', 'fast'))}</Deterministic>", "symbolic.xosc")
+    with pytest.raises(InvalidFile, match=r"variation\.xosc:\d+: .*the value of the parameter Speed: 'fast' is not a number"):
+        parameters(path)
+    uniform = '<UniformDistribution><Range lowerLimit="3.1" upperLimit="3.9"/></UniformDistribution>'
+    drawn_speeds = parameters(written(stochastic(drawn("Speed", uniform)), "symbolic.xosc"))
+    assert all(3.1 <= float(each["Speed"]) <= 3.9 for each in drawn_speeds)
+
+
 def test_the_name_of_a_scenario_may_be_of_any_length(written) -> None:
     path = written("<Deterministic/>")
     path.write_text(path.read_text().replace("scenario.xosc", "9" * 4000))

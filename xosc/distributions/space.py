@@ -71,6 +71,7 @@ class ParameterSpace:
         if scenario.kind != "scenario":
             raise node.need("ScenarioFile").invalid(f"{self.scenario} is a {scenario.kind}, a scenario is expected")
         self._declarations = {each.get("name"): each for each in _declarations(scenario)}
+        self._types = _types(self._declarations)
         self._places = dict(_places(node))
         for name, place in self._places.items():
             if name not in self._declarations:
@@ -115,11 +116,9 @@ class ParameterSpace:
         return values
 
     def _check(self, name: str, value: str) -> None:
-        """Blame this file for a value that is not of its parameter's type, as far as that is a literal."""
-        kind = self._declarations[name].get("parameterType")
+        """Blame this file for a value that is not of its parameter's type."""
         try:
-            if "$" not in kind:
-                typed(type_named(kind), value)
+            typed(type_named(self._types[name]), value)
         except ValueError as error:
             raise self._places[name].invalid(f"the value of the parameter {name}: {error}") from None
 
@@ -127,8 +126,7 @@ class ParameterSpace:
         """A drawn number as its parameter's type: the nearest integer for the integer types."""
         if isinstance(value, str):
             return value
-        kind = self._declarations[name].get("parameterType")
-        whole = kind not in ("double", "string") and math.isfinite(value)
+        whole = self._types[name] not in ("double", "string") and math.isfinite(value)
         return text(round(value) if whole else value)
 
     def _assigned(self, name: str, value: str) -> Assignment:
@@ -206,6 +204,14 @@ def _drawn(space: ParameterSpace, seed: float, enforce_constraints: bool) -> Ite
 def _declarations(scenario: Document) -> list[Node]:
     declarations = scenario.node.find("ParameterDeclarations")
     return declarations.children("ParameterDeclaration") if declarations is not None else []
+
+
+def _types(declarations: dict[str, Node]) -> dict[str, str]:
+    """The type of each parameter; where it is an expression, that of the parameters' defaults."""
+    types = {name: declaration.get("parameterType") for name, declaration in declarations.items()}
+    if any("$" in kind for kind in types.values()):
+        return {name: parameter.type for name, parameter in Scope(declarations.values()).own.items()}
+    return types
 
 
 def _places(node: Node) -> Iterator[tuple[str, Node]]:
