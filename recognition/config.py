@@ -1,0 +1,44 @@
+"""All that can be chosen of TRFE; the defaults are the method's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from recognition.buffer import Preprocessing
+from recognition.clustering import Clustering
+from recognition.promotion import Promotion
+from recognition.prototypes import Metric
+from recognition.votes import TREES
+
+
+@dataclass(frozen=True)
+class Config:
+    """Choices for TRFE.
+
+    Args:
+        trees: T of the forest.
+        screening: reading A (`deficit`), reading B (`weibull`), the plain `threshold` on votes, or `none`: what is beyond the
+            margin of every known class is unknown.
+        delta: δ of the screening, or the share that the plain threshold rejects; None has that of reading A chosen by leaving
+            one known class out, where there are three, and is 0.05 otherwise.
+        metric: of the distance to known classes.
+        sifted: whether NVP sifts the buffer before clustering.
+        preprocessing: how.
+        clusterer: online clustering, or average `linkage` on 1 − S, cut where clusters would be less cohesive than is promoted.
+        forest: S is of the supervised forest, or of completely random trees grown on the features without labels.
+        clustering, promotion: of these steps.
+        seed: of everything that is drawn.
+    """
+
+    trees: int = TREES
+    screening: Literal["deficit", "weibull", "threshold", "none"] = "deficit"
+    delta: float | None = None
+    metric: Metric = "euclidean"
+    sifted: bool = True
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+    clusterer: Literal["online", "linkage"] = "online"
+    forest: Literal["supervised", "unsupervised"] = "supervised"
+    clustering: Clustering = field(default_factory=Clustering)
+    promotion: Promotion = field(default_factory=Promotion)
+    seed: int = 0

@@ -1,0 +1,107 @@
+"""A round of discovery: which of the samples that wait in the buffer are of new classes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.cluster import AgglomerativeClustering
+
+from recognition.buffer import Buffer, Sifted, sift
+from recognition.clustering import Projection, cluster
+from recognition.config import Config
+from recognition.encoder.training import deterministic
+from recognition.known import Known
+from recognition.promotion import Candidate, judge, known_cohesion
+from recognition.rfap import random_trees, similarity
+from recognition.samples import UNKNOWN, Features, Whole, matrix
+from schemas.errors import UsageError
+
+FIRST_DISCOVERED = 101
+"""Label of the first class that is discovered; the given ones have smaller ones."""
+_REFERENCE = 50
+"""Samples of each known class from which its cohesion is measured."""
+SET_ASIDE = -1
+"""Cluster of samples that were not clustered."""
+
+
+class Discovery(NamedTuple):
+    """What is found among the m samples of a buffer.
+
+    Args:
+        keys: numbers (m,) by which the giver knows the samples.
+        features: of the samples (m, d).
+        sifted: what NVP set aside.
+        clusters: cluster (m,) of each sample; −1 where it was set aside.
+        candidates: each cluster judged; its members are rows of the buffer.
+        labels: new class (m,) of each sample of a promoted cluster, else 0.
+        reference: cohesion of the known classes, with which that of the clusters is compared.
+    """
+
+    keys: Whole
+    features: Features
+    sifted: Sifted
+    clusters: Whole
+    candidates: list[Candidate]
+    labels: Whole
+    reference: float
+
+
+def discover(known: Known, buffer: Buffer, config: Config) -> Discovery:
+    """Sift the buffer, cluster what is kept and judge the clusters; the buffer stays as it is.
+
+    Raises:
+        UsageError: the buffer is empty, or holds no more samples than a sample must have neighbours.
+    """
+    if buffer.inputs is None or not len(buffer):
+        raise UsageError("the buffer is empty: there is nothing to discover classes in")
+    features = matrix(buffer.inputs)
+    nothing = np.zeros(len(features), dtype=bool)
+    sifted = sift(features, known.prototypes, config.preprocessing) if config.sifted else Sifted(nothing, nothing)
+    rows = np.flatnonzero(sifted.kept)
+    clusters, labels = np.full(len(features), SET_ASIDE), np.full(len(features), UNKNOWN)
+    if len(rows) < config.promotion.least_samples:
+        return Discovery(buffer.keys, features, sifted, clusters, [], labels, 0.0)
+    similar, reference = _similarity(features[rows], known, config)
+    clusters[rows] = _clusters(features[rows], similar, reference, known, config)
+    judged = judge(clusters[rows], features[rows], similar, known.prototypes, reference, config.promotion)
+    candidates = [one._replace(members=rows[one.members]) for one in judged]
+    first = max(int(known.classes[-1]) + 1, FIRST_DISCOVERED)
+    for label, one in enumerate((one for one in candidates if one.promoted), first):
+        labels[one.members] = label
+    return Discovery(buffer.keys, features, sifted, clusters, candidates, labels, reference)
+
+
+def _similarity(features: Features, known: Known, config: Config) -> tuple[NDArray[np.float32], float]:
+    """S of the unknown samples, and the cohesion of the known classes under the same forest."""
+    random = np.random.default_rng(config.seed)
+    own, labels = known.calibrating
+    chosen = np.concatenate([random.permutation(np.flatnonzero(labels == label))[:_REFERENCE] for label in known.classes])
+    both = np.concatenate([features, own[chosen]])
+    similar = (
+        _unsupervised(known.prototypes.standardise(both), config)
+        if config.forest == "unsupervised"
+        else similarity(known.forest, both)
+    )
+    split = len(features)
+    return similar[:split, :split], known_cohesion(similar[split:, split:], labels[chosen])
+
+
+def _unsupervised(features: Features, config: Config) -> NDArray[np.float32]:
+    return similarity(random_trees(features, config.trees, seed=config.seed), features)
+
+
+def _clusters(features: Features, similar: NDArray[np.float32], reference: float, known: Known, config: Config) -> Whole:
+    if config.clusterer == "linkage":
+        cut = 1.0 - config.promotion.relative_cohesion * reference
+        linkage = AgglomerativeClustering(None, metric="precomputed", linkage="average", distance_threshold=cut)
+        return np.asarray(linkage.fit_predict(1.0 - similar))
+
+    def renewed(learnt: Features) -> NDArray[np.float32]:
+        return _unsupervised(learnt, config) if config.clustering.refreshed else similar
+
+    samples, anchors = map(known.prototypes.standardise, (features, known.fitted.features))
+    with deterministic(config.seed):
+        backbone = Projection(samples.shape[1])
+    return cluster(backbone, samples, anchors, known.fitted.labels, renewed, config.clustering, config.seed).assignment

@@ -1,0 +1,103 @@
+"""The known classes: their labelled samples, and the forest, screening and prototypes learnt from these."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn.ensemble import RandomForestClassifier
+
+from recognition.config import Config
+from recognition.prototypes import Prototypes
+from recognition.samples import Features, Whole, class_labels, matrix
+from recognition.screening import EvtDeficit, Screening, VoteThreshold, WeibullVotes
+from recognition.screening.selection import FEWEST_CLASSES, choose_delta
+from recognition.votes import forest, votes
+from schemas.errors import UsageError
+
+_DELTA = 0.05
+"""δ where none is given and there are too few classes to choose one."""
+
+
+class Labelled(NamedTuple):
+    """Samples of known classes: features (n, d), classes (n,)."""
+
+    features: Features
+    labels: Whole
+
+    def joined(self, other: Labelled) -> Labelled:
+        """These samples and others."""
+        return Labelled(np.concatenate([self.features, other.features]), np.concatenate([self.labels, other.labels]))
+
+
+class Known(NamedTuple):
+    """What is known.
+
+    Args:
+        fitted: samples that the forest was fitted on.
+        calibrating: other samples of the same classes, which calibrated the screening.
+        forest: votes for classes.
+        screening: judges the votes; None where the margin of the prototypes does instead.
+        prototypes: centres and radii of the classes.
+    """
+
+    fitted: Labelled
+    calibrating: Labelled
+    forest: RandomForestClassifier
+    screening: Screening | None
+    prototypes: Prototypes
+
+    @property
+    def classes(self) -> Whole:
+        """Labels of the classes, ascending."""
+        return np.asarray(self.forest.classes_)
+
+
+def labelled(features: ArrayLike, labels: ArrayLike) -> Labelled:
+    """Samples of two classes or more.
+
+    Raises:
+        UsageError: features that are not finite, labels that are none, or fewer classes.
+    """
+    table = matrix(features)
+    return Labelled(table, class_labels(labels, len(table), least_classes=2))
+
+
+def learn(fitted: Labelled, calibrating: Labelled, config: Config) -> Known:
+    """Fit the forest on one set of samples and calibrate the screening on another.
+
+    Raises:
+        UsageError: the sets are not of the same classes.
+    """
+    if set(fitted.labels.tolist()) != set(calibrating.labels.tolist()):
+        raise UsageError("the samples to fit and to calibrate must be of the same classes")
+    grown = forest(*fitted, config.trees, config.seed)
+    prototypes = Prototypes.fit(*fitted.joined(calibrating), config.metric)
+    screening = bare_screening(config, _delta(fitted, calibrating, config))
+    if screening:
+        screening.fit(votes(grown, calibrating.features), calibrating.labels)
+    return Known(fitted, calibrating, grown, screening, prototypes)
+
+
+def bare_screening(config: Config, delta: float = _DELTA) -> Screening | None:
+    """The screening that is configured, not calibrated yet."""
+    match config.screening:
+        case "deficit":
+            return EvtDeficit(delta, config.seed)
+        case "weibull":
+            return WeibullVotes(delta, config.seed)
+        case "threshold":
+            return VoteThreshold(delta)
+        case "none":
+            return None
+        case other:
+            raise UsageError(f"there is no screening {other!r}; there are deficit, weibull, threshold and none")
+
+
+def _delta(fitted: Labelled, calibrating: Labelled, config: Config) -> float:
+    if config.delta is not None:
+        return config.delta
+    if config.screening != "deficit" or len(np.unique(fitted.labels)) < FEWEST_CLASSES:
+        return _DELTA
+    return choose_delta(*fitted, *calibrating, seed=config.seed)
