@@ -20,6 +20,8 @@ _ASIDE = 3.0
 """Way along the path, per distance from it, that an entity takes at least to join it."""
 _ON_PATH = 0.01
 """Distance (m) from a path up to which an entity counts as being on it."""
+_AT_END = 1e-6
+"""Distance (m) from the end of a path within which an entity is there"""
 _SHORTEST = 1e-3
 """A distance (m) that is short for every path."""
 
@@ -27,17 +29,21 @@ _SHORTEST = 1e-3
 class PathMotion:
     """Along a path, at the entity's speed; in reverse gear the entity faces backwards.
 
-    At the end of the path the entity goes back to its lane by itself.
+    At the end of the path the entity goes back to its lane by itself; one that has to be there for a while may stand there.
 
     Args:
         path: where to go.
         s: where on it the entity is, m.
         again: the path to go round and round afterwards, for closed ones.
         grounded: whether height, pitch and roll are those of the road below.
+        timed: whether times say when the end is left.
     """
 
-    def __init__(self, sim: Simulation, path: Path, s: float, again: Path | None = None, grounded: bool = True) -> None:
+    def __init__(
+        self, sim: Simulation, path: Path, s: float, again: Path | None = None, grounded: bool = True, timed: bool = False
+    ) -> None:
         self.sim, self.path, self.s, self.again = sim, path, s, again
+        self._reach = _AT_END if timed else 0.0
         self.ending = False
         """Whether the entity goes back to its lane after the coming step, wherever it is then."""
         roads = sim.network.roads.values() if sim.network is not None else ()
@@ -51,7 +57,7 @@ class PathMotion:
             self.s = (self.s - self.path.length) % max(self.again.length, _SHORTEST)
             self.path, self._target = self.again, None
         self.put(entity, speed)
-        if self.ending or (self.s >= self.path.length and self.again is None):
+        if self.ending or (self.s >= self.path.length + self._reach and self.again is None):
             back_to_lane(self.sim, entity)
         return speed
 

@@ -2,30 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.scenes import Part, Scene
+from recognition.catalogue.scenes import Part, Scene, Scope, Stage
+from recognition.datasets import Source
 from runner.execution import run
 from runner.result import RunResult
 
 _STEP = 0.05
 """Time step (s) of the runs"""
+_SAME_TIME = 1e-6
 
 
 class Deviation(NamedTuple):
     """How far a participant of a run is from its recorded positions.
 
-    greatest, mean: distance over the recorded rows, m. missing: recorded rows at which it is not in the run.
+    greatest, mean: distance over the recorded rows, m. missing: recorded rows at which the run has none of it; whoever appears
+    at the end of a step is in the run's output from the next one on.
     """
 
     participant: str
     greatest: float
     mean: float
     missing: int
+
+
+def of_catalogue(root: Path, sources: Iterable[Source], scope: Scope, world: str = "sumo") -> Iterator[tuple[str, list[Deviation]]]:
+    """Each scenario of a catalogue that replays a recording, by its name in the index, with the deviations of its participants.
+
+    Args:
+        root: the catalogue's folder.
+        sources: the recordings that it was made from.
+        scope: with which it was made.
+    """
+    rows = json.loads((root / "index.json").read_text(encoding="utf-8"))["scenarios"]
+    for source in sources:
+        own = [row for row in rows if row["recording"] == source.name]
+        stage = Stage(source.load(), scope) if own else None
+        for row in own:
+            assert stage is not None
+            scene = stage.cut(row["vehicle"], row["start"], row["end"])
+            yield row["file"], list(replayed(root / row["file"], scene, world))
 
 
 def replayed(path: Path, scene: Scene, world: str = "sumo") -> Iterator[Deviation]:
@@ -46,7 +68,7 @@ def _deviation(part: Part, scene: Scene, result: RunResult) -> Deviation:
     if track is None:
         return Deviation(part.name, np.inf, np.inf, len(time))
     driven = track.columns
-    there = (time >= driven["time"][0] - _STEP) & (time <= driven["time"][-1] + _STEP)
+    there = (time >= driven["time"][0] - _SAME_TIME) & (time <= driven["time"][-1] + _SAME_TIME)
     dx, dy = (np.interp(time, driven["time"], driven[axis]) - recorded[axis][rows] for axis in ("x", "y"))
     away = np.hypot(dx, dy)[there]
     return Deviation(part.name, float(away.max()), float(away.mean()), int((~there).sum()))

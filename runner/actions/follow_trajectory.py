@@ -101,7 +101,7 @@ class FollowTrajectoryAction(PrivateAction):
         elif self.follow and actor.placed:
             s = max(nearest(path, actor.x, actor.y), self.skip)
         again = path if self.trajectory.closed and pace is None else None
-        motion = PathMotion(sim, path, s, again, track.grounded)
+        motion = PathMotion(sim, path, s, again, track.grounded, pace is not None)
         if self.follow and actor.placed:
             _join(motion, actor, pace)
         else:
