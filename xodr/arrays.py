@@ -22,7 +22,7 @@ Whole = NDArray[np.int64]
 _FINE = 0.02
 """Most that the heading changes from knot to knot, rad: a cubic then misses an arc of 1 km radius by less than 1e-6 m."""
 _COARSE = 0.3
-"""Most that it changes along a chord, rad."""
+"""Most that it changes along a chord, rad, but for one piece between knots."""
 _LARGEST_TURN = 0.5 * math.pi
 """Most that it changes within a part, rad."""
 _EDGES = 5.0
@@ -40,12 +40,25 @@ class Local(NamedTuple):
     curvature: Floats
 
 
+class OnChord(NamedTuple):
+    """Places on chords: s, the s of both ends of the chord, and the distance from the position that each is nearest to, m."""
+
+    s: Floats
+    low: Floats
+    high: Floats
+    distance: Floats
+
+    def at(self, rows: Whole) -> OnChord:
+        """Some of them."""
+        return OnChord(*(values[rows] for values in self))
+
+
 class Part(NamedTuple):
     """A part of a road that does not bend back on itself.
 
     s: its knots. x, y: its line, a cubic of the distance from each knot (coefficients by power, (4, knots - 1)).
-    chords: indices of those knots that straight lines between come near the line. bounds: west, east, south and north of the
-    road's surface, m.
+    chords: indices of those knots that straight lines between come near the line. room: how far the road's surface reaches from
+    these, m. bounds: west, east, south and north of the surface, m.
     """
 
     road: Road
@@ -53,6 +66,7 @@ class Part(NamedTuple):
     x: Floats
     y: Floats
     chords: Whole
+    room: float
     bounds: tuple[float, float, float, float]
 
     def near(self, x: Floats, y: Floats, reach: float) -> NDArray[np.bool_]:
@@ -75,8 +89,8 @@ class Part(NamedTuple):
         u = s - self.s[index]
         return np.arctan2(_cubic(self.y[:, index], u)[1], _cubic(self.x[:, index], u)[1])
 
-    def on_chords(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """s of the place on the chords that is nearest to each position, and the ends of its chord."""
+    def on_chords(self, x: Floats, y: Floats) -> OnChord:
+        """The place on the chords that is nearest to each position."""
         best, s, low, high = np.full(len(x), np.inf), *np.zeros((3, len(x)))
         (ax, ay), start = self._corners(), self.s[self.chords]
         for index, (dx, dy) in enumerate(zip(np.diff(ax), np.diff(ay), strict=True)):
@@ -86,7 +100,7 @@ class Part(NamedTuple):
             nearer = square < best
             best[nearer], s[nearer] = square[nearer], since + share[nearer] * (until - since)
             low[nearer], high[nearer] = since, until
-        return s, low, high
+        return OnChord(s, low, high, np.sqrt(best))
 
     def _corners(self) -> tuple[Floats, Floats]:
         """x and y of the ends of the chords."""
@@ -103,22 +117,22 @@ def _cubic(coefficients: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
 
 def parts(road: Road) -> list[Part]:
     """A road cut into parts."""
-    knots = [0.0, *(s for s in road.line.knots() if 0.0 < s < road.length), road.length]
-    found: list[Part] = []
-    pieces: list[list[tuple[float, float]]] = [[]]
-    turned = 0.0
-    for low, high in pairwise(knots):
-        if high - low <= 0.0:
-            continue
-        turn = abs(road.heading(_inside(high)) - road.heading(low))
-        turned += turn
-        if turned > _LARGEST_TURN and pieces[-1]:
-            pieces.append([])
-            turned = turn
-        pieces[-1].append((low, high))
-    for piece in pieces:
-        found.append(_part(road, piece))
-    return found
+    knots = np.array(_knots(road))
+    pieces = np.array([(*road.line.at(a), *road.line.at(_inside(b))) for a, b in pairwise(knots.tolist())])
+    turned = _turned(pieces)
+    ends = [*np.flatnonzero(np.diff(turned // _LARGEST_TURN)) + 1, len(pieces)]
+    return [_part(road, knots[a : b + 1], pieces[a:b], turned[a:b]) for a, b in pairwise([0, *ends])]
+
+
+def _knots(road: Road) -> list[float]:
+    """s between which a cubic is as good as the road's line."""
+    fine = [0.0]
+    for high in (*(s for s in road.line.knots() if 0.0 < s < road.length), road.length):
+        low = fine[-1]
+        bend = max(abs(road.curvature(s)) for s in (low, 0.5 * (low + high), _inside(high))) * (high - low)
+        count = max(1, math.ceil(bend / _FINE))
+        fine += [low + (high - low) * (index + 1) / count for index in range(count)]
+    return fine
 
 
 def _inside(end: float) -> float:
@@ -126,19 +140,22 @@ def _inside(end: float) -> float:
     return math.nextafter(end, -math.inf)
 
 
-def _part(road: Road, chords: list[tuple[float, float]]) -> Part:
-    knots, marks = [chords[0][0]], [0]
-    for low, high in chords:
-        turn = abs(road.heading(_inside(high)) - road.heading(low))
-        bend = max(abs(road.curvature(low)), abs(road.curvature(0.5 * (low + high)))) * (high - low)
-        count = max(1, math.ceil(max(turn, bend) / _FINE))
-        knots += [low + (high - low) * (index + 1) / count for index in range(count)]
-        marks.append(len(knots) - 1)
-    lines = [(*road.line.at(a), *road.line.at(_inside(b)), b - a) for a, b in pairwise(knots)]
-    x0, y0, h0, x1, y1, h1, length = np.array(lines).T
+def _turned(pieces: Floats) -> Floats:
+    """By how much the heading has changed up to the end of each piece (x, y, heading of its ends), whichever way, rad."""
+    begins, ends = pieces[:, 2], pieces[:, 5]
+    return np.cumsum(np.abs(ends - begins) + np.abs(begins - np.append(begins[:1], ends[:-1])))
+
+
+def _part(road: Road, knots: Floats, pieces: Floats, turned: Floats) -> Part:
+    x0, y0, h0, x1, y1, h1 = pieces.T
+    length = np.diff(knots)
     x = _hermite(x0, np.cos(h0), x1, np.cos(h1), length)
     y = _hermite(y0, np.sin(h0), y1, np.sin(h1), length)
-    return Part(road, np.array(knots), x, y, np.array(marks), _bounds(road, knots, np.append(x0, x1[-1]), np.append(y0, y1[-1])))
+    chords = np.unique([0, *np.flatnonzero(np.diff(turned // _COARSE)) + 1, len(pieces)])
+    sagitta = float(np.diff(knots[chords]).max()) * 2.0 * _COARSE / 4.0  # twice as much as an arc is away from its chord
+    room = _room(road, float(knots[0]), float(knots[-1])) + (sagitta if turned[-1] > turned[0] else 0.0)
+    west, east, south, north = (min(x0.min(), x1[-1]), max(x0.max(), x1[-1]), min(y0.min(), y1[-1]), max(y0.max(), y1[-1]))
+    return Part(road, knots, x, y, chords, room, (west - room, east + room, south - room, north + room))
 
 
 def _hermite(a: Floats, slope_a: Floats, b: Floats, slope_b: Floats, length: Floats) -> Floats:
@@ -147,12 +164,11 @@ def _hermite(a: Floats, slope_a: Floats, b: Floats, slope_b: Floats, length: Flo
     return np.stack([a, slope_a, (3.0 * rise - 2.0 * slope_a - slope_b) / length, (slope_a + slope_b - 2.0 * rise) / length**2])
 
 
-def _bounds(road: Road, knots: list[float], x: Floats, y: Floats) -> tuple[float, float, float, float]:
-    start, end = knots[0], knots[-1]
+def _room(road: Road, start: float, end: float) -> float:
+    """How far the surface reaches from the line between two s, m."""
     count = 1 + math.ceil((end - start) / _EDGES)
     places = [*np.linspace(start, end, count).tolist(), *(section.s for section in road.sections if start < section.s < end)]
-    room = max(abs(edge) for s in places for edge in road.edges(s)) + _MARGIN
-    return float(x.min() - room), float(x.max() + room), float(y.min() - room), float(y.max() + room)
+    return max(abs(edge) for s in places for edge in road.edges(s)) + _MARGIN
 
 
 # profiles and lanes -------------------------------------------------------------------------

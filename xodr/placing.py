@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from xodr import arrays
-from xodr.arrays import Floats, Part, Whole
+from xodr.arrays import Floats, OnChord, Part, Whole
 from xodr.locate import CONVERGED, ON_SURFACE, OTHER_LEVEL
 from xodr.model import RoadError
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
+Flags = NDArray[np.bool_]
+
 _MOST_STEPS, _MOST_HALVINGS = 12, 60
 _FIRST_REACH, _WIDER = 5.0, 8.0
-"""Positions off the road are looked for within this distance (m) first, then within so many times as much."""
+"""Roads of positions that are on none are looked for within this distance (m) first, then within so many times as much."""
 
 
 class Places(NamedTuple):
@@ -50,14 +52,14 @@ def place(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None 
     if len(lost):
         raise RoadError(f"({users.x[lost[0]]}, {users.y[lost[0]]}) is no place in the world", path=network.path)
     parts, best = _parts(network), _Best(len(users.x))
-    reach, left = _FIRST_REACH, np.arange(len(users.x))
+    reach, left = 0.0, np.arange(len(users.x))
     while len(left):
         for part in parts:
             rows = left[part.near(users.x[left], users.y[left], reach)]
             if len(rows):
-                best.offer(rows, part, users.at(rows))
+                best.offer(rows, part, users.at(rows), reach)
         left = left[best.rank[0, left] > reach]
-        reach *= _WIDER
+        reach = max(_WIDER * reach, _FIRST_REACH)
     return best.places
 
 
@@ -88,13 +90,16 @@ class _Best:
         self.rank = np.full((4, count), np.inf)
         self.places = Places(np.full(count, None, object), np.zeros(count, np.int64), *np.zeros((3, count)))
 
-    def offer(self, rows: Whole, part: Part, users: _Users) -> None:
-        """Take those of a part's places that are better."""
-        s, t, gap = _project(part, users.x, users.y)
+    def offer(self, rows: Whole, part: Part, users: _Users, reach: float) -> None:
+        """Take those of a part's places that are better, and not further away than `reach` (m)."""
+        start = part.on_chords(users.x, users.y)
+        near = np.flatnonzero(start.distance <= part.room + reach)
+        rows, users = rows[near], users.at(near)
+        s, t, gap = _project(part, users.x, users.y, start.at(near))
         nearer = gap <= self.rank[0, rows]
         rows, s, t, gap, users = rows[nearer], s[nearer], t[nearer], gap[nearer], users.at(np.flatnonzero(nearer))
-        lane_id, offset = _lanes(part.road, s, t)
-        rank = np.stack([gap, *_mismatch(part, s, t, lane_id, users), np.round(np.abs(offset), 6)])
+        lane_id, offset, against = _lanes(part.road, s, t)
+        rank = np.stack([gap, *_mismatch(part, s, t, against, users), np.round(np.abs(offset), 6)])
         better, level = np.zeros(len(rows), bool), np.ones(len(rows), bool)
         for mine, theirs in zip(rank, self.rank[:, rows], strict=True):
             better |= level & (mine < theirs)
@@ -106,20 +111,19 @@ class _Best:
             column[rows] = values[better]
 
 
-def _project(part: Part, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+def _project(part: Part, x: Floats, y: Floats, start: OnChord) -> tuple[Floats, Floats, Floats]:
     """s and t of the feet of perpendiculars onto a part, and the distance of each position from its surface: 0 on it."""
-    road, start, end = part.road, part.s[0], part.s[-1]
-    s, low, high = part.on_chords(x, y)
+    road, s = part.road, start.s.copy()
     moving = np.arange(len(x))
     for _ in range(_MOST_STEPS):
         ahead, aside, curvature = part.local(x[moving], y[moving], s[moving])
-        wanted = np.clip(s[moving] + ahead / np.maximum(1.0 - curvature * aside, 0.1), start, end)
+        wanted = np.clip(s[moving] + ahead / np.maximum(1.0 - curvature * aside, 0.1), part.s[0], part.s[-1])
         step, s[moving] = np.abs(wanted - s[moving]), wanted
         moving = moving[step >= CONVERGED]
         if not len(moving):
             break
     if len(moving):
-        s[moving] = _bisect(part, x[moving], y[moving], low[moving], high[moving])
+        s[moving] = _bisect(part, x[moving], y[moving], start.low[moving], start.high[moving])
     ahead, aside, _ = part.local(x, y, s)
     t = (
         aside
@@ -144,28 +148,30 @@ def _bisect(part: Part, x: Floats, y: Floats, low: Floats, high: Floats) -> Floa
 
 def _beside(road: Road, s: Floats, t: Floats) -> Floats:
     """How far each place lies outside of the road's edges, m; negative inside."""
-    outside, section = np.zeros(len(s)), arrays.sections(road, s)
-    for index in np.unique(section).tolist():
-        rows = section == index
-        right, left = arrays.edges(road.sections[index], s[rows])
+    outside, section_of = np.zeros(len(s)), arrays.sections(road, s)
+    for index, section in enumerate(road.sections):
+        rows = section_of == index
+        right, left = arrays.edges(section, s[rows])
         outside[rows] = np.maximum(right - t[rows], t[rows] - left)
     return outside
 
 
-def _lanes(road: Road, s: Floats, t: Floats) -> tuple[Whole, Floats]:
-    """Lane and offset from its centre of each place; beyond the road's ends those there."""
+def _lanes(road: Road, s: Floats, t: Floats) -> tuple[Whole, Floats, Flags]:
+    """Lane of each place, offset from its centre, whether its traffic drives towards -s; beyond the road's ends those there."""
     inside = np.clip(s, 0.0, road.length)
-    lane_id, offset, section = np.zeros(len(s), np.int64), np.zeros(len(s)), arrays.sections(road, inside)
-    for index in np.unique(section).tolist():
-        rows = section == index
-        lane_id[rows] = arrays.lanes(road.sections[index], inside[rows], t[rows])
-        for lane in np.unique(lane_id[rows]).tolist():
-            mine = rows & (lane_id == lane)
-            offset[mine] = t[mine] - arrays.values(road.sections[index].lanes[lane].center, inside[mine])
-    return lane_id, offset
+    lane_id, offset, against = np.zeros(len(s), np.int64), np.zeros(len(s)), np.zeros(len(s), bool)
+    section_of = arrays.sections(road, inside)
+    for index, section in enumerate(road.sections):
+        rows = section_of == index
+        lane_id[rows] = arrays.lanes(section, inside[rows], t[rows])
+        for lane in section.lanes.values():
+            mine = rows & (lane_id == lane.id)
+            offset[mine] = t[mine] - arrays.values(lane.center, inside[mine])
+            against[mine] = road.direction(lane.id, section.s) < 0
+    return lane_id, offset, against
 
 
-def _mismatch(part: Part, s: Floats, t: Floats, lane_id: Whole, users: _Users) -> tuple[Floats, Floats]:
+def _mismatch(part: Part, s: Floats, t: Floats, against: Flags, users: _Users) -> tuple[Floats, Floats]:
     """Height on another level (m), and angle between heading and the lane's traffic (rad, coarse)."""
     road, height = part.road, np.zeros(len(s))
     angle: Floats = np.zeros(len(s))
@@ -173,7 +179,7 @@ def _mismatch(part: Part, s: Floats, t: Floats, lane_id: Whole, users: _Users) -
         above = np.abs(users.z - _heights(road, s, t))
         height = np.where(above > OTHER_LEVEL, above, 0.0)
     if users.h is not None:
-        way = part.heading(np.clip(s, part.s[0], part.s[-1])) + _turned(road, s, lane_id)
+        way = part.heading(np.clip(s, part.s[0], part.s[-1])) + np.where(against, math.pi, 0.0)
         angle = np.abs(np.remainder(users.h - way + math.pi, math.tau) - math.pi).round(3)
     return height, angle
 
@@ -182,10 +188,3 @@ def _heights(road: Road, s: Floats, t: Floats) -> Floats:
     if road.flat:
         return np.zeros(len(s))
     return np.array([road.pose(*one).z for one in zip(s.tolist(), t.tolist(), strict=True)])
-
-
-def _turned(road: Road, s: Floats, lane_id: Whole) -> Floats:
-    """Angle from the reference line to the direction of the lane's traffic, rad."""
-    pairs, which = np.unique(np.stack([arrays.sections(road, s), lane_id]), axis=1, return_inverse=True)
-    against = np.array([road.direction(lane, road.sections[index].s) < 0 for index, lane in pairs.T.tolist()], bool)
-    return np.where(against[which.reshape(-1)], math.pi, 0.0)
