@@ -7,11 +7,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from schemas.errors import InvalidFile, Unsupported
+
 if TYPE_CHECKING:
     from runner.elements import Process
     from runner.motion import Motion
     from xodr.model import LaneSection, RoadPoint
     from xodr.road import Road
+    from xosc.node import Node
 
 
 class BoundingBox(NamedTuple):
@@ -58,6 +61,8 @@ class Entity:
     model: str = ""
     mass: float = 0.0
     properties: dict[str, str] = field(default_factory=dict)
+    node: Node | None = None
+    """the element that describes it, for complaints"""
 
     # existence and appearance
     active: bool = True
@@ -134,6 +139,14 @@ class Entity:
 
     def __repr__(self) -> str:
         return f"<{self.kind} {self.name}>"
+
+    def invalid(self, message: str) -> InvalidFile:
+        """An InvalidFile at the element that describes this entity, to be raised by the caller."""
+        return self.node.invalid(message) if self.node is not None else InvalidFile(message)
+
+    def unsupported(self, message: str) -> Unsupported:
+        """An Unsupported at the element that describes this entity, to be raised by the caller."""
+        return self.node.unsupported(message) if self.node is not None else Unsupported(message)
 
     @property
     def front(self) -> float:

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 from runner.entities import Entity
 from runner.world import Reading, Wish
-from schemas.errors import Unsupported
 from xodr.network import RoadNetwork
 
 
@@ -27,7 +26,7 @@ class KinematicWorld:
 
     def drive(self, entity: Entity) -> bool:
         """Refused: there is no driver here."""
-        raise Unsupported(f"the kinematic world has no driver of its own for {entity.name!r}; run on SUMO")
+        raise entity.unsupported(f"the kinematic world has no driver of its own for {entity.name!r}; run on SUMO")
 
     def release(self, entity: Entity) -> None:
         """Nothing to release."""

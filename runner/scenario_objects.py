@@ -45,6 +45,7 @@ def read_object(node: Node, name: str) -> Entity:
         properties=_read_properties(described),
         hitch=_read_coupling(described, "TrailerHitch"),
         coupler=_read_coupling(described, "TrailerCoupler"),
+        node=described,
     )
     for holder in node.children("ObjectController"):
         for controller in holder.children("Controller"):

@@ -19,7 +19,6 @@ from runner.following import back_to_lane
 from runner.motion import FreeMotion, LaneMotion, Placement, wrap
 from runner.recording import Recorder
 from runner.towing import disconnect, line_up, tow, train
-from schemas.errors import InvalidFile
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
@@ -158,7 +157,7 @@ class Simulation:
         entity.vx, entity.vy = vx, vy
         entity.acceleration = (speed - entity.speed) / dt
         if not math.isfinite(entity.ax + entity.ay + entity.acceleration):
-            raise InvalidFile(f"{entity.name!r} moves beyond all numbers at {self.time:g} s")
+            raise entity.invalid(f"{entity.name!r} moves beyond all numbers at {self.time:g} s")
         entity.speed = speed
         distance = speed * dt
         entity.odometer += distance if distance > 0.0 else -distance

@@ -59,7 +59,7 @@ class Mix:
         if distribution is not None:
             return cls(_templates(distribution))
         definition = node.find("TrafficDefinition")
-        return cls(_categories(definition) if definition is not None else [(1.0, _Usual("car", (), ()).make)])
+        return cls(_categories(definition) if definition is not None else [(1.0, _Usual(node, "car", (), ()).make)])
 
     def make(self, name: str, rng: Random) -> Entity:
         """A new entity of that name."""
@@ -71,15 +71,16 @@ Weighted = tuple[tuple[float, Node], ...]
 
 @dataclass(frozen=True)
 class _Usual:
-    """A usual vehicle of a category, with one of several roles and controllers."""
+    """A usual vehicle of a category, with one of several roles and controllers, that an element asks for."""
 
+    node: Node
     category: str
     roles: Weighted
     controllers: Weighted
 
     def make(self, name: str, rng: Random) -> Entity:
         """A new one."""
-        entity = Entity(name, "vehicle", self.category, _BOXES[self.category], model=self.category)
+        entity = Entity(name, "vehicle", self.category, _BOXES[self.category], model=self.category, node=self.node)
         role, controller = _draw(self.roles, rng), _draw(self.controllers, rng)
         if role is not None:
             entity.properties["role"] = role.get("role")
@@ -122,7 +123,7 @@ def _categories(definition: Node) -> list[tuple[float, Callable[[str, Random], E
     roles = _weighted(definition.find("VehicleRoleDistribution"), "VehicleRoleDistributionEntry")
     entries = _weighted(definition.find("ControllerDistribution"), "ControllerDistributionEntry")
     controllers = tuple((weight, entry.only()) for weight, entry in entries)
-    return [(weight, _Usual(name, roles, controllers).make) for name, weight in categories(definition).items()]
+    return [(weight, _Usual(definition, name, roles, controllers).make) for name, weight in categories(definition).items()]
 
 
 def _templates(distribution: Node) -> list[tuple[float, Callable[[str, Random], Entity]]]:

@@ -346,7 +346,7 @@ def test_the_driver_drives_at_small_time_steps_but_not_in_fractions_of_a_millise
 
 
 def test_a_world_without_drivers_refuses_the_system(tmp_path: Path) -> None:
-    with pytest.raises(Unsupported, match="no driver of its own"):
+    with pytest.raises(Unsupported, match=r"\.xosc:\d+: Vehicle: .*no driver of its own for 'Ego'"):
         run(tmp_path, place("Ego", 100, 20), world="kinematic")
 
 
