@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from runner.actions.base import PrivateAction
+from runner.actions.base import PrivateAction, Running
 from runner.entities import Entity
 from runner.registry import action
 from xosc.node import Node
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _EPSILON = 1e-9
 
 
-class Waiting:
+class Waiting(Running):
     """Something that takes time and does nothing else."""
 
     __slots__ = ("_left",)
@@ -29,9 +29,6 @@ class Waiting:
         """True once the duration is over."""
         self._left -= dt
         return self._left <= _EPSILON
-
-    def stop(self) -> None:
-        """Nothing is held."""
 
 
 @action("VisibilityAction")

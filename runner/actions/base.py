@@ -34,13 +34,15 @@ def need_places(node: Node, *entities: Entity) -> None:
 class Running(Protocol):
     """An action in execution for one actor (or for none, if global)."""
 
+    __slots__ = ()
+
     def step(self, dt: float) -> bool:
         """Act on the interval from now to now + dt (s); true when the action's goal is reached at its end."""
         ...
 
     def stop(self) -> None:
-        """Give back whatever is held; called once, when the action ends, is overridden or stopped."""
-        ...
+        """Give back whatever is held, by default nothing; called once, when the action ends, is overridden or stopped."""
+        return
 
 
 class PrivateAction(ABC):

@@ -194,7 +194,7 @@ def settle_lane(actor: Entity) -> None:
         actor.next_offset -= shift
 
 
-class _Transition:
+class _Transition(Running):
     """On the way to a lateral goal along a shape, over time (s) or over the distance travelled (m)."""
 
     __slots__ = ("_actor", "_compensated", "_extent", "_origin", "_over_distance", "_past", "_start", "_value", "goal")
@@ -231,7 +231,7 @@ class _Transition:
             settle_lane(self._actor)
 
 
-class _Kept:
+class _Kept(Running):
     """A transition to a goal that may move, and that is then kept."""
 
     __slots__ = ("_goal", "_transition")
@@ -245,6 +245,3 @@ class _Kept:
         self._transition.goal = self._goal()
         self._transition.step(dt)
         return False
-
-    def stop(self) -> None:
-        """The entity keeps the offset that it has."""

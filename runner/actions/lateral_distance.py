@@ -89,7 +89,7 @@ def _both_ways(limits: Performance | None) -> Performance | None:
     return Performance(limits.max_speed, acceleration, acceleration, rate, rate)
 
 
-class _Sidestep:
+class _Sidestep(Running):
     """The distance is reached, and kept."""
 
     __slots__ = ("_action", "_actor", "_controller", "_distance", "_side", "_sim", "_speed")

@@ -80,7 +80,7 @@ def set_speed(actor: Entity, speed: float, sim: Simulation) -> None:
         actor.speed = speed
 
 
-class _Transition:
+class _Transition(Running):
     """On the way to a target speed along a shape."""
 
     __slots__ = ("_actor", "_change", "_duration", "_elapsed", "_start", "_target", "_value")
@@ -104,11 +104,8 @@ class _Transition:
         self._actor.demand = self._start + self._change * self._value(progress)
         return False
 
-    def stop(self) -> None:
-        """The entity keeps the speed that it has."""
 
-
-class _Tracking:
+class _Tracking(Running):
     """Towards, and then at, a speed that follows another entity's.
 
     With a rate, the demand moves by at most that rate; with a time or distance, the shape blends into the moving
@@ -136,6 +133,3 @@ class _Tracking:
             wanted = self._start + (wanted - self._start) * dynamics.shape.value(self._elapsed / self._duration)
         actor.demand = wanted
         return False
-
-    def stop(self) -> None:
-        """The entity keeps the speed that it has."""

@@ -159,7 +159,7 @@ def _move(actor: Entity, distance: float) -> None:
         motion.advance(actor, distance, 1.0)
 
 
-class _Rigid:
+class _Rigid(Running):
     """The distance holds exactly at every step."""
 
     __slots__ = ("_gap",)
@@ -173,11 +173,8 @@ class _Rigid:
         self._gap.actor.demand = self._gap.action.reference.demand
         return False
 
-    def stop(self) -> None:
-        """The entity keeps the speed that it has."""
 
-
-class _Approach:
+class _Approach(Running):
     """The distance is reached, and kept, within limits."""
 
     __slots__ = ("_continuous", "_controller", "_gap")
@@ -196,6 +193,3 @@ class _Approach:
         actor, reference = gap.actor, gap.action.reference
         actor.demand = max(self._controller.speed(error, actor.speed, reference.speed, dt), 0.0)
         return not self._continuous and abs(error) < _REACHED
-
-    def stop(self) -> None:
-        """The entity keeps the speed that it has."""

@@ -89,7 +89,7 @@ class AcquirePositionAction(PrivateAction):
         return _Acquiring(actor, sim, path.length)
 
 
-class _Acquiring:
+class _Acquiring(Running):
     """On the way to a position."""
 
     def __init__(self, actor: Entity, sim: Simulation, length: float) -> None:
@@ -103,6 +103,3 @@ class _Acquiring:
         point = self.sim.road_point(self.actor)
         gone = self.route.path.position(point, self.length) if point is not None else None
         return gone is not None and gone + abs(self.actor.demand) * dt >= self.length - _REACHED
-
-    def stop(self) -> None:
-        """The route stays assigned."""

@@ -190,7 +190,7 @@ def _tight(segments: list[_Segment], limits: Performance) -> set[int]:
     }
 
 
-class _Profile:
+class _Profile(Running):
     """The profile in execution."""
 
     __slots__ = ("_actor", "_elapsed", "_pieces", "_reference", "_times")
@@ -210,6 +210,3 @@ class _Profile:
         base = self._reference.speed if self._reference is not None else 0.0
         self._actor.demand = base + piece.at(self._elapsed)
         return time >= self._times[-1]
-
-    def stop(self) -> None:
-        """The entity keeps the speed that it has."""

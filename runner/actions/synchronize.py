@@ -117,7 +117,7 @@ class SynchronizeAction(PrivateAction):
         return _Synchronisation(self, actor, sim, *targets)
 
 
-class _Synchronisation:
+class _Synchronisation(Running):
     """Under way to the target; while a way is lost (an entity has left its road, say), the speed stays."""
 
     __slots__ = ("_action", "_actor", "_master_target", "_sim", "_target")
@@ -149,9 +149,6 @@ class _Synchronisation:
         hold = max(steady.time, steady.distance / final if final > 0.0 else 0.0)
         actor.demand = final if arrived else planned_speed(actor.speed, final, way, time - hold, dt)
         return arrived
-
-    def stop(self) -> None:
-        """The entity keeps the speed that it has."""
 
 
 def free_speed(speed: float, way: float, time: float, dt: float) -> float:

@@ -85,9 +85,6 @@ class _Running(Running, ABC):
     def act(self, dt: float) -> None:
         """Bring in and take out."""
 
-    def stop(self) -> None:
-        """What is on the road stays there."""
-
 
 @registry.action("TrafficSourceAction")
 class TrafficSourceAction(GlobalAction):
