@@ -22,7 +22,7 @@ def is_off_road(entity: Entity, sim: Simulation) -> bool:
 class Departures:
     """Notes in the event log when the ego leaves the road, is back on it, and stops where it ends; to be called once a step."""
 
-    def __init__(self, ego: Entity) -> None:
+    def __init__(self, ego: Entity | None) -> None:
         self._ego = ego
         self._off = self._ended = False
         self._first: dict[str, str] = {}
@@ -33,18 +33,19 @@ class Departures:
         return tuple(self._first.values())
 
     def __call__(self, sim: Simulation) -> None:
-        """Look at the ego."""
-        if not (self._ego.active and self._ego.placed):
+        """Look at the ego, if there is one."""
+        ego = self._ego
+        if ego is None or not (ego.active and ego.placed):
             return
-        off, ended = is_off_road(self._ego, sim), self._ego.at_road_end
+        off, ended = is_off_road(ego, sim), ego.at_road_end
         if off and not self._off:
-            self._remark(sim, "offRoad", "has left the road")
+            self._remark(sim, ego, "offRoad", "has left the road")
         elif self._off and not off:
-            sim.note("onRoad", self._ego.name, "is back on the road")
+            sim.note("onRoad", ego.name, "is back on the road")
         if ended and not self._ended:
-            self._remark(sim, "roadEnd", "has come to the end of the road")
+            self._remark(sim, ego, "roadEnd", "has come to the end of the road")
         self._off, self._ended = off, ended
 
-    def _remark(self, sim: Simulation, kind: str, text: str) -> None:
-        sim.note(kind, self._ego.name, text)
-        self._first.setdefault(kind, f"{self._ego.name} {text} at {sim.time:.2f} s")
+    def _remark(self, sim: Simulation, ego: Entity, kind: str, text: str) -> None:
+        sim.note(kind, ego.name, text)
+        self._first.setdefault(kind, f"{ego.name} {text} at {sim.time:.2f} s")

@@ -70,9 +70,8 @@ def run(
     sim = Simulation(compiled, open_world(world), timestep, seed)
     for violation in compiled.violations:
         sim.note("constraint", "parameters", str(violation))
-    departures = Departures(driver) if driver is not None else None
-    if departures is not None:
-        compiled.observers.append(departures)
+    departures = Departures(driver)
+    compiled.observers.append(departures)
     try:
         drive_ego(sim, driver, system)
         sim.begin()
@@ -87,7 +86,7 @@ def run(
         status="completed" if sim.finished else "timeout",
         end_time=sim.time,
         verdict=judge(sim, driver),
-        remarks=departures.remarks if departures is not None else (),
+        remarks=departures.remarks,
         ego=driver.name if driver is not None else None,
         sut=system_name(sut) if driver is not None else "none",
         settings={"timestep": timestep, "seed": seed, "world": world, "max_time": limit},

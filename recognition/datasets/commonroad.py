@@ -90,6 +90,7 @@ class _Entry(tarfile.TarInfo):
 
     @classmethod
     def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
+        """An entry from a block of an archive, as in the base class."""
         try:
             return super().frombuf(buf, encoding, errors)
         except tarfile.HeaderError as error:
