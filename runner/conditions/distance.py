@@ -6,7 +6,8 @@ Distances are compared without their sign. How each is measured is said in `runn
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner import closing, distances
 from runner.conditions.base import EntityCondition
@@ -117,27 +118,44 @@ class Target:
             return None
 
 
-class _DistanceCondition(EntityCondition):
-    """Compares a distance (m) to a target."""
+class _Measured(EntityCondition):
+    """Compares what is measured from an entity to a target; false where that is undefined."""
+
+    what: ClassVar[str]
+    """what it is called in descriptions"""
 
     def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
         self.target = target
         self.measure = measure
         self.comparison = comparison
 
-    def _distance(self, entity: Entity, sim: Simulation) -> float | None:
+    @abstractmethod
+    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+        """The value compared; None where it is undefined."""
+
+    def _value(self, entity: Entity, sim: Simulation) -> float | None:
         target = self.target.find(sim, entity)
-        distance = self.measure.between(sim, entity, target) if target is not None else None
-        return abs(distance) if distance is not None else None
+        return self.between(entity, target, sim) if target is not None else None
 
     def holds(self, entity: Entity, sim: Simulation) -> bool:
-        """Whether the comparison is true; false where the distance is undefined."""
-        return self.comparison.holds(self._distance(entity, sim))
+        """Whether the comparison is true."""
+        return self.comparison.holds(self._value(entity, sim))
 
     def describe(self, entity: Entity, sim: Simulation) -> str:
-        """The distance compared."""
-        what = f"{self.measure.named('distance')} {entity.name}–{self.target.name}"
-        return self.comparison.describe(what, self._distance(entity, sim))
+        """The value compared."""
+        what = f"{self.measure.named(self.what)} {entity.name}–{self.target.name}"
+        return self.comparison.describe(what, self._value(entity, sim))
+
+
+class _DistanceCondition(_Measured):
+    """Compares a distance (m) to a target."""
+
+    what = "distance"
+
+    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+        """The distance without its sign."""
+        distance = self.measure.between(sim, entity, target)
+        return abs(distance) if distance is not None else None
 
 
 @condition("DistanceCondition")
@@ -190,22 +208,19 @@ class ReachPositionCondition(EntityCondition):
 
 
 @condition("TimeHeadwayCondition")
-class TimeHeadwayCondition(EntityCondition):
+class TimeHeadwayCondition(_Measured):
     """Compares distance by own speed (s): undefined unless the other is ahead and the entity drives forward."""
 
-    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
-        self.target = target
-        self.measure = measure
-        self.comparison = comparison
+    what = "time headway"
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TimeHeadwayCondition:
         """Read the entity and how to measure."""
         return cls(Target(context.entity(node), None), Measure.from_xml(node), Comparison.from_xml(node, "s"))
 
-    def _headway(self, entity: Entity, sim: Simulation) -> float | None:
-        target = self.target.find(sim, entity)
-        if target is None or entity.speed < _STILL:
+    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+        """The time headway."""
+        if entity.speed < _STILL:
             return None
         distance = self.measure.between(sim, entity, target)
         if distance is None or not self._ahead(entity, target, distance, sim):
@@ -217,27 +232,15 @@ class TimeHeadwayCondition(EntityCondition):
             return distance > 0.0
         return (distances.longitudinal(sim, entity, target, "entity", False) or 0.0) > TOLERANCE
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
-        """Whether the comparison is true; false where the headway is undefined."""
-        return self.comparison.holds(self._headway(entity, sim))
-
-    def describe(self, entity: Entity, sim: Simulation) -> str:
-        """The time headway compared."""
-        what = f"{self.measure.named('time headway')} {entity.name}–{self.target.name}"
-        return self.comparison.describe(what, self._headway(entity, sim))
-
 
 @condition("TimeToCollisionCondition")
-class TimeToCollisionCondition(EntityCondition):
+class TimeToCollisionCondition(_Measured):
     """Compares distance by closing speed (s): undefined while the distance does not shrink.
 
     The closing speed is the rate at which the measured distance shrinks with the present velocities.
     """
 
-    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
-        self.target = target
-        self.measure = measure
-        self.comparison = comparison
+    what = "time to collision"
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TimeToCollisionCondition:
@@ -245,19 +248,10 @@ class TimeToCollisionCondition(EntityCondition):
         target = Target.from_xml(node.need("TimeToCollisionConditionTarget"), context)
         return cls(target, Measure.from_xml(node), Comparison.from_xml(node, "s"))
 
-    def _time(self, entity: Entity, sim: Simulation) -> float | None:
-        target = self.target.find(sim, entity)
-        distance = self.measure.between(sim, entity, target) if target is not None else None
-        if target is None or distance is None:
+    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+        """The time to collision."""
+        distance = self.measure.between(sim, entity, target)
+        if distance is None:
             return None
         speed = self.measure.closing(sim, entity, target)
         return abs(distance) / speed if speed is not None and speed > _STILL else None
-
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
-        """Whether the comparison is true; false where the time is undefined."""
-        return self.comparison.holds(self._time(entity, sim))
-
-    def describe(self, entity: Entity, sim: Simulation) -> str:
-        """The time to collision compared."""
-        what = f"{self.measure.named('time to collision')} {entity.name}–{self.target.name}"
-        return self.comparison.describe(what, self._time(entity, sim))
