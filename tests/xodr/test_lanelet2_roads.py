@@ -9,7 +9,7 @@ from pathlib import Path
 import libsumo
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import schemas
@@ -18,6 +18,7 @@ from schemas.errors import UsageError
 from tests.xodr.lanelet_maps import WIDTH, LaneletMap, fork, four_way, merge, ring, straight, turn, two_lanes
 from xodr import sumo_net
 from xodr.lanelet2 import Conversion, Lanelet, Neighbour, build, convert
+from xodr.lanelet2.deviation import deviation
 from xodr.lanelet2.reader import read_lanelets
 
 MAPS: dict[str, Callable[[], LaneletMap]] = {
@@ -189,25 +190,24 @@ def test_ids_that_mean_nothing_are_refused(wrong: str) -> None:
         build([Lanelet("a", left, right), other], "wrong")
 
 
-@given(st.floats(-1.4, 1.4), st.floats(-1.4, 1.4), st.floats(20.0, 120.0), st.floats(2.5, 5.0), st.integers(1, 3))
-def test_curves_keep_their_borders(heading: float, other: float, length: float, width: float, lanes: int) -> None:
-    ends = (0.0, 0.0, heading), (length, 0.0, other)
-    count = int(length / 2)
-    lines = [np.array(turn(*ends, (lanes / 2 - index) * width, count)) for index in range(lanes + 1)]
-    if min(np.hypot(*np.diff(line, axis=0).T).min() for line in lines) < 0.3:
-        return  # too sharp to be a road of that width
-    row = [
-        Lanelet(
-            str(index),
-            lines[index],
-            lines[index + 1],
-            beside_right=Neighbour(str(index + 1), True) if index + 1 < lanes else None,
-        )
-        for index in range(lanes)
-    ]
-    road = build(row, "curve").map.roads[0]
-    assert len(road.sections[0].lanes) == lanes
-    assert all(piece.length > 0.0 for piece in road.plan)
+@settings(max_examples=30)
+@given(
+    headings=st.tuples(st.floats(-1.4, 1.4), st.floats(-1.4, 1.4)),
+    length=st.floats(20.0, 120.0),
+    width=st.floats(2.5, 5.0),
+    lanes=st.integers(1, 3),
+)
+def test_curves_keep_their_borders(
+    headings: tuple[float, float], length: float, width: float, lanes: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    ends = (0.0, 0.0, headings[0]), (length, 0.0, headings[1])
+    lines = [np.array(turn(*ends, (lanes / 2 - index) * width, int(length))) for index in range(lanes + 1)]
+    assume(min(np.hypot(*np.diff(line, axis=0).T).min() for line in lines) > 0.3)  # else too sharp for a road of that width
+    row = [Lanelet(f"{n}", lines[n], lines[n + 1], beside_left=Neighbour(f"{n - 1}", True) if n else None) for n in range(lanes)]
+    built = build(row, "curve")
+    assert built.lanelets == {f"{number}": ("1", -number - 1) for number in range(lanes)}
+    network = xodr.load(built.map.write(tmp_path_factory.getbasetemp() / "curve.xodr"))
+    assert max(deviation(built.parts, built.lanelets, network).values()) < 0.2
 
 
 # in SUMO ------------------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def deviation(lanelets: Sequence[Lanelet], where: Mapping[str, tuple[str, int]],
             _farthest(lanelet.left, [lane.left for lane in around]),
             _farthest(lanelet.right, [lane.right for lane in around]),
         )
-        found[lanelet.id] = max(*borders, _off_centre(lanelet, lines[own].centre))
+        found[lanelet.id] = max(*borders, _off_centre(lanelet, lines[own]))
     return found
 
 
@@ -58,7 +58,10 @@ def _farthest(bound: Points, borders: list[Points]) -> float:
     return float(distance(points(dense), MultiLineString([LineString(border) for border in borders])).max())
 
 
-def _off_centre(lanelet: Lanelet, centre: Points) -> float:
-    """How far a lane's centre is from half-way between the bounds, across the lane, where it has one on both sides."""
-    left, right = (across(centre, np.gradient(centre, axis=0), bound) for bound in (lanelet.left, lanelet.right))
+def _off_centre(lanelet: Lanelet, lane: _Lines) -> float:
+    """How far a lane's centre is from half-way between the bounds, across the road, where there is one on both sides."""
+    sideways = lane.left - lane.right
+    onward = np.column_stack([sideways[:, 1], -sideways[:, 0]])
+    wide = np.hypot(*sideways.T) > STEP
+    left, right = (across(lane.centre[wide], onward[wide], bound) for bound in (lanelet.left, lanelet.right))
     return float(np.nanmax(np.abs(left + right) / 2, initial=0.0))

@@ -107,6 +107,8 @@ class Graph:
         names = [name for name, lanelet in self.lanelets.items() if lanelet.type != "sidewalk"]
         lines = [LineString(middle(self.lanelets[name].left, self.lanelets[name].right)) for name in names]
         found: dict[str, set[str]] = defaultdict(set)
+        if not lines:
+            return found
         for one, other in STRtree(lines).query(lines, predicate="crosses").T:
             if one != other and not self._related(names[one], names[other]):
                 found[names[one]].add(names[other])

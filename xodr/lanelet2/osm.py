@@ -18,10 +18,11 @@ T = TypeVar("T")
 
 
 class Node(NamedTuple):
-    """A point: latitude and longitude [degrees], and coordinates of the map [m] where it has its own."""
+    """A point: latitude and longitude [degrees], and coordinates of the map [m] where it has its own; its line in the file."""
 
     place: tuple[float, float] | None
     local: tuple[float, float] | None
+    line: int | None
 
 
 class Way(NamedTuple):
@@ -116,7 +117,7 @@ def _node(element: etree._Element) -> Node:
         raise _invalid(element, "a node has lat and lon, or the tags local_x and local_y")
     if place is not None and not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):
         raise _invalid(element, f"lat={place[0]:g}, lon={place[1]:g} is no place on Earth")
-    return Node(place, local)
+    return Node(place, local, line_of(element))
 
 
 def _pair(element: etree._Element, texts: dict[str, str], *names: str) -> tuple[float, float] | None:

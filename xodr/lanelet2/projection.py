@@ -51,7 +51,7 @@ class Projection:
             points = _projected(osm, self.geo)
         for name, (x, y) in points.items():
             if not abs(x) + abs(y) < LARGEST:
-                raise InvalidFile("it is too far away from the map's origin", element=f"node {name}")
+                raise InvalidFile("it is too far away from the map's origin", line=osm.nodes[name].line, element=f"node {name}")
         return points
 
 
@@ -70,7 +70,7 @@ def _projected(osm: Osm, geo: Geo) -> dict[str, tuple[float, float]]:
     names, places = [], []
     for name, node in osm.nodes.items():
         if node.place is None:
-            raise InvalidFile("it has no lat and lon", element=f"node {name}")
+            raise InvalidFile("it has no lat and lon", line=node.line, element=f"node {name}")
         names.append(name)
         places.append(node.place)
     latitudes, longitudes = zip(*places, strict=True) if places else ((), ())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ def _own(mouth: Mouth) -> list[float]:
 
 
 def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> Spline:
-    """The coarsest spline along the middle that is near to it and does not turn too sharply for the road's width."""
+    """The spline along the middle that does not turn too sharply for the road's width; of those the coarsest one near to it."""
     count = max(int(max(lengths(left)[-1], lengths(right)[-1]) / STEP), 8) + 1
     samples = middle(left, right, STEP)
     half = np.hypot(*(resampled(left, count) - resampled(right, count)).T) / 2
@@ -73,20 +74,21 @@ def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> Sp
     samples[[0, -1]] = ends
     at = lengths(samples)
     slopes = np.array([(math.cos(mouth.frame.heading), math.sin(mouth.frame.heading)) for mouth in (start, end)])
-    best: tuple[float, Spline] | None = None
-    intervals = 1
-    while intervals == 1 or at[-1] / intervals >= _SHORTEST_BEND:
+    candidates = []
+    for intervals in _doubled(at[-1] / _SHORTEST_BEND):
         line = fit(at, samples, ends, slopes, intervals)
-        away = np.hypot(*(line(at) - samples).T).max() / LINE_TOLERANCE
-        sharp = np.abs(_curvatures(line, at) * half).max() / _SHARPEST
-        badness = max(away, sharp)
-        if best is None or badness < best[0]:
-            best = badness, line
-        if badness <= 1.0:
-            break
-        intervals *= 2
-    assert best is not None
-    return best[1]
+        away = float(np.hypot(*(line(at) - samples).T).max())
+        sharp = float(np.abs(_curvatures(line, at) * half).max())
+        candidates.append((max(sharp, _SHARPEST), max(away, LINE_TOLERANCE), intervals, line))
+    return min(candidates, key=lambda candidate: candidate[:3])[3]
+
+
+def _doubled(most: float) -> Iterator[int]:
+    """1, 2, 4, … up to a number, and 1 at least."""
+    number = 1
+    while number == 1 or number <= most:
+        yield number
+        number *= 2
 
 
 def _curvatures(line: Spline, at: Floats) -> Floats:
@@ -113,18 +115,14 @@ def _offsets(line: Spline, at: Floats, border: Points) -> Floats:
 
 def _smooth(s: Floats, samples: Floats, ends: Floats, slopes: Floats) -> Spline:
     """The coarsest spline within tolerance of the samples, else the nearest one."""
-    best: tuple[float, Spline] | None = None
-    intervals = 1
-    while intervals == 1 or s[-1] / intervals >= _SHORTEST_PIECE:
+    candidates = []
+    for intervals in _doubled(s[-1] / _SHORTEST_PIECE):
         spline = fit(s, samples, ends, slopes, intervals)
         away = float(np.abs(spline(s) - samples).max())
-        if best is None or away < best[0]:
-            best = away, spline
         if away <= BORDER_TOLERANCE:
-            break
-        intervals *= 2
-    assert best is not None
-    return best[1]
+            return spline
+        candidates.append((away, intervals, spline))
+    return min(candidates, key=lambda candidate: candidate[:2])[2]
 
 
 def _pieces(line: Spline, s: Floats) -> list[ParamPoly3]:

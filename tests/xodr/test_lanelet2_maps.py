@@ -1,0 +1,289 @@
+"""What the elements and tags of a Lanelet2 file become, and files that are refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import schemas
+import xodr
+from schemas.errors import InvalidFile, ToolchainError, UsageError
+from tests.xodr.lanelet_maps import WIDTH, LaneletMap, four_way, straight, turn, two_lanes
+from xodr.geo import Geodetic, GeoReference
+from xodr.lanelet2 import Conversion, convert
+
+EAST = ((0.0, 0.0), (100.0, 0.0))
+
+
+def lane(made: LaneletMap, name: int, t: float = 0.0, **tags: str) -> None:
+    """Add a straight lanelet to the east, its middle at t."""
+    made.lanelet(name, straight(*EAST, t + WIDTH / 2), straight(*EAST, t - WIDTH / 2), **tags)
+
+
+def converted(made: LaneletMap, folder: Path) -> tuple[Conversion, xodr.RoadNetwork]:
+    conversion = convert(made.write(folder), None, folder / "map.xodr")
+    assert schemas.check(conversion.path) == []
+    return conversion, xodr.load(conversion.path)
+
+
+# kinds of lanelets ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("subtype", "lane_type", "road_type"),
+    [
+        ("road", "driving", "town"),
+        ("", "driving", "town"),
+        ("highway", "driving", "motorway"),
+        ("play_street", "driving", "lowSpeed"),
+        ("bus_lane", "bus", "town"),
+        ("emergency_lane", "stop", "town"),
+        ("bicycle_lane", "biking", "town"),
+        ("walkway", "sidewalk", "town"),
+        ("rail", "rail", "town"),
+    ],
+)
+def test_subtypes_are_lane_types(subtype: str, lane_type: str, road_type: str, tmp_path: Path) -> None:
+    made = LaneletMap()
+    lane(made, 1, **({"subtype": subtype} if subtype else {}))
+    road = converted(made, tmp_path)[1].road("1")
+    assert (road.lane_type(50.0, -1), road.road_type(50.0)) == (lane_type, road_type)
+
+
+def test_a_bicycle_lane_beside_a_lane_is_on_the_same_road(tmp_path: Path) -> None:
+    made = two_lanes()
+    made.lanelet(3, straight(*EAST, -WIDTH), straight(*EAST, -WIDTH - 1.5), subtype="bicycle_lane")
+    _, network = converted(made, tmp_path)
+    assert [network.road("1").lane_type(50.0, number) for number in (-1, -2, -3)] == ["driving", "driving", "biking"]
+
+
+def test_a_crosswalk_is_an_object_where_it_was(tmp_path: Path) -> None:
+    made = two_lanes()
+    corners = [(40.0, 5.0), (40.0, -5.0), (43.0, -5.0), (43.0, 5.0)]
+    made.lanelet(9, corners[:2], corners[:1:-1], subtype="crosswalk")
+    _, network = converted(made, tmp_path)
+    (item,) = network.road("1").objects
+    assert (item.type, item.name) == ("crosswalk", "9")
+    place = network.pose(network.point("1", item.s, item.t))
+    cos, sin = math.cos(place.h), math.sin(place.h)
+    found = {
+        (round(place.x + cos * corner.u - sin * corner.v, 6), round(place.y + sin * corner.u + cos * corner.v, 6))
+        for corner in item.outlines[0]
+    }
+    assert found == set(corners)
+
+
+def test_what_is_no_lane_is_named(tmp_path: Path) -> None:
+    made = two_lanes()
+    lane(made, 7, 30.0, subtype="runway")
+    made.relation(8, type="multipolygon", subtype="parking")
+    lane(made, 9, -30.0, one_way="no", speed_limit="30")
+    conversion, _ = converted(made, tmp_path)
+    assert "7" not in conversion.lanelets
+    for text in ("lanelet 7 is left out: its subtype 'runway'", "multipolygon parking: 8", "lanelet 9 may be driven both ways"):
+        assert any(text in note for note in conversion.notes), text
+
+
+def test_marks_of_bounds_are_road_marks(tmp_path: Path) -> None:
+    converted(two_lanes(), tmp_path)
+    text = (tmp_path / "map.xodr").read_text()
+    assert [line.split('"')[3] for line in text.splitlines() if "<roadMark" in line] == ["curb", "broken", "solid"]
+
+
+# speed limits ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("tags", "limit"),
+    [
+        ({"speed_limit": "30"}, 30 / 3.6),
+        ({"speed_limit": "50 km/h"}, 50 / 3.6),
+        ({"speed_limit": "30mph"}, 30 * 0.44704),
+        ({"speed_limit": "12.5 m/s"}, 12.5),
+        ({"maxspeed": "60"}, 60 / 3.6),
+        ({"location": "urban"}, 50 / 3.6),
+        ({"location": "nonurban"}, 100 / 3.6),
+        ({"subtype": "highway"}, None),
+        ({"subtype": "play_street"}, 7 / 3.6),
+    ],
+)
+def test_speed_limits(tags: dict[str, str], limit: float | None, tmp_path: Path) -> None:
+    made = LaneletMap()
+    lane(made, 1, **tags)
+    conversion, network = converted(made, tmp_path)
+    assert network.road("1").speed_limit(50.0, -1) == (None if limit is None else pytest.approx(limit))
+    assert any("usual ones" in note for note in conversion.notes) == (not {"speed_limit", "maxspeed"} & set(tags))
+
+
+@pytest.mark.parametrize("tags", [{"sign_type": "de274-60"}, {"sign_type": "60 km/h"}, {"speed_limit": "60"}])
+def test_regulatory_elements_limit_the_speed(tags: dict[str, str], tmp_path: Path) -> None:
+    made = LaneletMap()
+    made.relation(5, type="regulatory_element", subtype="speed_limit", **tags)
+    made.lanelet(1, straight(*EAST, 2.0), straight(*EAST, -2.0), '<member type="relation" role="regulatory_element" ref="5"/>')
+    assert converted(made, tmp_path)[1].road("1").speed_limit(50.0, -1) == pytest.approx(60 / 3.6)
+
+
+def test_lanes_of_one_road_keep_their_own_limits(tmp_path: Path) -> None:
+    made = LaneletMap()
+    lane(made, 1, 0.0, speed_limit="100")
+    lane(made, 2, -WIDTH, speed_limit="60")
+    _, network = converted(made, tmp_path)
+    assert [network.road("1").speed_limit(50.0, number) for number in (-1, -2)] == pytest.approx([100 / 3.6, 60 / 3.6])
+
+
+# what is not said in so many words ---------------------------------------------------------------------
+
+
+def test_bounds_may_run_either_way(tmp_path: Path) -> None:
+    """Left and right decide the direction, as in Lanelet2."""
+    made = LaneletMap()
+    made.lanelet(1, straight(*EAST, 2.0)[::-1], straight(*EAST, -2.0))
+    made.lanelet(2, straight(*EAST, 8.0), straight(*EAST, 12.0))
+    conversion, network = converted(made, tmp_path)
+    headings = [math.cos(network.roads[conversion.lanelets[name][0]].heading(0.0)) for name in ("1", "2")]
+    assert headings == pytest.approx([1.0, -1.0])
+
+
+def test_a_lane_of_which_only_the_borders_are_there_is_added(tmp_path: Path) -> None:
+    made = LaneletMap()
+    for name, t in ((1, WIDTH), (3, -WIDTH)):
+        lane(made, name, t)
+    lines = [[straight(*EAST, t)[1], (150.0, t)] for t in (WIDTH / 2, -WIDTH / 2)]
+    made.lanelet(12, *lines)
+    conversion, network = converted(made, tmp_path)
+    assert [conversion.lanelets[name] for name in ("1", "1|3", "3")] == [("1", -1), ("1", -2), ("1", -3)]
+    assert any("1|3" in note for note in conversion.notes)
+    assert [(link.road_id, link.lane_id) for link in network.links("1", -2, True)] == [conversion.lanelets["12"]]
+
+
+def test_a_lanelet_that_ends_upon_another_one_leads_into_it(tmp_path: Path) -> None:
+    made = LaneletMap()
+    lane(made, 1)
+    ends = (20.0, -30.0, 1.2), (60.0, 0.0, 0.0)
+    made.lanelet(2, turn(*ends, WIDTH / 2), turn(*ends, -WIDTH / 2))
+    conversion, network = converted(made, tmp_path)
+    assert conversion.deviation < 0.2
+    for name in ("1", "2"):
+        assert [(link.road_id, link.lane_id) for link in network.links(*conversion.lanelets[name], True)] == [
+            conversion.lanelets["1/2"]
+        ]
+
+
+def test_a_lanelet_that_ends_along_another_one_tapers_off(tmp_path: Path) -> None:
+    made = two_lanes()
+    made.lanelet(3, straight((0.0, -WIDTH), (60.0, -WIDTH)), [(0.0, -2 * WIDTH), (60.0, -2 * WIDTH), (90.0, -WIDTH)])
+    conversion, network = converted(made, tmp_path)
+    road = network.road(conversion.lanelets["3"][0])
+    assert road.lane_width(road.length - 0.5, -1) < 0.5
+    assert any("tapers off" in note for note in conversion.notes)
+    assert conversion.deviation < 0.2
+
+
+# coordinates ------------------------------------------------------------------------------------------
+
+
+def geographic(made: LaneletMap, origin: tuple[float, float]) -> str:
+    """The map with latitudes and longitudes instead of local coordinates."""
+    zone = pyproj.Proj(proj="utm", zone=int((origin[1] + 180) // 6) + 1, ellps="WGS84")
+    x0, y0 = zone(origin[1], origin[0])
+    text = made.text()
+    for (x, y), number in made.nodes.items():
+        longitude, latitude = zone(x0 + x, y0 + y, inverse=True)
+        old = next(line for line in text.splitlines() if line.startswith(f'<node id="{number}"'))
+        text = text.replace(old, f'<node id="{number}" lat="{latitude!r}" lon="{longitude!r}"/>')
+    return text
+
+
+@pytest.mark.parametrize("origin", [(49.0116, 8.4386), (0.0, 0.0)])
+def test_coordinates_are_those_relative_to_the_origin(origin: tuple[float, float], tmp_path: Path) -> None:
+    path = tmp_path / "map.osm"
+    path.write_text(geographic(two_lanes(), origin))
+    given_origin = None if origin == (0.0, 0.0) else origin
+    network = xodr.load(convert(path, given_origin, tmp_path / "map.xodr").path)
+    pose = network.pose(network.lane_point("1", -1, 30.0))
+    assert (pose.x, pose.y) == pytest.approx((30.0, WIDTH / 2), abs=1e-3)
+    assert GeoReference(network).to_world(Geodetic(*origin, 0.0))[:2] == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+def test_an_origin_beyond_the_earth_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no UTM zone"):
+        convert(two_lanes().write(tmp_path), (91.0, 0.0), tmp_path / "map.xodr")
+
+
+# bad maps ---------------------------------------------------------------------------------------------
+
+BAD = {
+    "empty": ("", "is empty"),
+    "no xml": ("lanelets", "not well-formed"),
+    "another format": ("<OpenDRIVE/>", "root element"),
+    "entity bomb": ('<!DOCTYPE osm [<!ENTITY a "aaaa">]>\n<osm>&a;</osm>', "document type"),
+    "no lanelets": ("<osm/>", "no lanelet"),
+    "only crosswalks": ("subtype=crosswalk", "is a lane"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_files_that_are_no_maps_are_refused(name: str, tmp_path: Path) -> None:
+    text, complaint = BAD[name]
+    if text.startswith("subtype"):
+        text = two_lanes(subtype="crosswalk").text()
+    path = tmp_path / "map.osm"
+    path.write_text(text)
+    with pytest.raises(InvalidFile, match=complaint) as caught:
+        convert(path, None, tmp_path / "map.xodr")
+    assert caught.value.path == str(path)
+    assert not (tmp_path / "map.xodr").exists()
+
+
+WRONG = {
+    "bound missing": ('role="right"', 'role="rihgt"', "relation 1", "one way as its right bound"),
+    "way missing": ('role="left" ref="1000"', 'role="left" ref="77"', "member", "no way '77'"),
+    "node missing": ('<nd ref="1"/>', '<nd ref="77"/>', "nd", "no node '77'"),
+    "coordinate not finite": ('k="local_x" v="0.0"', 'k="local_x" v="nan"', "node 1", "local_x='nan'"),
+    "coordinate no number": ('k="local_y" v="3.5"', 'k="local_y" v="three"', "node 1", "local_y='three'"),
+    "coordinate missing": ('<tag k="local_x" v="0.0"/>', "", "node 1", "local_x=''"),
+    "place not on Earth": ('<node id="1" lat="" lon="">', '<node id="1" lat="95" lon="8">', "node 1", "no place on Earth"),
+    "too far": ('k="local_x" v="0.0"', 'k="local_x" v="1e300"', "node 1", "too far"),
+    "id twice": ('<relation id="2"', '<relation id="1"', "relation 1", "used twice"),
+    "id missing": ('<node id="1"', "<node", "node", "attribute id"),
+    "speed": ('v="50"', 'v="fast"', "relation 1", "no speed limit"),
+    "speed zero": ('v="50"', 'v="0"', "relation 1", "no speed limit"),
+    "member of no kind": ('<member type="way"', '<member type="area"', "member", "type='area'"),
+    "bound of one node": ('<nd ref="2"/>', "", "relation 1", "1 nodes"),
+    "bound without length": ('k="local_x" v="100.0"', 'k="local_x" v="0.0"', "relation 1", "no length"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_elements_are_refused_with_line_and_name(name: str, tmp_path: Path) -> None:
+    old, new, element, complaint = WRONG[name]
+    text = two_lanes(speed_limit="50").text()
+    assert old in text
+    path = tmp_path / "map.osm"
+    path.write_text(text.replace(old, new))
+    with pytest.raises(InvalidFile, match=complaint) as caught:
+        convert(path, None, tmp_path / "map.xodr")
+    assert caught.value.element == element
+    assert caught.value.line
+
+
+@settings(max_examples=30)
+@given(data=st.data())
+def test_torn_files_are_refused_or_converted(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No other error than ours, whatever line is lost, doubled or cut."""
+    lines = four_way().text().splitlines()
+    number = data.draw(st.integers(0, len(lines) - 1))
+    lines[number : number + 1] = data.draw(st.sampled_from(([], [lines[number]] * 2, [lines[number][: len(lines[number]) // 2]])))
+    path = tmp_path_factory.getbasetemp() / "torn.osm"
+    path.write_text("\n".join(lines))
+    try:
+        conversion = convert(path, None, path.with_suffix(".xodr"))
+    except ToolchainError:
+        return
+    assert np.isfinite(conversion.deviation)
