@@ -66,9 +66,11 @@ def longitudinal(
     """Signed distance ahead of a."""
     if system == "entity":
         return _ahead(a, b, freespace)
-    if system == "trajectory":
-        return _along_trajectory(a, b, freespace)
-    return _along_road(sim, a, b, system == "lane", freespace, routing)
+    extents = _extents(sim, a, b, system, freespace, routing)
+    if extents is None:
+        return None
+    ours, theirs = extents
+    return interval_gap(ours.rear, ours.front, theirs.rear, theirs.front)
 
 
 def lateral(
@@ -77,9 +79,11 @@ def lateral(
     """Signed distance to the left of a."""
     if system == "entity":
         return _aside(a, b, freespace)
-    if system == "trajectory":
-        return _across_trajectory(a, b, freespace)
-    return _across_road(sim, a, b, system == "lane", freespace, routing)
+    extents = _extents(sim, a, b, system, freespace, routing)
+    if extents is None:
+        return None
+    ours, theirs = extents
+    return interval_gap(ours.right, ours.left, theirs.right, theirs.left)
 
 
 def _boxed(b: Entity | Placement) -> Entity | Spot:
@@ -103,6 +107,15 @@ def _aside(a: Entity, b: Entity | Placement, freespace: bool) -> float:
     other = _boxed(b)
     _, _, right, left = spans(outlook(a, other), other.box)
     return interval_gap(-a.box.width / 2, a.box.width / 2, right, left)
+
+
+def _extents(
+    sim: Simulation, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str
+) -> tuple[Footprint, Footprint] | None:
+    """Extents of both along and across a's trajectory, road or lane, in the direction of a; None where there is no way."""
+    if system == "trajectory":
+        return _on_trajectory(a, b, freespace)
+    return _on_road(sim, a, b, system == "lane", freespace, routing)
 
 
 # road and lane ------------------------------------------------------------------------------
@@ -199,7 +212,7 @@ def footprint(road: Road, point: RoadPoint, h: float, box: BoundingBox, line: fl
     return Footprint(min(along) * stretch, max(along) * stretch, min(across), max(across))
 
 
-def _extents(
+def _on_road(
     sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str
 ) -> tuple[Footprint, Footprint] | None:
     """Extents of both from a's reference point, ahead and to the left of a."""
@@ -218,39 +231,13 @@ def _extents(
     return (ours, theirs) if side > 0 else (ours.turned(), theirs.turned())
 
 
-def _along_road(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str) -> float | None:
-    extents = _extents(sim, a, b, lane, freespace, routing)
-    if extents is None:
-        return None
-    ours, theirs = extents
-    return interval_gap(ours.rear, ours.front, theirs.rear, theirs.front)
-
-
-def _across_road(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str) -> float | None:
-    extents = _extents(sim, a, b, lane, freespace, routing)
-    if extents is None:
-        return None
-    ours, theirs = extents
-    return interval_gap(ours.right, ours.left, theirs.right, theirs.left)
-
-
 # trajectory ---------------------------------------------------------------------------------
 
 
-def _along_trajectory(a: Entity, b: Entity | Placement, freespace: bool) -> float | None:
+def _on_trajectory(a: Entity, b: Entity | Placement, freespace: bool) -> tuple[Footprint, Footprint] | None:
+    """Extents of both along and across a's trajectory."""
     path = trajectory(a)
-    if path is None:
-        return None
-    ours, theirs = _trace(path, a, freespace), _trace(path, b, freespace)
-    return interval_gap(ours.rear, ours.front, theirs.rear, theirs.front)
-
-
-def _across_trajectory(a: Entity, b: Entity | Placement, freespace: bool) -> float | None:
-    path = trajectory(a)
-    if path is None:
-        return None
-    ours, theirs = _trace(path, a, freespace), _trace(path, b, freespace)
-    return interval_gap(ours.right, ours.left, theirs.right, theirs.left)
+    return (_trace(path, a, freespace), _trace(path, b, freespace)) if path is not None else None
 
 
 def trajectory(a: Entity) -> Path | None:
