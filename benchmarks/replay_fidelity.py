@@ -32,7 +32,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         made = pipeline.build(options.paths, out, settings, pipeline.ByRules(), lambda sources, _: sources)
-        print(f"{sum(made.classes.values())} scenes of vehicles, {made.exclusions} vehicles without: {dict(made.passages)}")
+        print(f"{sum(made.classes.values())} scenes of vehicles, {len(made.exclusions)} vehicles without: {dict(made.passages)}")
         for name, error in made.failures.items():
             print(f"{name} was not read: {error}")
         problems = Counter(problem.level for _, found in check_many(expand([str(out)])) for problem in found)
@@ -46,7 +46,9 @@ def report(runs: dict[str, list[fidelity.Deviation]], limit: float) -> None:
     everyone = [(each.greatest, name, each) for name, found in runs.items() for each in found]
     greatest = np.array([far for far, _, _ in everyone])
     missing = [each.missing for *_, each in everyone]
-    print(f"{len(runs)} runs with {len(everyone)} participants, {sum(missing)} rows missing, of one participant at most {max(missing)}")
+    print(
+        f"{len(runs)} runs, {len(everyone)} participants, {sum(missing)} rows missing, at most {max(missing)} of one participant"
+    )
     quantiles = ", ".join(f"{share:.0%}: {np.quantile(greatest, share):.4f} m" for share in (0.5, 0.9, 0.99, 1.0))
     print(f"greatest distance of a participant from its recorded positions: {quantiles}")
     far = sorted((each for each in everyone if not each[0] <= limit), reverse=True)

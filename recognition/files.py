@@ -18,6 +18,7 @@ def keep(content: bytes, path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, delete=False) as draft:
         draft.write(content)
+    Path(draft.name).chmod(0o644)  # drafts are for their owner's eyes only
     return Path(draft.name).replace(path)
 
 

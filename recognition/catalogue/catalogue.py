@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -15,9 +16,10 @@ from recognition.catalogue.maneuvers import maneuver
 from recognition.catalogue.scenes import EGO, Part, Scene, Scope, Stage
 from recognition.catalogue.store import Store
 from recognition.datasets import Exclusion, Source
+from recognition.files import digest
 from recognition.sites import Site
 from runner.recording import Recording
-from schemas.errors import Unsupported
+from schemas.errors import InvalidFile, Unsupported
 from xosc import maneuvers, tags
 from xosc.document import Document, to_bytes
 from xosc.files import Header
@@ -80,27 +82,46 @@ class Catalogue:
         self.store = Store(root)
         self.rows: list[dict[str, Any]] = []
         self.exclusions: list[dict[str, Any]] = []
+        self._recordings: list[dict[str, Any]] = []
         self._config = config
         self._entries: dict[_Place, dict[str, Any]] = {}
+        self._roads: dict[str, str] = {}
 
     def add(
         self, source: Source, recording: Recording, site: Site, episodes: Iterable[Episode], exclusions: Iterable[Exclusion]
     ) -> None:
         """Write the scenarios of a recording, which has its road coordinates."""
-        road = f"roads/{plain(source.site)}.xodr"
-        self.store.write(road, site.path.read_bytes())
+        road = self._road(site)
         stage = Stage(recording, self._config.scope)
         for episode in episodes:
             self._write(_Context(source, recording, site, road, episode, stage.cut(episode.ego, episode.start, episode.end)))
         for exclusion in exclusions:
             self.exclusions.append({"recording": source.name, **exclusion._asdict()})
 
+    def tell(self, source: Source) -> None:
+        """Have the index tell of a recording and what reading it found."""
+        assert source.report is not None, "the recording has been read"
+        report = {"rows": source.report.rows, "tracks": source.report.tracks, "missing_rows": source.report.missing}
+        excluded = [exclusion._asdict() for exclusion in source.report.exclusions]
+        told = {"name": source.name, "data_set": source.format, "site": source.site, **report}
+        self._recordings.append({**told, "excluded_rows": excluded, "remarks": source.report.remarks})
+
+    def _road(self, site: Site) -> str:
+        """Write a site's road, once; its name in the catalogue."""
+        content = site.path.read_bytes()
+        key = digest(content)
+        if key not in self._roads:
+            name = f"roads/{plain(site.path.stem)}.xodr"
+            self._roads[key] = name if name not in self._roads.values() else f"roads/{plain(site.path.stem)}-{key}.xodr"
+            self.store.write(self._roads[key], content)
+        return self._roads[key]
+
     def close(self, **more: Any) -> list[str]:
         """Write the OpenSCENARIO catalogues and the index; the files of earlier runs that were removed."""
         for place, entries in sorted(self._entries.items(), key=lambda item: item[0]):
             self._catalog(place, entries)
         rows = sorted(self.rows, key=lambda row: row["file"])
-        told = {"exclusions": self.exclusions, **more}
+        told = {"recordings": self._recordings, "exclusions": self.exclusions, **more}
         self.store.write("index.json", index.as_json(rows, told))
         self.store.write("index.csv", index.as_csv(rows))
         self.store.write("index.parquet", index.as_parquet(rows))
@@ -180,6 +201,21 @@ class Catalogue:
         )
         other = context.name_of(partner)
         return variation.scenario(stage, header, measured, network, other, route.name if route else None, self._config.version)
+
+
+def recordings_of(root: Path) -> list[str]:
+    """Names of the recordings in the index of a catalogue; none where there is no index.
+
+    Raises:
+        InvalidFile: it is not readable.
+    """
+    path = root / "index.json"
+    if not path.is_file():
+        return []
+    try:
+        return [str(each["name"]) for each in json.loads(path.read_text(encoding="utf-8"))["recordings"]]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InvalidFile(f"not readable as the index of a catalogue: {error}", path=path) from None
 
 
 class _Context(NamedTuple):

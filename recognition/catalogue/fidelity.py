@@ -32,7 +32,9 @@ class Deviation(NamedTuple):
     missing: int
 
 
-def of_catalogue(root: Path, sources: Iterable[Source], scope: Scope, world: str = "sumo") -> Iterator[tuple[str, list[Deviation]]]:
+def of_catalogue(
+    root: Path, sources: Iterable[Source], scope: Scope, world: str = "sumo"
+) -> Iterator[tuple[str, list[Deviation]]]:
     """Each scenario of a catalogue that replays a recording, by its name in the index, with the deviations of its participants.
 
     Args:

@@ -37,7 +37,7 @@ COLUMNS: dict[str, type] = {
     "rss_risk_ad_rss": float,
     "rss_risk_r157": float,
 }
-"""Columns of a row; absent values are None. Files relative to the index: the scenario that replays the recording, the one with the
+"""Columns of a row; absent values are None. Files relative to the index: the scenario that replays the recording, that with the
 manoeuvre (or why there is none), tags, road. The class, by whom and how sure. Where from, with times in s. Measures."""
 
 Row = Mapping[str, Any]

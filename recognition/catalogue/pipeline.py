@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from recognition import datasets
 from recognition.catalogue import findings, usable
-from recognition.catalogue.catalogue import Catalogue, Config
+from recognition.catalogue.catalogue import Catalogue, Config, recordings_of
 from recognition.catalogue.episodes import Around, of_findings, of_vehicles
 from recognition.catalogue.findings import Moment, by_rules
 from recognition.datasets import Source
@@ -21,6 +21,8 @@ from runner.recording import Recording
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from xodr.sumo_net.cache import folder as cache_folder
 
+SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
+"""The model that comes with the package"""
 EVENTS, VEHICLES = "events", "vehicles"
 SCENES = (EVENTS, VEHICLES)
 
@@ -83,7 +85,7 @@ class Summary(NamedTuple):
 
     classes: Counter[str]
     passages: Counter[str]
-    exclusions: int
+    exclusions: list[dict[str, Any]]
     edited: list[str]
     removed: list[str]
     failures: dict[str, ToolchainError]
@@ -100,19 +102,35 @@ def build(paths: Sequence[Path], out: Path, settings: Settings, recogniser: Reco
 
     Raises:
         InvalidFile: there is no recording of a known format in a path.
-        UsageError: the folder can't be written, or two recordings have one name.
+        UsageError: the folder can't be written or has the catalogue of other recordings, or two recordings have one name.
     """
-    roads = cache_folder() / "roads"
+    roads = cache_roads()
     sources = [source for path in paths for source in datasets.open(path, roads).sources]
     twice = [name for name, count in Counter(source.name for source in sources).items() if count > 1]
     if twice:
         raise UsageError(f"there are two recordings called {twice[0]!r}")
+    _refuse_others(out, {source.name for source in sources})
     work = _Work(settings, recogniser, Catalogue(out, settings.config), roads)
     for source in progress(sources, "recognising"):
         work.try_to(work.look, source)
     for source in progress([source for source in sources if source.name not in work.failures], "writing"):
         work.try_to(work.write, source)
     return work.close()
+
+
+def _refuse_others(out: Path, names: set[str]) -> None:
+    """A catalogue is made of all its recordings at once: what is not among them would go."""
+    others = sorted(set(recordings_of(out)) - names)
+    if others:
+        listed = f"{others[0]!r}" + (f" and {len(others) - 1} more" if len(others) > 1 else "")
+        raise UsageError(
+            f"this folder has a catalogue of other recordings ({listed}): give them as well, or another folder", path=out
+        )
+
+
+def cache_roads() -> Path:
+    """Folder for roads that are made from recordings."""
+    return cache_folder() / "roads"
 
 
 class _Work:
@@ -141,6 +159,7 @@ class _Work:
         """Write the scenarios of a recording."""
         settings, site = self._settings, self._sites[source.name]
         recording = source.load()
+        self._catalogue.tell(source)
         place(recording, site.network)
         found = findings.joined(self._recogniser.moments(source.name), settings.gap)
         if settings.scenes == EVENTS:
@@ -158,7 +177,7 @@ class _Work:
         return Summary(
             Counter(row["class"] for row in rows),
             Counter(row["passage"] for row in rows if row["passage"]),
-            len(catalogue.exclusions),
+            catalogue.exclusions,
             catalogue.store.edited,
             removed,
             self.failures,

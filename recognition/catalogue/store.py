@@ -6,12 +6,12 @@ person's: it is left alone and reported.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 
+from recognition.files import digest, keep
 from schemas.errors import InvalidFile, UsageError
 
 MANIFEST = "manifest.json"
@@ -41,16 +41,10 @@ class Store:
 
     def write(self, name: str, content: bytes) -> bool:
         """Write a file, named relative to the root; False where there is one that a person has edited."""
-        path = self.root / name
-        found = path.read_bytes() if path.is_file() else None
-        if found is not None and found != content and _hash(found) != self._before.get(name):
+        if not write_unless_edited(self.root / name, content, self._before.get(name)):
             self.edited.append(name)
             return False
-        self._now[name] = _hash(content)
-        if found != content:
-            with _writing(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(content)
+        self._now[name] = digest(content)
         return True
 
     def close(self) -> list[str]:
@@ -61,7 +55,7 @@ class Store:
             path = self.root / name
             if not path.is_file():
                 continue
-            if _hash(path.read_bytes()) != self._before[name]:
+            if digest(path.read_bytes()) != self._before[name]:
                 self.edited.append(name)
                 continue
             with _writing(path):
@@ -75,8 +69,14 @@ class Store:
         return removed
 
 
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+def write_unless_edited(path: Path, content: bytes, before: str | None) -> bool:
+    """Write a file, unless there is one whose `digest` is neither that of the content nor the one that it had before."""
+    with _writing(path):
+        found = path.read_bytes() if path.is_file() else None
+        if found is not None and found != content and digest(found) != before:
+            return False
+        keep(content, path)
+    return True
 
 
 def _manifest(path: Path) -> dict[str, str]:
@@ -84,6 +84,8 @@ def _manifest(path: Path) -> dict[str, str]:
         return {}
     try:
         files = json.loads(path.read_text(encoding="utf-8"))["files"]
+        if any(".." in PurePath(name).parts or PurePath(name).is_absolute() for name in files):
+            raise ValueError("it names files outside of the catalogue")
         return {str(name): str(value) for name, value in files.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InvalidFile(f"the manifest of the catalogue is not readable: {error}", path=path) from None

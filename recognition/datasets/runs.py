@@ -48,10 +48,29 @@ def road(path: Path) -> Path:
     Raises:
         InvalidFile: the run had none, or it is not there any more.
     """
+    return _file(path, "road")
+
+
+def scenario(path: Path) -> Path:
+    """The scenario that a trajectory file is the run of.
+
+    Raises:
+        InvalidFile: it is not there any more.
+    """
+    return _file(path, "scenario")
+
+
+def ego(path: Path) -> str | None:
+    """Name of the ego of the run that a trajectory file belongs to; None where it has none."""
+    name = _result(path.with_name(_RESULT)).get("ego")
+    return name if isinstance(name, str) else None
+
+
+def _file(path: Path, what: str) -> Path:
     file = path.with_name(_RESULT)
-    name = _entry(_result(file), file, "files").get("road")
+    name = _entry(_result(file), file, "files").get(what)
     if not isinstance(name, str) or not Path(name).is_file():
-        raise InvalidFile(f"the road of this run, {name!r}, is not there", path=file)
+        raise InvalidFile(f"the {what} of this run, {name!r}, is not there", path=file)
     return Path(name)
 
 

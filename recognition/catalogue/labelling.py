@@ -1,0 +1,140 @@
+"""Labels for the output of runs: what happens in a run is written down about the scenario that it is a run of."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import xosc
+from recognition import datasets
+from recognition.catalogue import findings
+from recognition.catalogue.catalogue import AUTHOR
+from recognition.catalogue.findings import Finding
+from recognition.catalogue.pipeline import Progress, Recogniser, Settings, cache_roads
+from recognition.catalogue.store import write_unless_edited
+from recognition.datasets import Source, runs
+from recognition.files import digest
+from recognition.labels import label
+from recognition.sites import site_of
+from schemas.errors import InvalidFile, Unsupported, UsageError
+from xosc import tags
+from xosc.document import to_bytes
+from xosc.tags import Tag
+
+LABELS = "labels.json"
+"""File in the folder of the runs with what was found in each, and the digests of the files written"""
+
+
+class Labelled(NamedTuple):
+    """What was found in runs.
+
+    findings: of each run, by its name. written, edited: files written, and those left alone because a person has edited them.
+    """
+
+    findings: dict[str, list[Finding]]
+    written: list[Path]
+    edited: list[Path]
+
+
+def label_runs(
+    folder: Path, settings: Settings, recogniser: Recogniser, progress: Progress, *, in_place: bool = False
+) -> Labelled:
+    """Label the runs in a folder and annotate their scenarios.
+
+    Beside a scenario come `<name>_labelled.xosc`, a copy whose FileHeader has the tags as properties (from version 1.2 on), and
+    the tags as OpenLABEL. The scenario itself is written only `in_place`. `labels.json` in the folder tells all that was found.
+
+    Raises:
+        InvalidFile: there are no runs, one is malformed, or its scenario or road is not there any more.
+        UsageError: a file can't be written.
+    """
+    sources = [source for source in datasets.open(folder).sources if source.format == runs.FORMAT]
+    if not sources:
+        raise InvalidFile("there are no results of xosc-run --out here", path=folder)
+    for source in progress(sources, "recognising"):
+        recording = source.load()
+        site = site_of(source, recording, cache_roads())
+        recogniser.look(source.name, recording, site, label(recording, site, source.name, settings.rules))
+    found = {source.name: findings.joined(recogniser.moments(source.name), settings.gap) for source in sources}
+    by_scenario: dict[Path, list[Source]] = {}
+    for source in sources:
+        by_scenario.setdefault(runs.scenario(source.path), []).append(source)
+    record = folder / LABELS
+    before = _digests(record)
+    files = {
+        path: content for scenario, of in by_scenario.items() for path, content in _annotations(scenario, of, found, in_place)
+    }
+    edited = [path for path, content in files.items() if not _write(path, content, before, in_place and path in by_scenario)]
+    written = {str(path): digest(content) for path, content in files.items() if path not in edited}
+    table = {"files": written, "runs": {name: [_told(each) for each in listed] for name, listed in found.items()}}
+    _write(record, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode(), {}, True)
+    return Labelled(found, [Path(name) for name in written], edited)
+
+
+def _annotations(
+    scenario: Path, sources: list[Source], found: dict[str, list[Finding]], in_place: bool
+) -> Iterable[tuple[Path, bytes]]:
+    """The files about a scenario: annotated copy (or itself), OpenLABEL."""
+    told = _tags(sources, found)
+    document = xosc.load(scenario)
+    target = scenario if in_place else scenario.with_name(f"{scenario.stem}_labelled.xosc")
+    try:
+        yield target, to_bytes(tags.annotated(document, told))
+    except Unsupported:
+        target = scenario  # of a version without properties: what is tagged is the scenario itself
+    yield scenario.with_name(f"{scenario.stem}_labelled.openlabel.json"), tags.to_bytes(told, target.name, AUTHOR)
+
+
+def _tags(sources: list[Source], found: dict[str, list[Finding]]) -> list[Tag]:
+    """Classes that happen to the ego (to anyone, where there is no ego) in the runs of a scenario, and when."""
+    listed = [(source, finding) for source in sources for finding in found[source.name] if _about_ego(source, finding)]
+    classes = sorted({finding.moment.title for _, finding in listed})
+    when = [_sentence(finding, source.name if len(sources) > 1 else None) for source, finding in listed]
+    sure = [finding.moment.confidence for _, finding in listed if finding.moment.confidence is not None]
+    states = sorted({finding.moment.state for _, finding in listed})
+    told: list[Tag] = [Tag("Classes", classes), Tag("States", states), Tag("Findings", when), Tag("Runs", len(sources))]
+    return [*told, *([Tag("Confidence", min(sure))] if sure else [])]
+
+
+def _about_ego(source: Source, finding: Finding) -> bool:
+    ego = runs.ego(source.path)
+    return ego is None or finding.moment.ego == ego
+
+
+def _sentence(finding: Finding, run: str | None) -> str:
+    moment = finding.moment
+    parts = [f"{moment.title} of {moment.ego} at {moment.time:.2f} s", f"with {moment.partner}" if moment.partner else ""]
+    return " ".join([*filter(None, parts), *([f"in {run}"] if run else [])])
+
+
+def _told(finding: Finding) -> dict[str, Any]:
+    moment = finding.moment
+    return {
+        "ego": moment.ego,
+        "class": moment.title,
+        "state": moment.state,
+        "confidence": moment.confidence,
+        "rule_class": moment.rule.title if moment.rule else None,
+        "model_class": moment.model,
+        "partner": moment.partner,
+        "time": round(moment.time, 3),
+        "start": round(finding.start, 3),
+        "end": round(finding.end, 3),
+        "tags": moment.tags,
+    }
+
+
+def _write(path: Path, content: bytes, before: dict[str, str], anyway: bool) -> bool:
+    found = digest(path.read_bytes()) if anyway and path.is_file() else before.get(str(path))
+    return write_unless_edited(path, content, found)
+
+
+def _digests(path: Path) -> dict[str, str]:
+    if not path.is_file():
+        return {}
+    try:
+        return {str(name): str(value) for name, value in json.loads(path.read_text(encoding="utf-8"))["files"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise UsageError(f"not readable as the labels of runs: {error}", path=path) from None
