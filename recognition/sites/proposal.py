@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from recognition.sites.lanes import LaneGraph, Strip
-from recognition.sites.rings import ring_strips
 from recognition.sites.roles import Entry, Role
+from recognition.sites.shapes import crosses_or_turns, ring_strips
 from xodr.network import RoadNetwork
 from xodr.ways import DRIVABLE
 
@@ -68,14 +68,13 @@ class _Proposal:
         return not self._crossings and not self._rings
 
     def _crossing(self, junction_id: str) -> bool | None:
-        """Whether a junction has traffic lights; None where it is none: ways only part or only meet there, or it is on a ring."""
+        """Whether a junction has traffic lights; None where it is none: nobody crosses or turns there, or it is on a ring."""
         junction = self._network.junctions[junction_id]
-        inside = {connection.connecting_road for connection in junction.connections}
-        strips = [number for number, strip in enumerate(self._graph.strips) if strip.road in inside and strip.kind in DRIVABLE]
-        incoming = {self._graph.strips[before].road for number in strips for before in self._graph.preceding[number]} - inside
-        outgoing = {self._graph.strips[after].road for number in strips for after in self._graph.following[number]} - inside
-        if len(incoming) < 2 or len(outgoing) < 2 or self._rings.intersection(strips):
+        inside = {connection.connecting_road for connection in junction.connections} if junction.type != "direct" else set()
+        ways = [number for number, strip in enumerate(self._graph.strips) if strip.road in inside and strip.kind in DRIVABLE]
+        if self._rings.intersection(ways) or not crosses_or_turns(self._network, self._graph, ways):
             return None
+        incoming = {self._graph.strips[before].road for number in ways for before in self._graph.preceding[number]}
         signals = [signal for road in incoming | inside for signal in self._network.roads[road].signals]
         lit = any(signal.dynamic or signal.type == _LIGHT for signal in signals)
         return lit or bool(junction.controllers) or not self._lights.isdisjoint(incoming | inside)

@@ -1,8 +1,9 @@
-"""Rings of roundabouts: short, round cycles of one-way lanes."""
+"""What shapes tell: rings of roundabouts are short, round cycles of one-way lanes; at crossings ways cross or turn."""
 
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ LONGEST = 400.0
 """Longest way round, m."""
 ROUNDNESS = 0.8
 """Least 4π·area/perimeter² (1 for a circle): a square has 0.785, an ellipse of 2 : 1 0.84."""
+TURN = math.radians(45.0)
+"""Least change of heading of a way that turns, rad."""
 _STEP = 2.0
 
 
@@ -44,6 +47,27 @@ def ring_strips(network: RoadNetwork, graph: LaneGraph) -> set[int]:
     return found
 
 
+def crosses_or_turns(network: RoadNetwork, graph: LaneGraph, ways: list[int]) -> bool:
+    """Whether some of these strips cross, coming from different roads and leading to different ones, or turn by `TURN`."""
+    from shapely import LineString
+
+    def roads(links: list[list[int]], number: int) -> set[str]:
+        return {graph.strips[other].road for other in links[number]}
+
+    for number in ways:
+        strip = graph.strips[number]
+        line = network.roads[strip.road].line
+        if abs(math.remainder(line.at(strip.end)[2] - line.at(strip.start)[2], math.tau)) >= TURN:
+            return True
+    lines = {number: LineString(_centre_line(network, graph, number, end=True)) for number in ways}
+    return any(
+        roads(graph.preceding, one).isdisjoint(roads(graph.preceding, other))
+        and roads(graph.following, one).isdisjoint(roads(graph.following, other))
+        and lines[one].intersects(lines[other])
+        for one, other in combinations(ways, 2)
+    )
+
+
 def _one_way(graph: LaneGraph) -> set[int]:
     """Driving lanes of roads that have them in one direction only."""
     ways: dict[str, set[bool]] = {}
@@ -68,11 +92,11 @@ def _roundness(network: RoadNetwork, graph: LaneGraph, cycle: list[int]) -> floa
     return 4.0 * math.pi * area / max(float(np.hypot(dx, dy).sum()) ** 2, 1e-9)
 
 
-def _centre_line(network: RoadNetwork, graph: LaneGraph, number: int) -> Floats:
-    """Points (n, 2) on a strip's centre line, in the direction of its traffic, without the last."""
+def _centre_line(network: RoadNetwork, graph: LaneGraph, number: int, end: bool = False) -> Floats:
+    """Points (n, 2) on a strip's centre line, in the direction of its traffic, with its end or without."""
     strip = graph.strips[number]
     ends = (strip.start, strip.end) if strip.forward else (strip.end, strip.start)
-    s = np.linspace(*ends, 1 + math.ceil((strip.end - strip.start) / _STEP))[:-1]
+    s = np.linspace(*ends, 1 + math.ceil((strip.end - strip.start) / _STEP))[: None if end else -1]
     road = network.roads[strip.road]
     centre = road.sections[strip.section].lanes[strip.lane].center
     return sample(road, s, [centre(one) for one in s.tolist()])[:, :2]
