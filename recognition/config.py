@@ -22,6 +22,7 @@ class Config:
             margin of every known class is unknown.
         delta: δ of the screening, or the share that the plain threshold rejects; None has that of reading A chosen by leaving
             one known class out, where there are three, and is 0.05 otherwise.
+        window: accepted samples of each class by which reading A follows a shift of the known classes; 0 leaves it as calibrated.
         metric: of the distance to known classes.
         sifted: whether NVP sifts the buffer before clustering.
         preprocessing: how.
@@ -34,6 +35,7 @@ class Config:
     trees: int = TREES
     screening: Literal["deficit", "weibull", "threshold", "none"] = "deficit"
     delta: float | None = None
+    window: int = 0
     metric: Metric = "euclidean"
     sifted: bool = True
     preprocessing: Preprocessing = field(default_factory=Preprocessing)

@@ -84,7 +84,7 @@ def bare_screening(config: Config, delta: float = _DELTA) -> Screening | None:
     """The screening that is configured, not calibrated yet."""
     match config.screening:
         case "deficit":
-            return EvtDeficit(delta, config.seed)
+            return EvtDeficit(delta, config.seed, config.window)
         case "weibull":
             return WeibullVotes(delta, config.seed)
         case "threshold":

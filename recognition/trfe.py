@@ -13,6 +13,7 @@ from recognition.config import Config
 from recognition.discovery import Discovery, discover
 from recognition.known import Known, Labelled, labelled, learn
 from recognition.samples import UNKNOWN, Features, Floats, Whole, matrix
+from recognition.screening import EvtDeficit
 from recognition.votes import votes
 from schemas.errors import UsageError
 
@@ -118,6 +119,8 @@ class TRFE:
         Give a stream in parts smaller than the buffer, and `discover` when it is full: of what is more, the oldest are dropped.
         """
         found = self.recognise(inputs)
+        if self.config.window and isinstance(self.known.screening, EvtDeficit):
+            self.known.screening.recalibrate(votes(self.known.forest, found.features))
         unknown = found.labels == UNKNOWN
         self.buffer.add(found.features[unknown], np.asarray(keys)[unknown])
         return found

@@ -11,6 +11,12 @@ from recognition.screening.base import Screening
 TAIL = 0.05
 """Share of a class's calibration samples beyond its 95th percentile, which the tail describes."""
 _FEWEST_EXCEEDANCES = 10
+_FEWEST_RECENT = 30
+"""Accepted samples of a class without which its shift is not judged."""
+_COMPARED = 0.9
+"""Quantile of deficits by which a shift is judged: lower ones hardly move where most samples have all votes."""
+_STRETCH = 4.0
+"""Greatest factor by which recalibration stretches a class's deficits."""
 
 
 class EvtDeficit(Screening):
@@ -26,7 +32,7 @@ class EvtDeficit(Screening):
     Args:
         delta: similarity below which a sample is unknown; `selection.choose_delta` finds one.
         seed: of the jitter.
-        window: samples of each class that recalibration looks back on; 0 keeps the calibration as fitted.
+        window: accepted samples of each class that `recalibrate` looks back on; 0 leaves the calibration as fitted.
     """
 
     def __init__(self, delta: float = 0.05, seed: int = 0, window: int = 0) -> None:
@@ -38,6 +44,9 @@ class EvtDeficit(Screening):
         self.limits: Floats = np.zeros(0)
         self.shapes: Floats = np.zeros(0)
         self.scales: Floats = np.zeros(0)
+        self.stretches: Floats = np.zeros(0)
+        self.recent: Floats = np.zeros((0, window))
+        self.seen: Whole = np.zeros(0, dtype=np.int64)
 
     def _calibrate(self, votes: Whole, columns: Whole) -> None:
         jitter = np.random.default_rng(self.seed).random(len(votes))
@@ -48,21 +57,45 @@ class EvtDeficit(Screening):
         self.limits = np.array([np.quantile(of, 1.0 - TAIL) for of in of_class])
         tails = [tail(of[of > limit] - limit) for of, limit in zip(of_class, self.limits, strict=True)]
         self.shapes, self.scales = np.array(tails).T
+        self.stretches = np.ones(len(self.classes))
+        self.recent = np.zeros((len(self.classes), self.window))
+        self.seen = np.zeros(len(self.classes), dtype=np.int64)
+
+    def recalibrate(self, votes: Whole) -> None:
+        """Follow a shift of the known classes, seen in votes (n, K) of which nobody knows the classes.
+
+        The 90th percentile of the deficits of class k's latest accepted samples, over what it was at calibration, stretches
+        the class's distribution of deficits, never below what was calibrated. The share that screening cuts off is left out
+        of the calibration's percentile too, or it would be taken for a shift.
+        """
+        accepted = self.predict(votes)
+        for column, label in enumerate(self.classes):
+            lacking = self.trees - votes[accepted == label, column][-self.window :] + 0.5
+            self.recent[column, (self.seen[column] + np.arange(len(lacking))) % self.window] = lacking
+            self.seen[column] += len(lacking)
+            latest = self.recent[column, : self.seen[column]]
+            if len(latest) >= _FEWEST_RECENT:
+                usual = np.quantile(self._of_class(column), _COMPARED * self.threshold)
+                self.stretches[column] = np.clip(np.quantile(latest, _COMPARED) / usual, 1.0, _STRETCH)
 
     def similarities(self, votes: Whole) -> Floats:
         """s_k (n, K) in [0, 1]: share of class k's samples that lack at least as many votes."""
-        deficits = self.trees - votes.astype(np.float64) + 0.5
+        deficits = (self.trees - votes + 0.5) / self.stretches
         return np.stack([self._survival(deficits[:, column], column) for column in range(len(self.classes))], axis=1)
 
     def _score(self, votes: Whole) -> Floats:
         return 1.0 - self.similarities(votes).max(axis=1)
 
     def _survival(self, deficit: Floats, column: int) -> Floats:
-        of_class = self.deficits[self.starts[column] : self.starts[column + 1]]
+        of_class = self._of_class(column)
         empirical = 1.0 - np.searchsorted(of_class, deficit) / len(of_class)
         excess = deficit - self.limits[column]
         beyond = TAIL * genpareto.sf(excess, self.shapes[column], scale=self.scales[column])
         return np.where(excess <= 0.0, empirical, beyond)
+
+    def _of_class(self, column: int) -> Floats:
+        """Deficits of a class's calibration samples, ascending."""
+        return self.deficits[self.starts[column] : self.starts[column + 1]]
 
 
 def tail(excesses: Floats) -> tuple[float, float]:
