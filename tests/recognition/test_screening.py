@@ -20,7 +20,7 @@ from tests.recognition.clouds import clouds
 
 READINGS = [EvtDeficit, WeibullVotes, VoteThreshold]
 KNOWN, NEW = [1, 2, 3, 4], [7, 8]
-APART = 6.0
+APART = 8.0
 
 
 class Cast(NamedTuple):
