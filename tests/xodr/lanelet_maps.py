@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -139,15 +139,19 @@ def merge() -> LaneletMap:
 ARMS = 4
 
 
-def four_way() -> LaneletMap:
-    """A junction of four arms: lanelets 1 to 4 lead in, 11 to 14 out, 100 + 10 · from + to across. Arm 1 is in the east."""
+def four_way(members: Mapping[int, str] | None = None) -> LaneletMap:
+    """A junction of four arms: lanelets 1 to 4 lead in, 11 to 14 out, 100 + 10 · from + to across. Arm 1 is in the east.
+
+    members: more members of lanelets, by their ids.
+    """
     made = LaneletMap()
     for arm in range(1, ARMS + 1):
         entry, exit_ = _entry(arm), _exit(arm)
         for name, (x, y, h), sign in ((arm, entry, -1.0), (10 + arm, exit_, 1.0)):
             far = (x + 60.0 * sign * math.cos(h), y + 60.0 * sign * math.sin(h))
             ends = (far, (x, y)) if sign < 0.0 else ((x, y), far)
-            made.lanelet(name, straight(*ends, WIDTH / 2), straight(*ends, -WIDTH / 2), location="urban")
+            sides = (straight(*ends, t) for t in (WIDTH / 2, -WIDTH / 2))
+            made.lanelet(name, *sides, members=(members or {}).get(name, ""), location="urban")
         for to in range(1, ARMS + 1):
             if to != arm:
                 ends2 = entry, _exit(to)

@@ -10,6 +10,7 @@ import pyproj
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lxml import etree
 
 import schemas
 import xodr
@@ -18,6 +19,7 @@ from tests.xodr.lanelet_maps import WIDTH, LaneletMap, four_way, straight, turn,
 from xodr.geo import Geodetic, GeoReference
 from xodr.lanelet2 import Conversion, convert
 
+REGULATED = '<member type="relation" role="regulatory_element" ref="{}"/>'
 EAST = ((0.0, 0.0), (100.0, 0.0))
 
 
@@ -125,7 +127,7 @@ def test_speed_limits(tags: dict[str, str], limit: float | None, tmp_path: Path)
 def test_regulatory_elements_limit_the_speed(tags: dict[str, str], tmp_path: Path) -> None:
     made = LaneletMap()
     made.relation(5, type="regulatory_element", subtype="speed_limit", **tags)
-    made.lanelet(1, straight(*EAST, 2.0), straight(*EAST, -2.0), '<member type="relation" role="regulatory_element" ref="5"/>')
+    made.lanelet(1, straight(*EAST, 2.0), straight(*EAST, -2.0), REGULATED.format(5))
     assert converted(made, tmp_path)[1].road("1").speed_limit(50.0, -1) == pytest.approx(60 / 3.6)
 
 
@@ -135,6 +137,34 @@ def test_lanes_of_one_road_keep_their_own_limits(tmp_path: Path) -> None:
     lane(made, 2, -WIDTH, speed_limit="60")
     _, network = converted(made, tmp_path)
     assert [network.road("1").speed_limit(50.0, number) for number in (-1, -2)] == pytest.approx([100 / 3.6, 60 / 3.6])
+
+
+# other regulatory elements ----------------------------------------------------------------------------
+
+
+def test_traffic_lights_hold_the_lanes_that_refer_to_them(tmp_path: Path) -> None:
+    made = four_way({1: REGULATED.format(70), 2: REGULATED.format(71), 3: REGULATED.format(70)})
+    for name in (70, 71, 72):
+        made.relation(name, type="regulatory_element", subtype="traffic_light")
+    conversion, network = converted(made, tmp_path)
+    held = {(signal.name, signal.road_id): signal for signal in network.signals.values()}
+    assert set(held) == {(light, conversion.lanelets[name][0]) for light, name in (("70", "1"), ("71", "2"), ("70", "3"))}
+    assert all(signal.dynamic and signal.validity == ((-1, -1),) for signal in held.values())
+    assert {controller.name: len(controller.signals) for controller in network.controllers.values()} == {"70": 2, "71": 1}
+    assert any("traffic_light: 72" in note for note in conversion.notes)
+
+
+def test_the_right_of_way_is_a_priority_of_the_junction(tmp_path: Path) -> None:
+    made = four_way()
+    first = "".join(f'<member type="relation" role="right_of_way" ref="{name}"/>' for name in (1, 3))
+    made.relation(
+        70, first + '<member type="relation" role="yield" ref="124"/>', type="regulatory_element", subtype="right_of_way"
+    )
+    conversion, _ = converted(made, tmp_path)
+    (junction,) = etree.parse(str(conversion.path)).iterfind("junction")
+    found = {(item.get("high"), item.get("low")) for item in junction.iterfind("priority")}
+    going = {conversion.lanelets[f"{100 + 10 * arm + to}"][0] for arm in (1, 3) for to in range(1, 5) if to != arm}
+    assert found == {(road, conversion.lanelets["124"][0]) for road in going}
 
 
 # what is not said in so many words ---------------------------------------------------------------------

@@ -43,7 +43,7 @@ def test_real_maps_are_valid_roads_within_tolerance(conversion: Conversion) -> N
 
 def test_every_connection_of_real_lanelets_is_one_of_lanes(site: str, conversion: Conversion, recordings: Path) -> None:
     network = xodr.load(conversion.path)
-    lanes, _ = completed(read_lanelets(recordings / "taf_bw" / "maps" / f"{site}.osm", ORIGINS[site])[0].lanes)
+    lanes, _ = completed(read_lanelets(recordings / "taf_bw" / "maps" / f"{site}.osm", ORIGINS[site]).lanes)
     pairs = [(conversion.lanelets[one.id], conversion.lanelets[other]) for one in lanes for other in one.successors]
     assert len(pairs) >= 30
     for lane, target in pairs:

@@ -51,7 +51,7 @@ def test_maps_are_valid_and_where_they_were(name: str, tmp_path: Path) -> None:
 @every_map
 def test_every_connection_of_lanelets_is_one_of_lanes(name: str, tmp_path: Path) -> None:
     conversion, network = converted(MAPS[name](), tmp_path)
-    lanelets = read_lanelets(tmp_path / "map.osm", None)[0].lanes
+    lanelets = read_lanelets(tmp_path / "map.osm", None).lanes
     pairs = [(last_part(conversion, one.id), conversion.lanelets[other]) for one in lanelets for other in one.successors]
     assert pairs or name == "two lanes"
     for (road, lane), target in pairs:

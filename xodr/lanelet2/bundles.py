@@ -6,9 +6,10 @@ a junction: a default one where bundles are connecting roads (see `xodr.lanelet2
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from xodr.lanelet2.graph import Graph
+from xodr.lanelet2.lanelet import Lanelet
 
 
 @dataclass(frozen=True)
@@ -43,55 +44,71 @@ class Joint:
         return len(self.ending) == 1 and len(self.beginning) == 1 and self.ending != self.beginning
 
 
-@dataclass
 class Layout:
-    """The bundles of a map, their joints, and the joint at the start and end of each bundle that has one."""
+    """The bundles of a map, and the joints between them.
 
-    bundles: list[Bundle]
-    joints: list[Joint] = field(default_factory=list)
-    starts: dict[int, Joint] = field(default_factory=dict)
-    ends: dict[int, Joint] = field(default_factory=dict)
+    Attributes:
+        places: bundle and lane of each lanelet.
+    """
+
+    def __init__(self, bundles: list[Bundle], joints: list[Joint]) -> None:
+        self.bundles, self.joints = bundles, joints
+        self.places = {
+            name: (number, lane)
+            for number, bundle in enumerate(bundles)
+            for lane, names in enumerate(bundle.lanes)
+            for name in names
+        }
+        self._at = {(number, True): index for index, joint in enumerate(joints) for number in joint.ending}
+        self._at |= {(number, False): index for index, joint in enumerate(joints) for number in joint.beginning}
+
+    def index(self, number: int, at_end: bool) -> int | None:
+        """Which joint is at the end (start) of a bundle; None where there is none."""
+        return self._at.get((number, at_end))
+
+    def joint(self, number: int, at_end: bool) -> Joint | None:
+        """The joint at the end (start) of a bundle; None where there is none."""
+        index = self.index(number, at_end)
+        return None if index is None else self.joints[index]
 
 
 def joined(graph: Graph, bundles: list[Bundle]) -> Layout:
     """The joints between bundles."""
-    begins = {name: (number, lane) for number, bundle in enumerate(bundles) for lane, name in enumerate(bundle.first)}
-    found = Layout(bundles)
+    places = {
+        (name, at_end): (number, lane)
+        for number, bundle in enumerate(bundles)
+        for at_end, names in ((False, bundle.first), (True, bundle.last))
+        for lane, name in enumerate(names)
+    }
+    joints: list[Joint] = []
     seen: set[int] = set()
     for number in range(len(bundles)):
-        if number in seen:
-            continue
-        ending, beginning, links = _joint(graph, bundles, begins, number)
-        seen.update(ending)
-        if links:
-            joint = Joint(tuple(sorted(ending)), tuple(sorted(beginning)), tuple(sorted(links)))
-            found.joints.append(joint)
-            found.ends |= dict.fromkeys(joint.ending, joint)
-            found.starts |= dict.fromkeys(joint.beginning, joint)
-    return found
+        if number not in seen:
+            joint = _joint(graph, bundles, places, number)
+            seen.update(joint.ending)
+            if joint.lanes:
+                joints.append(joint)
+    return Layout(bundles, joints)
 
 
 _Lane = tuple[int, int]
 
 
-def _joint(
-    graph: Graph, bundles: list[Bundle], begins: dict[str, _Lane], number: int
-) -> tuple[set[int], set[int], set[tuple[_Lane, _Lane]]]:
+def _joint(graph: Graph, bundles: list[Bundle], places: dict[tuple[str, bool], _Lane], number: int) -> Joint:
     """All bundles that end, and begin, where one of them ends."""
-    ends = {name: (index, lane) for index, bundle in enumerate(bundles) for lane, name in enumerate(bundle.last)}
-    ending, beginning, links = {number}, set[int](), set[tuple[_Lane, _Lane]]()
+    groups: dict[bool, set[int]] = {True: {number}, False: set()}
+    links: set[tuple[_Lane, _Lane]] = set()
     todo = [(number, True)]
     while todo:
         index, at_end = todo.pop()
         for lane, name in enumerate(bundles[index].last if at_end else bundles[index].first):
             for other in graph.after[name] if at_end else graph.before[name]:
-                there = (begins if at_end else ends)[other]
+                there = places[other, not at_end]
                 links.add(((index, lane), there) if at_end else (there, (index, lane)))
-                group = beginning if at_end else ending
-                if there[0] not in group:
-                    group.add(there[0])
+                if there[0] not in groups[not at_end]:
+                    groups[not at_end].add(there[0])
                     todo.append((there[0], not at_end))
-    return ending, beginning, links
+    return Joint(tuple(sorted(groups[True])), tuple(sorted(groups[False])), tuple(sorted(links)))
 
 
 # one after the other -------------------------------------------------------------------------------
@@ -121,7 +138,11 @@ def _continues(graph: Graph, rows: Layout, joint: Joint) -> bool:
     if one.inside != other.inside or len(one.lanes) != len(other.lanes) or joint.lanes != tuple(zip(*same, strict=True)):
         return False
     pairs = zip((graph.lanelets[name] for name in one.last), (graph.lanelets[name] for name in other.first), strict=True)
-    return all((a.type, a.road_type, a.speed_limit) == (b.type, b.road_type, b.speed_limit) for a, b in pairs)
+    return all(_kind(a) == _kind(b) and not a.lights for a, b in pairs)
+
+
+def _kind(lanelet: Lanelet) -> tuple[str, str, float]:
+    return lanelet.type, lanelet.road_type, lanelet.speed_limit
 
 
 def _chain(head: int, onward: dict[int, int]) -> list[int]:

@@ -11,12 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from xodr.lanelet2.bounds import TOUCHING
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
 from xodr.lanelet2.polylines import Frame, crossing, direction, frame_at, middle, resampled
 from xodr.lanelet2.splitting import second, split
 
-TOUCHING = 0.1
-"""Points that are not farther apart than this are one, m."""
 _WIDTHS = (2.0, 6.0)
 """Width that a lane may have that is only seen by its borders, m."""
 _BESIDE = 0.5
@@ -52,7 +51,7 @@ def _filled(table: dict[str, Lanelet]) -> list[str]:
         name = f"{left.id}|{right.id}"
         table[name] = replace(
             left, id=name, left=left.right, right=right.left, successors=(lanelet.id,), beside_right=Neighbour(right.id, True),
-            left_mark=left.right_mark, right_mark=right.left_mark,
+            left_mark=left.right_mark, right_mark=right.left_mark, lights=(),
         )  # fmt: skip
         table[left.id] = replace(left, beside_right=Neighbour(name, True))
         notes.append(f"lanelet {lanelet.id} goes on between {left.id} and {right.id}: a lane is added there, {name}")

@@ -45,9 +45,9 @@ def convert(osm: str | PathLike[str], origin: tuple[float, float] | None, target
         UsageError: the origin is no place on Earth.
     """
     source = Path(osm)
-    found, projection = read_lanelets(source, origin)
+    found = read_lanelets(source, origin)
     lanelets, added = completed(found.lanes)
-    built = build(lanelets, source.stem, projection.geo)
+    built = build(lanelets, source.stem, found.geo, found.priorities)
     written = replace(built.map, roads=with_crosswalks(built.map.roads, found.crosswalks)).write(target)
     away = deviation(built.parts, built.lanelets, load(written))
     return Conversion(written, built.lanelets, [*found.notes, *added, *built.notes], max(away.values()))

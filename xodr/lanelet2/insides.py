@@ -74,7 +74,7 @@ def _wanted(graph: Graph, rows: Layout, number: int) -> list[bool]:
 
 def _single(rows: Layout, number: int) -> tuple[bool, bool]:
     """Whether a row comes from one row only, and leads to one only."""
-    start, end = rows.starts.get(number), rows.ends.get(number)
+    start, end = rows.joint(number, False), rows.joint(number, True)
     return start is not None and len(start.ending) == 1, end is not None and len(end.beginning) == 1
 
 
@@ -83,9 +83,10 @@ def _splits_and_merges(rows: Layout, number: int) -> bool:
 
     A lane that splits off a road and comes back to it widens that road, and is no inside of a junction.
     """
-    start, end = rows.starts[number], rows.ends[number]
-    alone = len(rows.bundles[number].lanes) == 1
-    return alone and not start.plain and not end.plain and start.beginning != end.ending
+    start, end = rows.joint(number, False), rows.joint(number, True)
+    if start is None or end is None or len(rows.bundles[number].lanes) > 1:
+        return False
+    return not start.plain and not end.plain and start.beginning != end.ending
 
 
 def _cut(graph: Graph, table: dict[str, Lanelet], row: Bundle, at_end: bool) -> set[str]:

@@ -31,6 +31,7 @@ class Lanelet:
         road_type: road type of OpenDRIVE, e.g. "town", "rural", "motorway".
         speed_limit: in m/s, infinite for none.
         left_mark, right_mark: road marks of OpenDRIVE on the bounds.
+        lights: names of the traffic lights at its end.
     """
 
     id: str
@@ -45,3 +46,4 @@ class Lanelet:
     speed_limit: float = 50 / 3.6
     left_mark: str = "none"
     right_mark: str = "none"
+    lights: tuple[str, ...] = ()

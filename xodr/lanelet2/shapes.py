@@ -41,6 +41,17 @@ class Shape(NamedTuple):
     s: Floats
     t: Floats
 
+    @property
+    def length(self) -> float:
+        """Length of the reference line, m."""
+        return sum(piece.length for piece in self.plan)
+
+    @property
+    def end(self) -> list[float]:
+        """t of the borders at the end of the road, from left to right, m."""
+        ds = self.length - self.s[-1]
+        return [float(value) for value in ds ** np.arange(4) @ self.t[-1]]
+
 
 def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
     """The geometry of the road between two mouths whose borders (from left to right) are the given lines."""

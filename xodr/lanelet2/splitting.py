@@ -27,7 +27,7 @@ def split(table: dict[str, Lanelet], row: Sequence[Lanelet], frame: Frame) -> No
         beside = Neighbour(second(lanelet.beside_right.id), True) if lanelet.beside_right else None
         # read anew: it may follow itself, or another one of the row
         table[name] = replace(table[lanelet.id], id=name, left=left_rest, right=right_rest, beside_right=beside)
-        table[lanelet.id] = replace(lanelet, left=left, right=right, successors=(name,))
+        table[lanelet.id] = replace(lanelet, left=left, right=right, successors=(name,), lights=())
 
 
 def _parts(line: Points, frame: Frame) -> tuple[Points, Points]:
