@@ -31,8 +31,8 @@ NAME = "xosc-recognize"
 _EPILOG = (
     "Further commands, each with --help: "
     + "; ".join(f"{NAME} {name}: {does}" for name, (_, does) in COMMANDS.items())
-    + ". Exit codes: 0 all recordings are in the catalogue, 2 wrong usage, 3 a recording is invalid, 4 one asks for something that "
-    "is not done here, 5 internal error."
+    + ". Exit codes: 0 all recordings are in the catalogue, 2 wrong usage, 3 a recording is invalid, 4 one asks for what is "
+    "not done here, 5 internal error."
 )
 
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")]

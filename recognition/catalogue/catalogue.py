@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 from recognition.catalogue import annotation, index, replay, variation
 from recognition.catalogue.entities import entry
 from recognition.catalogue.episodes import Episode, plain
-from recognition.catalogue.maneuvers import maneuver
+from recognition.catalogue.maneuvers import Span, maneuver
 from recognition.catalogue.scenes import EGO, Part, Scene, Scope, Stage
 from recognition.catalogue.store import Store
+from recognition.catalogue.variation import CONTROLLER
 from recognition.datasets import Exclusion, Source
 from recognition.files import digest
 from recognition.sites import Site
@@ -66,6 +67,14 @@ class _Place(NamedTuple):
     def directory(self) -> str:
         """Relative to the class's folder."""
         return str(PurePosixPath("catalogs", _FOLDERS[self.kind], self.part))
+
+
+class _Entry(NamedTuple):
+    """An entry of a catalogue, as scenariogeneration has it."""
+
+    place: _Place
+    name: str
+    built: Any
 
 
 class Catalogue:
@@ -134,11 +143,9 @@ class Catalogue:
         document = maneuvers.catalog(self.store.root / name, header, f"{place.kind}Catalog", ordered, self._config.version)
         self.store.write(name, to_bytes(document))
 
-    def _enter(self, context: _Context, kind: str, name: str, built: Any, part: str) -> dict[str, str]:
-        """Enter something in a catalogue; the catalogue's folder by its kind."""
-        place = _Place(context.episode.folder, kind, part)
-        self._entries.setdefault(place, {}).setdefault(name, built)
-        return {kind: place.directory}
+    def _enter(self, entries: Iterable[_Entry]) -> None:
+        for each in entries:
+            self._entries.setdefault(each.place, {}).setdefault(each.name, each.built)
 
     def _write(self, context: _Context) -> None:
         episode, scene = context.episode, context.scene
@@ -168,39 +175,36 @@ class Catalogue:
 
     def _replay(self, context: _Context, header: Header) -> Document:
         episode, scene = context.episode, context.scene
-        entries = {part.name: entry(part.track) for part in scene.parts}
-        catalogs: dict[str, str] = {}
-        for each in entries.values():
-            catalogs |= self._enter(context, each.kind, each.name, each.built, plain(context.source.name))
-        for path in replay.trajectories(scene):
-            catalogs |= self._enter(context, "Trajectory", path.name, path, episode.name)
+        participants = {part.name: entry(part.track) for part in scene.parts}
+        entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants.values()]
+        entries += [context.entry("Trajectory", path.name, path, episode.name) for path in replay.trajectories(scene)]
+        self._enter(entries)
         path = self.store.root / episode.folder / f"{episode.name}.xosc"
-        road, version = f"../{context.road}", self._config.version
-        return replay.scenario(path, header, scene, road=road, entries=entries, catalogs=catalogs, version=version)
+        road, catalogs, version = f"../{context.road}", _directories(entries), self._config.version
+        return replay.scenario(path, header, scene, road=road, entries=participants, catalogs=catalogs, version=version)
 
     def _variation(self, context: _Context, header: Header) -> Document:
-        episode, network = context.episode, context.site.network
-        span = episode.span
-        if span is None or episode.passage is not None:
+        episode, network, finding = context.episode, context.site.network, context.episode.finding
+        if finding is None or episode.passage is not None:
             raise Unsupported("this is the scene of a whole vehicle, not of one manoeuvre")
-        partner = episode.finding.moment.partner if episode.finding is not None else None
+        partner, span = finding.moment.partner, Span(finding.start, finding.moment.time, finding.end)
         measured = maneuver(context.recording, network, episode.label, episode.ego, partner, span)
-        catalogs: dict[str, str] = {}
-        for track in (measured.ego, measured.other):
-            if track is not None:
-                each = entry(track)
-                catalogs |= self._enter(context, each.kind, each.name, each.built, plain(context.source.name))
-        built = variation.catalogue_entry(measured)
-        catalogs |= self._enter(context, "Maneuver", built.name, built, "")
-        catalogs |= self._enter(context, "Controller", variation.CONTROLLER.name, variation.CONTROLLER, "")
-        route = variation.route(measured, network, episode.name)
-        if route is not None:
-            catalogs |= self._enter(context, "Route", route.name, route, plain(context.source.name))
-        stage = variation.Stage(
-            self.store.root / episode.folder / f"{episode.name}_maneuver.xosc", f"../{context.road}", catalogs
-        )
-        other = context.name_of(partner)
-        return variation.scenario(stage, header, measured, network, other, route.name if route else None, self._config.version)
+        participants = [entry(track) for track in (measured.ego, measured.other) if track is not None]
+        entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants]
+        built, route = variation.catalogue_entry(measured), variation.route(measured, network, episode.name)
+        entries += [context.entry("Maneuver", built.name, built), context.entry("Controller", CONTROLLER.name, CONTROLLER)]
+        entries += [context.entry("Route", route.name, route, context.recorded)] if route else []
+        path = self.store.root / episode.folder / f"{episode.name}_maneuver.xosc"
+        stage = variation.Stage(path, f"../{context.road}", _directories(entries))
+        other, way = context.name_of(partner), route.name if route else None
+        document = variation.scenario(stage, header, measured, network, other, way, self._config.version)
+        self._enter(entries)
+        return document
+
+
+def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
+    """The folders of catalogues by their kind, relative to the scenario."""
+    return {each.place.kind: each.place.directory for each in entries}
 
 
 def recordings_of(root: Path) -> list[str]:
@@ -227,6 +231,15 @@ class _Context(NamedTuple):
     road: str
     episode: Episode
     scene: Scene
+
+    @property
+    def recorded(self) -> str:
+        """What tells catalogues of this recording apart."""
+        return plain(self.source.name)
+
+    def entry(self, kind: str, name: str, built: Any, part: str = "") -> _Entry:
+        """An entry of a catalogue of the scenario's class."""
+        return _Entry(_Place(self.episode.folder, kind, part), name, built)
 
     def name_of(self, track: str | None) -> str:
         """Name in the scenario of a track that takes part in it."""

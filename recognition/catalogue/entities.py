@@ -13,22 +13,21 @@ _BUILDERS = {"Vehicle": maneuvers.vehicle, "Pedestrian": maneuvers.pedestrian, "
 
 
 class _Limits(NamedTuple):
-    """Of a category of vehicles: greatest speed (m/s), acceleration and deceleration (m/s²), mass (kg)."""
+    """Of a category of vehicles: greatest speed (m/s), acceleration and deceleration (m/s²)."""
 
     max_speed: float
     max_acceleration: float
     max_deceleration: float
-    mass: float
 
 
-_CAR = _Limits(70.0, 10.0, 10.0, 1600.0)
+_CAR = _Limits(70.0, 10.0, 10.0)
 _LIMITS = {
-    "van": _Limits(50.0, 6.0, 9.0, 2500.0),
-    "truck": _Limits(35.0, 4.0, 8.0, 12000.0),
-    "bus": _Limits(35.0, 4.0, 8.0, 12000.0),
-    "tram": _Limits(25.0, 2.0, 4.0, 40000.0),
-    "motorbike": _Limits(80.0, 10.0, 10.0, 250.0),
-    "bicycle": _Limits(20.0, 3.0, 6.0, 90.0),
+    "van": _Limits(50.0, 6.0, 9.0),
+    "truck": _Limits(35.0, 4.0, 8.0),
+    "bus": _Limits(35.0, 4.0, 8.0),
+    "tram": _Limits(25.0, 2.0, 4.0),
+    "motorbike": _Limits(80.0, 10.0, 10.0),
+    "bicycle": _Limits(20.0, 3.0, 6.0),
 }
 """No data set tells these: usual values, of which `_CAR` are those of every other vehicle."""
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from recognition.catalogue.findings import Finding
-from recognition.catalogue.maneuvers import Span
 from recognition.catalogue.usable import passage
 from recognition.labels.classes import Label
 from runner.recording import Track
@@ -55,11 +54,6 @@ class Episode:
     def label(self) -> Label:
         """The class, as far as it is one of the 17."""
         return _LABELS.get(self.title, Label.UNKNOWN)
-
-    @property
-    def span(self) -> Span | None:
-        """The finding's times."""
-        return Span(self.finding.start, self.finding.moment.time, self.finding.end) if self.finding is not None else None
 
 
 def of_findings(recording: str, findings: Iterable[Finding], around: Around) -> list[Episode]:

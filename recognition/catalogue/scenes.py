@@ -79,11 +79,11 @@ class Stage:
         self._last = np.array([track.columns["time"][-1] for track in self._tracks])
 
     def cut(self, ego: str, start: float, end: float) -> Scene:
-        """The scene of an ego from start to end (s), or as much of it as the ego is there."""
+        """The scene of an ego from its first row to its last one between two times (s)."""
         track = self.recording.tracks[ego]
         time = track.columns["time"]
-        start, end = max(start, float(time[0])), min(end, float(time[-1]))
         mine = _between(time, start, end)
+        start, end = float(time[mine[0]]), float(time[mine[-1]])
         parts = [Part(EGO, track, mine[self._vertices(track, mine)])]
         taken = {EGO}
         for other in self._others(track, mine, start, end):

@@ -1,0 +1,159 @@
+"""Recorded manoeuvres as seven parameters, and the scenarios that vary them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+import runner
+import xosc
+from recognition import datasets
+from recognition.catalogue import variation
+from recognition.catalogue.entities import entry
+from recognition.catalogue.maneuvers import Maneuver, Span, maneuver
+from recognition.labels.classes import Label
+from runner.recording import Recording
+from runner.relations import Motion, relation
+from schemas import check
+from schemas.errors import InvalidFile, Unsupported
+from tests.recognition import motorway as m
+from xosc import maneuvers
+
+HEADER = maneuvers.Header("a test", "a tester", datetime(2000, 1, 1))
+AT = Span(5.0, 6.0, 7.0)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    folder = tmp_path_factory.mktemp("motorway")
+    (source,) = datasets.open(m.write_motorway(folder), roads=folder).sources
+    return source.load()
+
+
+def measured(recording: Recording, label: Label, ego: str, partner: str | None, span: Span = AT) -> Maneuver:
+    assert recording.network is not None
+    return maneuver(recording, recording.network, label, ego, partner, span)
+
+
+def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[int, int] = (1, 3)) -> Path:
+    assert recording.network is not None
+    vehicles = {each.name: each.built for each in (entry(track) for track in (found.ego, found.other) if track is not None)}
+    catalogs = {
+        "Vehicle": list(vehicles.values()),
+        "Maneuver": [variation.catalogue_entry(found)],
+        "Controller": [variation.CONTROLLER],
+    }
+    for kind, entries in catalogs.items():
+        path = folder / kind / "catalog.xosc"
+        path.parent.mkdir(exist_ok=True)
+        xosc.write(maneuvers.catalog(path, HEADER, f"{kind}Catalog", entries), path)
+    (folder / "road.xodr").write_bytes(Path(recording.network.path).read_bytes())
+    stage = variation.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
+    document = variation.scenario(stage, HEADER, found, recording.network, "Other", None, version)
+    xosc.write(document, stage.path)
+    return stage.path
+
+
+@pytest.mark.parametrize(
+    ("ego", "partner", "left", "gap", "speeds"),
+    [(m.EGO, m.CUTTER, False, 44.0, (27.0, 30.0)), (m.OTHER_EGO, m.OTHER_CUTTER, True, 36.0, (28.0, 28.0))],
+)
+def test_a_cut_in_is_measured(
+    recording: Recording, ego: str, partner: str, left: bool, gap: float, speeds: tuple[float, float]
+) -> None:
+    found = measured(recording, Label.CUT_IN, ego, partner)
+    assert (found.kind, found.ego.name, found.other and found.other.name, found.left) == ("cut_in", ego, partner, left)
+    values = found.values
+    assert values.gap == pytest.approx(gap, abs=1.0)
+    assert (values.start_speed, found.speed) == pytest.approx(speeds, abs=0.1)
+    assert values.start_delay == pytest.approx(4.0, abs=0.3)
+    assert values.duration == pytest.approx(4.0, abs=0.6)
+    assert values.start_delay + values.duration + values.end_delay == pytest.approx(11.96)
+
+
+def test_car_following_is_the_leads_change_of_speed(recording: Recording) -> None:
+    found = measured(recording, Label.CAR_FOLLOWING, m.EGO, m.STOPPING, Span(1.0, 2.0, 3.0))
+    assert (found.kind, found.left, found.values.start_speed, found.values.end_speed) == pytest.approx(
+        ("following", None, 20.0, 12.0), abs=0.2
+    )
+
+
+REFUSED = {
+    "a class without a manoeuvre": (
+        Label.LEFT_TURN,
+        m.EGO,
+        None,
+        AT,
+        "lane changes and car following, not unsignalised left turn",
+    ),
+    "no partner": (Label.CUT_IN, m.EGO, None, AT, "the other vehicle is not known"),
+    "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "does not stand out from drifting"),
+    "a partner behind": (Label.CUT_IN, m.CUTTER, m.EGO, AT, "does not stand out from drifting"),
+    "who never met": (Label.CAR_FOLLOWING, m.LATE, m.FAR, AT, "not recorded together"),
+}
+
+
+@pytest.mark.parametrize(("label", "ego", "partner", "span", "reason"), REFUSED.values(), ids=REFUSED)
+def test_what_is_no_manoeuvre_is_refused_by_name(
+    recording: Recording, label: Label, ego: str, partner: str | None, span: Span, reason: str
+) -> None:
+    with pytest.raises(Unsupported, match=reason):
+        measured(recording, label, ego, partner, span)
+
+
+CASES = {
+    "cut in to the right": (Label.CUT_IN, m.EGO, m.CUTTER),
+    "cut in to the left, against s": (Label.CUT_IN, m.OTHER_EGO, m.OTHER_CUTTER),
+    "lane change without a lead": (Label.LANE_CHANGE_RIGHT, m.CUTTER, None),
+    "lane change behind a lead": (Label.LANE_CHANGE_RIGHT, m.CUTTER, m.STOPPING),
+}
+
+
+@pytest.mark.parametrize(("label", "ego", "partner"), CASES.values(), ids=CASES)
+def test_the_manoeuvre_happens_as_its_parameters_say(
+    tmp_path: Path, recording: Recording, label: Label, ego: str, partner: str | None
+) -> None:
+    found = measured(recording, label, ego, partner)
+    path = write(tmp_path, recording, found)
+    assert [problem for file in tmp_path.rglob("*.xosc") for problem in check(file)] == []
+    result = runner.run(path, sut="none", world="kinematic", enforce_constraints=True)
+    values, tracks = found.values, result.recording.locate().tracks
+    assert result.status == "completed"
+    assert result.end_time == pytest.approx(values.start_delay + values.duration + values.end_delay, abs=0.25)
+    started = next(
+        event.time for event in result.events if event.kind == "startTransition" and event.subject.endswith("::change")
+    )
+    assert started == pytest.approx(values.start_delay, abs=0.06)
+    actor = tracks["Ego" if found.ego_acts else "Other"].columns
+    lanes = actor["lane_id"][[0, -1]]
+    recorded = recording.tracks[ego if found.ego_acts or partner is None else partner].columns["lane_id"][[0, -1]]
+    assert lanes.tolist() == recorded.tolist()
+    if found.other is not None:
+        ego_motion, other = (Motion.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("Ego", "Other"))
+        rows, _, view = relation(ego_motion, other)
+        ahead = dict(zip(ego_motion.time[rows].round(6).tolist(), view.ahead.tolist(), strict=True))
+        assert ahead[round(started, 6)] == pytest.approx(values.gap, abs=0.6)
+
+
+def test_recorded_values_beyond_the_ranges_widen_them(tmp_path: Path, recording: Recording) -> None:
+    found = measured(recording, Label.CUT_IN, m.EGO, m.CUTTER)
+    slow = replace(found, values=found.values._replace(start_speed=3.0, gap=120.0))
+    document = xosc.load(write(tmp_path, recording, slow))
+    assert xosc.resolve(document, {"Gap_m": 119, "StartSpeed_mps": 3.5}, enforce_constraints=True)
+    with pytest.raises(InvalidFile, match="Gap_m = 121"):
+        xosc.resolve(document, {"Gap_m": 121}, enforce_constraints=True)
+
+
+def test_before_1_1_there_are_no_expressions(tmp_path: Path, recording: Recording) -> None:
+    with pytest.raises(Unsupported, match=r"plain text in OpenSCENARIO 1\.0"):
+        write(tmp_path, recording, measured(recording, Label.CUT_IN, m.EGO, m.CUTTER), (1, 0))
+
+
+def test_who_would_begin_before_the_road_does_is_refused(tmp_path: Path, recording: Recording) -> None:
+    found = measured(recording, Label.CUT_IN, m.EGO, m.CUTTER)
+    fast = replace(found, values=found.values._replace(start_speed=60.0))
+    with pytest.raises(Unsupported, match="the road is too short"):
+        write(tmp_path, recording, fast)
