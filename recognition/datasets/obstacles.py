@@ -31,10 +31,11 @@ _CATEGORIES = {
     "median_strip": "obstacle", "unknown": "obstacle",
 }  # fmt: skip
 _ELEMENTS = ("obstacle", "dynamicObstacle", "staticObstacle", "environmentObstacle", "phantomObstacle")
+_OTHERS = ("location", "scenarioTags", "tags", "lanelet", "trafficSign", "trafficLight", "intersection", "planningProblem")
+"""What else there is in a scenario."""
+_MOMENTS = ("initialState", "state", "occupancy")
 _LATEST = 100_000
 """Last time step that is read: hours, where scenarios last for seconds."""
-_OTHERS = ("location", "scenarioTags", "tags", "lanelet", "trafficSign", "trafficLight", "intersection", "planningProblem")
-_MOMENTS = ("initialState", "state", "occupancy")
 
 
 class State(NamedTuple):

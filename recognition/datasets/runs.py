@@ -69,7 +69,7 @@ def ego(path: Path) -> str | None:
 def _file(path: Path, what: str) -> Path:
     file = path.with_name(_RESULT)
     name = _entry(_result(file), file, "files").get(what)
-    if not isinstance(name, str) or not Path(name).is_file():
+    if not isinstance(name, str) or not os.path.isfile(name):  # unlike Path.is_file it takes names of any length
         raise InvalidFile(f"the {what} of this run, {name!r}, is not there", path=file)
     return Path(name)
 
@@ -99,7 +99,7 @@ def _network(files: dict[str, Any], file: Path, report: Report) -> RoadNetwork |
         return None
     if not isinstance(road, str):
         raise InvalidFile(f"road is {road!r}, the path of a file is expected", path=file)
-    if os.path.isfile(road):  # unlike Path.is_file it takes names of any length
+    if os.path.isfile(road):
         return load(Path(road))
     report.remarks.append(f"the road network {road} is not there any more")
     return None
@@ -107,13 +107,16 @@ def _network(files: dict[str, Any], file: Path, report: Report) -> RoadNetwork |
 
 def _result(path: Path) -> dict[str, Any]:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        result = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise InvalidFile(f"not readable as JSON: {error}", path=path) from None
+    if not isinstance(result, dict):
+        raise InvalidFile("this is no JSON object", path=path)
+    return result
 
 
-def _entry(parent: Any, path: Path, name: str) -> dict[str, Any]:
-    found = parent.get(name) if isinstance(parent, dict) else None
+def _entry(parent: dict[str, Any], path: Path, name: str) -> dict[str, Any]:
+    found = parent.get(name)
     if not isinstance(found, dict):
         raise InvalidFile(f"there is no object {name!r}", path=path)
     return found

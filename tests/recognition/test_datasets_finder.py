@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -128,3 +130,8 @@ def test_numbered_highd_tracks_without_their_meta_files_are_refused(tmp_path: Pa
     (source,) = datasets.open(path).sources
     with pytest.raises(InvalidFile, match=r"01_recordingMeta\.csv: no such file"):
         source.load()
+
+
+def test_importing_the_readers_imports_nothing_heavy() -> None:
+    code = "import sys, recognition.datasets; print({'torch', 'sklearn', 'matplotlib', 'libsumo', 'pyarrow'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"

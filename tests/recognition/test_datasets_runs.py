@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 import runner
 from recognition import datasets
+from recognition.datasets import runs
 from runner.batch import Options, run_batch
 from runner.jobs import jobs_of
 from runner.recording import COLUMNS
@@ -111,8 +113,18 @@ def test_result_that_is_no_json_is_refused(run: Path, content: bytes) -> None:
 @pytest.mark.parametrize("content", [b"[]", b"1", b"null"])
 def test_result_that_is_no_object_is_refused(run: Path, content: bytes) -> None:
     (run / "result.json").write_bytes(content)
-    with pytest.raises(InvalidFile, match=r"result\.json: there is no object"):
+    with pytest.raises(InvalidFile, match=r"result\.json: this is no JSON object"):
         read(run)
+
+
+@pytest.mark.parametrize("what", [runs.road, runs.scenario])
+def test_files_of_a_run_are_named_or_refused(run: Path, what: Callable[[Path], Path]) -> None:
+    trajectories = run / "trajectories.parquet"
+    assert what(trajectories).is_file()
+    for name in (None, 7, "/gone", "a" * 5000):
+        change(run, files={what.__name__: name})
+        with pytest.raises(InvalidFile, match=f"the {what.__name__} of this run, .* is not there"):
+            what(trajectories)
 
 
 def test_damaged_trajectories_are_refused(run: Path) -> None:
