@@ -14,16 +14,16 @@ class Architecture:
 
     Attributes:
         dim, depth, heads: size of the tokens and of the features, number of blocks, attention heads.
-        patch: rows and columns of cells that make one token, in one frame.
+        patch: frames, rows and columns of cells that make one token.
         attention: `joint` over all tokens of a window, or `divided`: first over time at each place, then over space.
-        tokens: `patches` of neighbouring cells, or `rows`: each frame flattened row by row and cut into equally long runs.
+        tokens: `patches` of neighbouring cells, or `rows`: each frame flattened row by row and cut into as many runs.
         front: what a token is made from: `cells` as they are, or `cnn`: the output of two small convolutions.
     """
 
     dim: int
     depth: int
     heads: int
-    patch: tuple[int, int]
+    patch: tuple[int, int, int]
     attention: Literal["joint", "divided"] = "joint"
     tokens: Literal["patches", "rows"] = "patches"
     front: Literal["cells", "cnn"] = "cells"
@@ -63,8 +63,8 @@ class Preset(NamedTuple):
 
 
 PRESETS: dict[str, Preset] = {
-    "cpu": Preset(Architecture(dim=128, depth=3, heads=4, patch=(20, 20)), Schedule(4, 256, 1e-3), Schedule(12, 128, 1e-3)),
-    "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
+    "cpu": Preset(Architecture(dim=128, depth=3, heads=4, patch=(4, 10, 10)), Schedule(4, 256, 1e-3), Schedule(12, 128, 1e-3)),
+    "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
 }
 """`cpu` trains at paper scale in minutes on two cores; `full` has the size of the publication and wants a GPU."""
 

@@ -32,18 +32,19 @@ class Encoder(nn.Module):
         super().__init__()
         self.architecture, self.grid = architecture, grid
         frames, channels, rows, columns = grid.shape
-        scale = 1
+        depth, height, width = architecture.patch
+        if frames % depth:
+            raise UsageError(f"patches of {depth} frames do not fit windows of {frames}")
+        self._times, self._rows, self._columns = frames // depth, math.ceil(rows / height), math.ceil(columns / width)
         self.front: nn.Module | None = None
         if architecture.front == "cnn":
-            scale, channels, self.front = _STEM, _STEM_CHANNELS, _convolutions(channels)
-            if any(edge % _STEM for edge in architecture.patch):
+            if height % _STEM or width % _STEM:
                 raise UsageError(f"patches of an encoder with convolutions have edges that are multiples of {_STEM}")
-        self._patch = architecture.patch[0] // scale, architecture.patch[1] // scale
-        self._rows, self._columns = math.ceil(rows / architecture.patch[0]), math.ceil(columns / architecture.patch[1])
+            height, width, channels, self.front = height // _STEM, width // _STEM, _STEM_CHANNELS, _convolutions(channels)
         dim, places = architecture.dim, self._rows * self._columns
-        self.embedding = nn.Linear(channels * self._patch[0] * self._patch[1], dim)
+        self.embedding = nn.Linear(depth * channels * height * width, dim)
         self.place = nn.Parameter(0.02 * torch.randn(places, dim))
-        self.time = nn.Parameter(0.02 * torch.randn(frames, 1, dim))
+        self.time = nn.Parameter(0.02 * torch.randn(self._times, 1, dim))
         self.blocks = nn.ModuleList(Block(architecture) for _ in range(architecture.depth))
         self.norm = nn.LayerNorm(dim)
         self.classes: tuple[int, ...] = ()
@@ -80,31 +81,25 @@ class Encoder(nn.Module):
         return self.head(self(grids))
 
     def _tokens(self, grids: Tensor) -> Tensor:
-        """Values of each token: (n, frames, places, values)."""
+        """Values of each token: (n, times, places, values)."""
         kind = self.embedding.weight.dtype
         if torch.is_autocast_enabled(grids.device.type):
             kind = torch.get_autocast_dtype(grids.device.type)
         cells = self._padded(grids).to(kind) / 255.0
         if self.front is not None:
             cells = self.front(cells.flatten(0, 1)).unflatten(0, cells.shape[:2])
-        return self._runs(cells) if self.architecture.tokens == "rows" else self._patches(cells)
+        cells = cells.unflatten(1, (self._times, -1))  # (n, times, frames of a patch, channels, rows, columns)
+        if self.architecture.tokens == "rows":
+            split = cells.flatten(4).unflatten(4, (self._rows * self._columns, -1)).permute(0, 1, 4, 2, 3, 5)
+        else:
+            split = cells.unflatten(5, (self._columns, -1)).unflatten(4, (self._rows, -1)).permute(0, 1, 4, 6, 2, 3, 5, 7)
+        return split.reshape(len(grids), self._times, self._rows * self._columns, -1)
 
     def _padded(self, grids: Tensor) -> Tensor:
         """Grids with empty rows and columns at the end, so that patches fit."""
-        below = self._rows * self.architecture.patch[0] - grids.shape[3]
-        behind = self._columns * self.architecture.patch[1] - grids.shape[4]
+        _, height, width = self.architecture.patch
+        below, behind = self._rows * height - grids.shape[3], self._columns * width - grids.shape[4]
         return F.pad(grids, (0, behind, 0, below)) if below or behind else grids
-
-    def _patches(self, cells: Tensor) -> Tensor:
-        n, frames, channels = cells.shape[:3]
-        height, width = self._patch
-        split = cells.reshape(n, frames, channels, self._rows, height, self._columns, width)
-        return split.permute(0, 1, 3, 5, 2, 4, 6).reshape(n, frames, self._rows * self._columns, -1)
-
-    def _runs(self, cells: Tensor) -> Tensor:
-        n, frames, channels = cells.shape[:3]
-        split = cells.reshape(n, frames, channels, self._rows * self._columns, -1)
-        return split.transpose(2, 3).reshape(n, frames, self._rows * self._columns, -1)
 
 
 def _convolutions(channels: int) -> nn.Module:

@@ -17,7 +17,7 @@ from recognition.encoder.config import Schedule
 from schemas.errors import UsageError
 
 _THREADS = 2
-"""Sums over threads depend on how many there are, so the number is part of what makes a result."""
+"""Most threads. Sums over threads depend on how many there are, so it is the same on all machines that have as many cores."""
 _WARM_UP = 0.1
 _GREATEST_NORM = 1.0
 """Gradients are cut to this norm."""
@@ -37,7 +37,7 @@ def deterministic(seed: int) -> Iterator[None]:
     threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     with torch.random.fork_rng():
         torch.manual_seed(seed)
-        torch.set_num_threads(_THREADS)
+        torch.set_num_threads(min(_THREADS, threads))
         torch.use_deterministic_algorithms(True)
         try:
             yield
