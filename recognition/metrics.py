@@ -114,28 +114,32 @@ class Clustering(NamedTuple):
     matches: tuple[tuple[int, int], ...]
 
 
-def clustering(truth: ArrayLike, clusters: ArrayLike) -> Clustering:
+def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = None) -> Clustering:
     """Hungarian clustering accuracy: clusters are matched one to one with classes so that most samples agree.
 
     Args:
         truth: true labels (n,).
         clusters: cluster numbers (n,), −1 for samples that are in none.
+        among: classes that clusters may be matched with, if not all; samples of others count as wrong where clustered.
     """
     from scipy.optimize import linear_sum_assignment
 
     truth, clusters = np.asarray(truth), np.asarray(clusters)
+    wanted = np.unique(truth if among is None else among)
     kept = clusters != DROPPED
     classes, numbers, counts = _contingency(truth[kept], clusters[kept])
+    counts = counts[:, np.isin(classes, wanted)]
+    classes = classes[np.isin(classes, wanted)]
     rows, columns = linear_sum_assignment(counts, maximize=True)
     agreeing, size = int(counts[rows, columns].sum()), int(kept.sum())
-    matched = int(counts[rows].sum())
+    matched = int(np.isin(clusters[kept], numbers[rows]).sum())
     return Clustering(
         accuracy=agreeing / size if size else 0.0,
         accuracy_of_all=agreeing / len(truth) if len(truth) else 0.0,
         unmatched=1.0 - matched / size if size else 0.0,
         dropped=1.0 - size / len(truth) if len(truth) else 0.0,
         clusters=len(numbers),
-        classes=len(np.unique(truth)),
+        classes=len(wanted),
         matches=tuple((int(numbers[row]), int(classes[column])) for row, column in zip(rows, columns, strict=True)),
     )
 

@@ -29,21 +29,31 @@ class Store:
 
     folder: Path
 
+    def check(self, configuration: dict[str, Any]) -> None:
+        """Refuse a folder with results of another configuration.
+
+        Args:
+            configuration: all of it, or a part.
+
+        Raises:
+            UsageError: the folder has another; the differing settings are named.
+        """
+        path = self.folder / _CONFIGURATION
+        if path.exists():
+            before = _read(path)
+            different = [name for name, value in json.loads(json.dumps(configuration)).items() if before.get(name) != value]
+            if different:
+                raise UsageError(f"the folder holds results of another {', '.join(different)}; choose another folder", path=path)
+
     def open(self, configuration: dict[str, Any]) -> None:
         """Make the folder ready for results of a configuration.
 
         Raises:
-            UsageError: it holds results of another configuration; the differing settings are named.
+            UsageError: see `check`.
         """
-        path, wanted = self.folder / _CONFIGURATION, json.loads(json.dumps(configuration))
-        if path.exists():
-            before = _read(path)
-            different = sorted(name for name in before | wanted if before.get(name) != wanted.get(name))
-            if different:
-                raise UsageError(f"the folder holds results of another {', '.join(different)}; choose another folder", path=path)
-        else:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            write_atomically(path, wanted)
+        self.check(configuration)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(self.folder / _CONFIGURATION, configuration)
 
     def has(self, key: Key) -> bool:
         """Whether that result is there."""

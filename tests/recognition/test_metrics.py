@@ -58,6 +58,14 @@ def test_samples_of_clusters_without_a_class_are_unmatched() -> None:
     assert found.unmatched == 1 / 4
 
 
+def test_samples_of_other_classes_are_wrong_in_any_cluster() -> None:
+    found = metrics.clustering([3, 3, 1, 1, 1], [0, 0, 0, 1, 1], among=[3, 4])
+    assert found.matches == ((0, 3),)
+    assert found.accuracy == 2 / 5
+    assert found.unmatched == 2 / 5
+    assert (found.clusters, found.classes) == (2, 2)
+
+
 def test_nothing_clustered_is_no_accuracy() -> None:
     found = metrics.clustering([1, 2], [-1, -1])
     assert (found.accuracy, found.accuracy_of_all, found.dropped, found.matches) == (0.0, 0.0, 1.0, ())

@@ -1,0 +1,94 @@
+"""`xosc-recognize evaluate`: the protocol as one command that goes on where it was interrupted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from recognition.protocol.splits import Unit
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from recognition.protocol.evaluation import Evaluation
+    from recognition.protocol.store import Key
+
+SCALES = {"quick": 100, "standard": 400, "paper": 2600}
+"""Events of each class, by name of the scale."""
+
+
+def evaluate(
+    path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for results, caches, tables and figures.")],
+    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds; each has its own split.")] = 5,
+    methods: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only these methods and variants (repeatable).")
+    ] = None,
+    experiments: Annotated[
+        list[str] | None, typer.Option(metavar="KIND", help="Only these kinds of experiments (repeatable).")
+    ] = None,
+    scale: Annotated[str, typer.Option(help="quick (100), standard (400) or paper (2600) events of each class.")] = "standard",
+    events_per_class: Annotated[
+        int | None, typer.Option(min=20, metavar="N", help="Events of each class, in place of --scale.")
+    ] = None,
+    preset: Annotated[str, typer.Option(help="Size and training of the encoder: cpu or full.")] = "cpu",
+    split_by: Annotated[
+        Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
+    ] = "recording",
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
+) -> None:
+    """Evaluate TRFE and every method beside it by the incremental open-world protocol.
+
+    An interrupted evaluation goes on with the same command; more seeds, methods and experiments can be added later.
+    """
+    from recognition.protocol.evaluation import Evaluation, Settings
+    from recognition.protocol.report import write_report
+
+    kinds, names = _experiments(experiments), _methods(methods)
+    if scale not in SCALES:
+        raise UsageError(f"there is no scale {scale!r}; scales: {', '.join(SCALES)}")
+    evaluation = Evaluation(path, out, Settings(events_per_class or SCALES[scale], preset, split_by))
+    _run(evaluation, evaluation.pending(seeds, kinds, names), quiet)
+    written = write_report(evaluation, out)
+    if figures:
+        from recognition.protocol.figures import write_figures
+
+        write_figures(evaluation, out / "figures")
+    if not quiet:
+        for table in written:
+            if table.name in ("open-set", "clustering", "open-world", "chain"):
+                print(table.markdown())
+        print(f"all tables: {out / 'report.md'}")
+
+
+def _experiments(chosen: list[str] | None) -> list[str]:
+    from recognition.protocol.evaluation import EXPERIMENTS
+
+    for name in chosen or ():
+        if name not in EXPERIMENTS:
+            raise UsageError(f"there is no experiment {name!r}; experiments: {', '.join(EXPERIMENTS)}")
+    return [name for name in EXPERIMENTS if not chosen or name in chosen]
+
+
+def _methods(chosen: list[str] | None) -> list[str] | None:
+    from recognition.protocol.evaluation import EXPERIMENTS
+
+    known = sorted({name for names in EXPERIMENTS.values() for name in names})
+    for name in chosen or ():
+        if name not in known:
+            raise UsageError(f"there is no method {name!r}; methods: {', '.join(known)}")
+    return chosen or None
+
+
+def _run(evaluation: Evaluation, pending: list[Key], quiet: bool) -> None:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
+        task = progress.add_task("encoder", total=len(pending))
+        for key in evaluation.run(pending):
+            progress.update(task, advance=1, description=f"seed {key.seed}, round {key.round}, {key.kind} {key.method}")

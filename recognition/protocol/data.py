@@ -1,0 +1,96 @@
+"""Windows of a folder of recordings, read, labelled by the rules and rasterised; or windows that are there already."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from recognition import datasets
+from recognition.grids import Grid
+from recognition.labels import Event, label
+from recognition.sites import Site, site_of
+from recognition.windows import Windows, joined, windows_of
+from runner.recording import Recording
+from schemas.errors import UsageError
+
+_SPARE = 2
+"""Events of each class that are rasterised for one that is wanted: splits need room to choose."""
+
+
+def windows_at(path: Path, cache: Path, grid: Grid, events_per_class: int | None) -> Windows:
+    """Windows of a folder that `Windows.save` wrote, or of recordings.
+
+    Args:
+        path: folder of windows, or folder or file of recordings.
+        cache: folder that keeps windows made of recordings for the next time; roads made for them go there too.
+        grid: of windows that have to be made.
+        events_per_class: how many events of each class are wanted, if not all.
+
+    Raises:
+        InvalidFile: nothing of a known format.
+        UsageError: windows of another shape than `grid`'s, or no event in the recordings.
+    """
+    if (path / "windows.parquet").is_file():
+        windows = Windows.load(path)
+    elif (cache / "windows.parquet").is_file():
+        windows = Windows.load(cache)
+    else:
+        windows = _made(path, cache, grid, events_per_class)
+    if windows.grids.shape[1:] != grid.shape:
+        raise UsageError(f"windows of shape {windows.grids.shape[1:]} are not of the grid {grid.shape}", path=path)
+    return windows
+
+
+def fingerprint(windows: Windows) -> str:
+    """Short digest of which windows there are: their labels, recordings, egos and times."""
+    digest = hashlib.sha256(repr(windows.grids.shape).encode())
+    for column in (windows.labels, windows.times):
+        digest.update(np.ascontiguousarray(column).tobytes())
+    for names in (windows.recordings, windows.egos):
+        digest.update("\0".join(names.tolist()).encode())
+    return digest.hexdigest()[:16]
+
+
+def _made(path: Path, cache: Path, grid: Grid, events_per_class: int | None) -> Windows:
+    roads = cache / "roads"
+    everything = [event for _, _, events in _labelled(path, roads) for event in events]
+    wanted = {_identity(event) for event in _thinned(everything, events_per_class)}
+    parts = []
+    for recording, site, events in _labelled(path, roads):
+        chosen = [event for event in events if _identity(event) in wanted]
+        if chosen:
+            parts.append(windows_of(recording, chosen, grid, site))
+    if not parts:
+        raise UsageError("no rule finds an event in these recordings", path=path)
+    joined(parts).save(cache)
+    return Windows.load(cache)
+
+
+def _labelled(path: Path, roads: Path) -> Iterator[tuple[Recording, Site, list[Event]]]:
+    """Each recording with its site and events, one at a time."""
+    for source in datasets.open(path, roads=roads).sources:
+        recording = source.load()
+        site = site_of(source, recording, roads)
+        yield recording, site, label(recording, site, source.name)
+
+
+def _identity(event: Event) -> tuple[str, str, float]:
+    return event.recording, event.ego, event.time
+
+
+def _thinned(events: Sequence[Event], most: int | None) -> list[Event]:
+    """At most twice `most` events of each class, drawn."""
+    if most is None:
+        return list(events)
+    order = np.random.default_rng(0).permutation(len(events)).tolist()
+    taken: Counter[int] = Counter()
+    chosen = []
+    for event in (events[number] for number in order):
+        taken[event.label] += 1
+        if taken[event.label] <= _SPARE * most:
+            chosen.append(event)
+    return chosen

@@ -1,0 +1,83 @@
+"""Open-set recognition in one round: every method on the same features, judged on the same test windows."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from recognition import metrics
+from recognition.baselines.arpl import ARPL
+from recognition.baselines.cac import CAC
+from recognition.baselines.cevt import CEVT
+from recognition.baselines.chance import Chance
+from recognition.baselines.cpn import CPN
+from recognition.baselines.mdenet import MDENet
+from recognition.baselines.method import OpenSetMethod
+from recognition.baselines.mls import MLS
+from recognition.baselines.vote_threshold import PlainThreshold
+from recognition.baselines.voting import VotingMethod
+from recognition.protocol.stage import Stage
+from recognition.samples import Floats, Whole
+from recognition.screening import EvtDeficit, Screening
+
+OWN_RULE = "trfe"
+"""The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
+
+
+class DeficitScreening(VotingMethod):
+    """TRFE's screening (`recognition.screening.evt_deficit`) under the common rejection rule."""
+
+    def _screening(self) -> Screening:
+        return EvtDeficit(seed=self.seed)
+
+
+COMMON_RULE: dict[str, type[OpenSetMethod]] = {
+    "trfe-common": DeficitScreening,
+    "cac": CAC,
+    "arpl": ARPL,
+    "cpn": CPN,
+    "cevt": CEVT,
+    "mdenet": MDENet,
+    "mls": MLS,
+    "threshold": PlainThreshold,
+    "random": Chance,
+}
+"""Methods that reject by the common rule, by name."""
+
+
+class Judged(NamedTuple):
+    """Test samples as a method sees them: best known class, outlyingness and label (n,), and the threshold behind the labels."""
+
+    closed: Whole
+    scores: Floats
+    predicted: Whole
+    threshold: float
+
+
+def measure_open_set(name: str, stage: Stage) -> dict[str, Any]:
+    """Fit a method on the known classes of a stage and measure it on known and new ones.
+
+    Returns:
+        The fields of `metrics.OpenSet`, the threshold, and the confusion matrix: `[truth, prediction, windows]` for each pair
+        that occurs, with 0 for unknown.
+    """
+    judged = _own_rule(stage) if name == OWN_RULE else _common_rule(name, stage)
+    pairs, counts = np.unique(np.stack([stage.truth, judged.predicted]), axis=1, return_counts=True)
+    return {
+        **metrics.open_set(stage.truth, judged.closed, judged.scores, judged.predicted)._asdict(),
+        "threshold": judged.threshold,
+        "confusion": [[*map(int, pair), int(count)] for pair, count in zip(pairs.T, counts, strict=True)],
+    }
+
+
+def _own_rule(stage: Stage) -> Judged:
+    found = stage.model.recognise(stage.test.features)
+    screening = stage.model.known.screening
+    return Judged(found.closed, found.score, found.labels, screening.threshold if screening else 1.0)
+
+
+def _common_rule(name: str, stage: Stage) -> Judged:
+    fitted, held, tested = stage.labelled, stage.validation, stage.test.features
+    model = COMMON_RULE[name](seed=stage.seed).fit(fitted.features, fitted.labels, held.features, held.labels)
+    return Judged(model.classify(tested), model.score(tested), model.predict(tested), model.threshold)

@@ -1,0 +1,165 @@
+"""What the methods see in one round: frozen features of one encoder for each seed and round, kept on disk."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.config import Config
+from recognition.encoder.config import Preset, Schedule
+from recognition.grids import Grid
+from recognition.protocol.rounds import STEP, Round
+from recognition.protocol.splits import Split
+from recognition.samples import UNKNOWN, Features, Whole
+from recognition.trfe import TRFE
+from recognition.windows import Windows
+
+if TYPE_CHECKING:
+    from recognition.encoder.model import Encoder
+
+FEWEST_STEPS = 400
+"""Of each training of the encoder."""
+
+
+class Samples(NamedTuple):
+    """Features (n, d), labels (n,), and the numbers (n,) of the windows that they are of."""
+
+    features: Features
+    labels: Whole
+    rows: Whole
+
+    def only(self, chosen: NDArray[Any] | slice) -> Samples:
+        """Those of a mask, index or slice."""
+        return Samples(self.features[chosen], self.labels[chosen], self.rows[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One round of one seed.
+
+    Attributes:
+        windows: all of them.
+        split: the seed's.
+        round: which classes are known and new.
+        seed: of everything drawn.
+        encoded: features (n, d) of all windows in the split, by window number; those of others are 0.
+    """
+
+    windows: Windows
+    split: Split
+    round: Round
+    seed: int
+    encoded: Features
+
+    @cached_property
+    def labelled(self) -> Samples:
+        """Training samples of the known classes."""
+        return self._samples(self._rows(self.split.labelled, self.round.known))
+
+    @cached_property
+    def validation(self) -> Samples:
+        """Validation samples of the known classes."""
+        return self._samples(self._rows(self.split.validation, self.round.known))
+
+    @cached_property
+    def test(self) -> Samples:
+        """Test samples of the known and new classes, with their true labels."""
+        return self._samples(self._rows(self.split.test, self.round.known + self.round.new))
+
+    @cached_property
+    def truth(self) -> Whole:
+        """Labels of the test samples for a method that knows the known classes: 0 for the new ones."""
+        return np.where(np.isin(self.test.labels, self.round.known), self.test.labels, UNKNOWN)
+
+    @cached_property
+    def stream(self) -> Samples:
+        """What arrives without labels in the round: all training samples of the new classes, and known ones kept apart; mixed."""
+        new = self._rows(np.concatenate([self.split.labelled, self.split.stream]), self.round.new)
+        rows = np.concatenate([new, self._rows(self.split.stream, self.round.known)])
+        return self._samples(np.random.default_rng([self.seed, self.round.number]).permutation(rows))
+
+    @cached_property
+    def model(self) -> TRFE:
+        """TRFE fitted on the known classes."""
+        held = self.validation
+        return TRFE(Config(seed=self.seed)).fit(*self.labelled[:2], held.features, held.labels)
+
+    def _rows(self, rows: Whole, classes: tuple[int, ...]) -> Whole:
+        return rows[np.isin(self.windows.labels[rows], classes)]
+
+    def _samples(self, rows: Whole) -> Samples:
+        return Samples(self.encoded[rows], self.windows.labels[rows], rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Laboratory:
+    """Makes stages; encoders and features are made once and kept in a folder.
+
+    One encoder is pretrained for each seed on all training windows, without labels. In each round it is fine-tuned further,
+    from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods share it.
+
+    Attributes:
+        windows: all of them. grid: theirs. preset: of the encoder. cache: the folder.
+    """
+
+    windows: Windows
+    grid: Grid
+    preset: Preset
+    cache: Path
+
+    def stage(self, split: Split, round_: Round, seed: int) -> Stage:
+        """The stage of a round of a seed."""
+        path = self.cache / f"seed{seed}" / f"features{round_.number}.npy"
+        rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
+        if not path.exists():
+            found = self._features(rows, split, round_, seed)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft = path.with_suffix(".draft.npy")
+            np.save(draft, found)
+            draft.replace(path)
+        features = np.load(path, allow_pickle=False)
+        encoded = np.zeros((len(self.windows), features.shape[1]), dtype=np.float32)
+        encoded[rows] = features
+        return Stage(self.windows, split, round_, seed, encoded)
+
+    def _features(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+        from recognition.encoder.inference import features
+
+        return features(self._encoder(split, round_, seed), self.windows.select(rows))
+
+    def _encoder(self, split: Split, round_: Round, seed: int) -> Encoder:
+        """The encoder of a round; that before the first round is only pretrained."""
+        from recognition.encoder.finetuning import finetune
+        from recognition.encoder.pretraining import pretrain
+        from recognition.encoder.storage import load, save
+
+        place = self.cache / f"seed{seed}" / f"encoder{round_.number}"
+        if (place / "encoder.safetensors").exists():
+            return load(place)
+        if round_.number == 0:
+            training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
+            made = pretrain(training, _long_enough(self.preset, len(training)), self.grid, seed)
+        else:
+            before = Round(round_.number - 1, round_.known[:-STEP] if round_.number > 1 else (), ())
+            known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
+            made = finetune(self._encoder(split, before, seed), known, _long_enough(self.preset, len(known)).finetuning, seed)
+        save(made, place)
+        return made
+
+
+def _long_enough(preset: Preset, windows: int) -> Preset:
+    """The preset with so many epochs that training takes some hundred steps on few windows too.
+
+    Schedules of presets are made for the paper's scale, where an epoch has that many.
+    """
+
+    def longer(schedule: Schedule) -> Schedule:
+        return schedule._replace(epochs=max(schedule.epochs, math.ceil(FEWEST_STEPS * schedule.batch / windows)))
+
+    return preset._replace(pretraining=longer(preset.pretraining), finetuning=longer(preset.finetuning))
