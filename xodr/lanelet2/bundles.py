@@ -10,6 +10,10 @@ from dataclasses import dataclass, replace
 
 from xodr.lanelet2.graph import Graph
 from xodr.lanelet2.lanelet import Lanelet
+from xodr.lanelet2.polylines import lengths
+
+LONGEST = 500.0
+"""Length up to which bundles that continue each other become one road, m."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,8 @@ def chained(graph: Graph, rows: Layout) -> list[Bundle]:
         chain = _chain(min(closed), onward)
         chains.append(chain)
         closed -= set(chain)
-    return [_merged([rows.bundles[number] for number in chain]) for chain in sorted(chains, key=min)]
+    parts = [part for chain in chains for part in _short(chain, [_length(graph, rows.bundles[number]) for number in chain])]
+    return [_merged([rows.bundles[number] for number in part]) for part in sorted(parts, key=min)]
 
 
 def _continues(graph: Graph, rows: Layout, joint: Joint) -> bool:
@@ -150,6 +155,22 @@ def _chain(head: int, onward: dict[int, int]) -> list[int]:
     while chain[-1] in onward and onward[chain[-1]] != head:
         chain.append(onward[chain[-1]])
     return chain
+
+
+def _length(graph: Graph, bundle: Bundle) -> float:
+    return float(sum(lengths(graph.lanelets[name].left)[-1] for name in bundle.lanes[0]))
+
+
+def _short(chain: list[int], sizes: list[float]) -> list[list[int]]:
+    """The chain cut where it would become too long."""
+    parts, total = [chain[:1]], sizes[0]
+    for number, size in zip(chain[1:], sizes[1:], strict=True):
+        total += size
+        if total > LONGEST:
+            parts.append([])
+            total = size
+        parts[-1].append(number)
+    return parts
 
 
 def _merged(bundles: list[Bundle]) -> Bundle:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Points
-from xodr.lanelet2.polylines import across
+from xodr.lanelet2.polylines import across, along, lengths, places
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
@@ -46,15 +46,16 @@ class _Lines(NamedTuple):
 
 
 def _lines(road: Road, lane_id: int) -> _Lines:
-    places = np.linspace(0.0, road.length, max(int(road.length / STEP), 2) + 1).tolist()
+    grid = np.linspace(0.0, road.length, places(road.length, STEP)).tolist()
     lane = road.lane(0.0, lane_id)
-    return _Lines(*(np.array([road.pose(s, at(s))[:2] for s in places]) for at in (lane.inner, lane.outer, lane.center)))
+    return _Lines(*(np.array([road.pose(s, at(s))[:2] for s in grid]) for at in (lane.inner, lane.outer, lane.center)))
 
 
 def _farthest(bound: Points, borders: list[Points]) -> float:
-    from shapely import LineString, MultiLineString, distance, get_coordinates, points
+    from shapely import LineString, MultiLineString, distance, points
 
-    dense = get_coordinates(LineString(bound).segmentize(STEP))
+    total = lengths(bound)[-1]
+    dense = np.concatenate([bound, along(bound, np.linspace(0.0, total, places(total, STEP)))])
     return float(distance(points(dense), MultiLineString([LineString(border) for border in borders])).max())
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from xodr.builders.elements import Connection, Junction
 from xodr.lanelet2.bundles import Joint, Layout
@@ -18,16 +18,24 @@ def junction_ids(graph: Graph, plan: Layout) -> list[int]:
     """
     pairs, needed = [], {index for index, joint in enumerate(plan.joints) if not joint.plain}
     entry: dict[str, int] = {}
-    for number, bundle in enumerate(plan.bundles):
-        start, end = plan.index(number, False), plan.index(number, True)
-        if bundle.inside and start is not None and end is not None:
-            pairs.append((start, end))
-            needed |= {start, end}
-            entry |= {name: start for lane in bundle.lanes for name in lane}
+    for number, start in _entries(plan):
+        end = plan.index(number, True)
+        ends = {start} if end is None else {start, end}
+        pairs.append((min(ends), max(ends)))
+        needed |= ends
+        entry |= {name: start for lane in plan.bundles[number].lanes for name in lane}
     pairs += [(entry[one], entry[other]) for one in sorted(entry) for other in sorted(graph.crossings[one]) if other in entry]
     groups = _grouped(len(plan.joints), pairs)
     ids = {group: len(plan.bundles) + 1 + place for place, group in enumerate(sorted({groups[index] for index in needed}))}
     return [ids[group] if index in needed else -1 for index, group in enumerate(groups)]
+
+
+def _entries(plan: Layout) -> Iterator[tuple[int, int]]:
+    """The connecting roads, and the joints that they begin at."""
+    for number, bundle in enumerate(plan.bundles):
+        start = plan.index(number, False)
+        if bundle.inside and start is not None:
+            yield number, start
 
 
 def _grouped(count: int, pairs: list[tuple[int, int]]) -> list[int]:
@@ -55,16 +63,12 @@ def junctions(plan: Layout, ids: list[int], priorities: Sequence[tuple[str, str]
         if identity != -1:
             groups[identity].append(joint)
     ranks: dict[int, set[tuple[int, int]]] = defaultdict(set)
-    inside = {
-        number: index
-        for number, bundle in enumerate(plan.bundles)
-        if bundle.inside and (index := plan.index(number, False)) is not None
-    }
+    inside = {number: ids[index] for number, index in _entries(plan)}
     for first, waiting in priorities:
         for high in _through(plan, first):
             for low in _through(plan, waiting):
-                if high != low and ids[inside[high]] == ids[inside[low]]:
-                    ranks[ids[inside[high]]].add((high + 1, low + 1))
+                if high != low and inside[high] == inside[low]:
+                    ranks[inside[high]].add((high + 1, low + 1))
     return tuple(_junction(plan, identity, joints, sorted(ranks[identity])) for identity, joints in sorted(groups.items()))
 
 

@@ -14,6 +14,10 @@ REACH = 8.0
 """Length of line from which a direction is taken, m."""
 _BEYOND = 40.0
 _SAME = 1e-3
+_FEWEST, _MOST = 8, 4000
+"""Fewest and most stretches that a line is cut into."""
+_AT_ONCE = 2_000_000
+"""How many pairs of points and stretches are looked at together, to save memory."""
 
 
 class Frame(NamedTuple):
@@ -50,9 +54,14 @@ def resampled(line: Points, count: int) -> Points:
     return along(line, np.linspace(0.0, lengths(line)[-1], count))
 
 
+def places(length: float, step: float) -> int:
+    """How many places on a length [m] are about a step apart, both ends included; not too few and not too many."""
+    return min(max(int(length / step), _FEWEST), _MOST) + 1
+
+
 def middle(left: Points, right: Points, step: float = 0.5) -> Points:
-    """The line half-way between two lines: points at equal shares of their lengths."""
-    count = max(int(max(lengths(left)[-1], lengths(right)[-1]) / step), 8) + 1
+    """The line half-way between two lines: points at equal shares of their lengths, about a step apart."""
+    count = places(max(lengths(left)[-1], lengths(right)[-1]), step)
     return (resampled(left, count) + resampled(right, count)) / 2
 
 
@@ -120,6 +129,12 @@ def across(points: Points, tangents: Points, line: Points) -> NDArray[np.float64
 
     The place nearest to the point is meant; NaN where the line does not pass.
     """
+    count = max(_AT_ONCE // len(line), 1)
+    blocks = [slice(start, start + count) for start in range(0, len(points), count)]
+    return np.concatenate([_across(points[block], tangents[block], line) for block in blocks] or [np.zeros(0)])
+
+
+def _across(points: Points, tangents: Points, line: Points) -> NDArray[np.float64]:
     tangents = tangents / np.hypot(*tangents.T)[:, None]
     delta = line[None] - points[:, None]
     ahead = (delta * tangents[:, None]).sum(axis=2)

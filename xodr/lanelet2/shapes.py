@@ -12,7 +12,7 @@ from xodr.builders.curves import Pose
 from xodr.builders.parametric import ParamPoly3
 from xodr.lanelet2.lanelet import Points
 from xodr.lanelet2.mouths import Mouth
-from xodr.lanelet2.polylines import across, between, lengths, middle, resampled
+from xodr.lanelet2.polylines import across, between, lengths, middle, places, resampled
 from xodr.lanelet2.splines import Floats, Spline, fit
 
 STEP = 0.25
@@ -23,6 +23,7 @@ BORDER_TOLERANCE = 0.15
 """How far the borders may keep from those of the lanelets, m."""
 _SHORTEST_BEND, _SHORTEST_PIECE = 3.0, 0.6
 """Shortest pieces of the reference line and of the borders, m."""
+_MOST_PIECES = 512
 _SHARPEST = 0.8
 """Largest curvature, in parts of that at which the road's inner edge would be the centre of the curve."""
 
@@ -57,7 +58,7 @@ def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
     """The geometry of the road between two mouths whose borders (from left to right) are the given lines."""
     line = _reference_line(between(lines[0], start.frame, end.frame), between(lines[-1], start.frame, end.frame), start, end)
     knots = _arc_lengths(line)
-    at = np.linspace(line.knots[0], line.knots[-1], max(int(knots[-1] / STEP), 4) + 1)
+    at = np.linspace(line.knots[0], line.knots[-1], places(knots[-1], STEP))
     s = _arc_lengths(line, at)
     samples = np.column_stack([_offsets(line, at, border) for border in lines])
     ends = np.array([_own(start), _own(end)])
@@ -78,9 +79,8 @@ def _own(mouth: Mouth) -> list[float]:
 
 def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> Spline:
     """The spline along the middle that does not turn too sharply for the road's width; of those the coarsest one near to it."""
-    count = max(int(max(lengths(left)[-1], lengths(right)[-1]) / STEP), 8) + 1
     samples = middle(left, right, STEP)
-    half = np.hypot(*(resampled(left, count) - resampled(right, count)).T) / 2
+    half = np.hypot(*(resampled(left, len(samples)) - resampled(right, len(samples))).T) / 2
     ends = np.array([mouth.frame.world(0.0, (mouth.edges[0].t + mouth.edges[-1].t) / 2) for mouth in (start, end)])
     samples[[0, -1]] = ends
     at = lengths(samples)
@@ -90,6 +90,8 @@ def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> Sp
         line = fit(at, samples, ends, slopes, intervals)
         away = float(np.hypot(*(line(at) - samples).T).max())
         sharp = float(np.abs(_curvatures(line, at) * half).max())
+        if sharp <= _SHARPEST and away <= LINE_TOLERANCE:
+            return line
         candidates.append((max(sharp, _SHARPEST), max(away, LINE_TOLERANCE), intervals, line))
     return min(candidates, key=lambda candidate: candidate[:3])[3]
 
@@ -97,7 +99,7 @@ def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> Sp
 def _doubled(most: float) -> Iterator[int]:
     """1, 2, 4, … up to a number, and 1 at least."""
     number = 1
-    while number == 1 or number <= most:
+    while number <= max(min(most, _MOST_PIECES), 1.0):
         yield number
         number *= 2
 
