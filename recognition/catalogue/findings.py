@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 from recognition.labels.classes import Event, Label
 
@@ -70,16 +69,23 @@ def joined(moments: Iterable[Moment], gap: float) -> list[Finding]:
     Args:
         gap: greatest time between the windows of one finding, s.
     """
-    groups: dict[tuple[str, str, str | None], list[Moment]] = {}
+    groups: dict[tuple[str, str], list[Moment]] = {}
     for moment in moments:
-        groups.setdefault((moment.ego, moment.title, moment.partner if moment.rule else None), []).append(moment)
-    found = [finding for group in groups.values() for finding in _runs(sorted(group, key=lambda moment: moment.time), gap)]
+        groups.setdefault((moment.ego, moment.title), []).append(moment)
+    found = [_finding(run) for group in groups.values() for run in _runs(group, gap)]
     return sorted(found, key=lambda finding: (finding.moment.ego, finding.moment.time, finding.moment.title))
 
 
-def _runs(moments: Sequence[Moment], gap: float) -> list[Finding]:
-    breaks = [index for index, (one, other) in enumerate(pairwise(moments), 1) if other.time - one.time > WINDOW + gap]
-    return [_finding(moments[start:end]) for start, end in pairwise([0, *breaks, len(moments)])]
+def _runs(moments: Iterable[Moment], gap: float) -> list[list[Moment]]:
+    """Moments that follow each other closely, and have no two partners."""
+    runs: list[list[Moment]] = []
+    for moment in sorted(moments, key=lambda moment: (moment.time, moment.partner or "")):
+        partners = {each.partner for each in runs[-1]} - {None} if runs else set()
+        other = moment.partner is not None and bool(partners - {moment.partner})
+        if not runs or other or moment.time - runs[-1][-1].time > WINDOW + gap:
+            runs.append([])
+        runs[-1].append(moment)
+    return runs
 
 
 def _finding(moments: Sequence[Moment]) -> Finding:

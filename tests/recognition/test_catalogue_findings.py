@@ -1,0 +1,122 @@
+"""How labelled moments become findings, and what a model makes of moments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from recognition import datasets
+from recognition.buffer import Buffer
+from recognition.catalogue.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, joined
+from recognition.catalogue.model import ByModel, title_of
+from recognition.discovery import FIRST_DISCOVERED
+from recognition.grids import Grid
+from recognition.labels import Event, Label
+from recognition.sites import site_at
+from schemas.errors import UsageError
+from tests.recognition import motorway
+
+
+def moment(time: float, title: str = "a", ego: str = "1", **other: object) -> Moment:
+    return Moment(ego, time, title, KNOWN, **other)  # type: ignore[arg-type]
+
+
+def test_close_moments_of_one_class_are_one_finding() -> None:
+    (one, two) = joined([moment(3.0), moment(1.0), moment(2.0), moment(9.0)], gap=1.0)
+    assert (one.start, one.end, one.moments, one.moment.time) == (0.25, 3.75, 3, 1.0)
+    assert (two.start, two.end, two.moments) == (8.25, 9.75, 1)
+
+
+def test_other_egos_classes_and_partners_are_other_findings() -> None:
+    cut = {"rule": Label.CUT_IN}
+    others = [
+        moment(1.0),
+        moment(1.0, ego="2"),
+        moment(1.0, "b"),
+        moment(1.2, partner="5", **cut),
+        moment(1.2, partner="6", **cut),
+    ]
+    assert len(joined(others, gap=1.0)) == 5
+
+
+def test_the_moment_of_a_rule_stands_for_a_finding_then_the_surest() -> None:
+    sure, rule = moment(2.0, confidence=0.9), moment(3.0, confidence=0.1, rule=Label.CUT_IN, partner="5")
+    assert joined([moment(1.0, confidence=0.2), sure], gap=1.0)[0].moment is sure
+    (finding,) = joined([moment(1.0, confidence=0.2), sure, rule, moment(4.0)], gap=1.0)
+    assert finding.moment is rule
+
+
+def test_names_of_classes() -> None:
+    assert [title_of(label) for label in (0, 3, FIRST_DISCOVERED, FIRST_DISCOVERED + 11)] == [
+        "unknown", "highway cut in", "discovered 01", "discovered 12"
+    ]  # fmt: skip
+
+
+class Oracle:
+    """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos 3 and 4 unknown, the rest free cruise."""
+
+    def __init__(self, promotes: bool = True, capacity: int = 20) -> None:
+        self.encoder = SimpleNamespace(grid=Grid(channels=("others", "ego"), length=40.0, width=10.0))
+        self.config = SimpleNamespace(preprocessing=SimpleNamespace(neighbours=3))
+        self.buffer = Buffer(capacity)
+        self.promotes, self.seen, self.rounds = promotes, 0, 0
+
+    def observe(self, grids: np.ndarray, keys: np.ndarray) -> SimpleNamespace:
+        assert grids.shape[1:] == self.encoder.grid.shape
+        labels = np.where(keys % 2 == 0, int(Label.FREE_CRUISE), int(Label.UNKNOWN))
+        unknown = labels == Label.UNKNOWN
+        self.buffer.add(np.zeros((int(unknown.sum()), 4), np.float32), keys[unknown])
+        self.seen += len(keys)
+        return SimpleNamespace(labels=labels, closed=np.full(len(keys), int(Label.CUT_IN)), confidence=np.full(len(keys), 0.5))
+
+    def discover(self) -> SimpleNamespace:
+        self.rounds += 1
+        labels = np.where(np.arange(len(self.buffer)) % 2 == 0, FIRST_DISCOVERED if self.promotes else 0, 0)
+        return SimpleNamespace(keys=self.buffer.keys, labels=labels)
+
+    def expand(self, found: SimpleNamespace) -> None:
+        self.buffer.remove(found.labels > 0)
+
+
+@pytest.fixture(scope="module")
+def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
+    folder = tmp_path_factory.mktemp("motorway")
+    (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
+    recording = source.load()
+    assert recording.network is not None
+    events = [
+        Event("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
+        Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
+    ]
+    oracle = Oracle()
+    recogniser = ByModel(oracle, stride=1.0)  # type: ignore[arg-type]
+    recogniser.look("01", recording, site_at(Path(recording.network.path)), events)
+    return oracle, recogniser
+
+
+def test_a_model_sees_events_and_a_regular_stride(looked: tuple[Oracle, ByModel]) -> None:
+    moments = looked[1].moments("01")
+    (event,) = [each for each in moments if each.rule]
+    assert (event.time, event.rule, event.partner, event.tags) == (6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0})
+    own = sorted(each.time for each in moments if each.ego == motorway.EGO)
+    assert np.diff(own).min() >= 0.5 and np.diff(own).max() <= 1.5
+    assert own[0] >= 0.75 and own[-1] <= 11.96 - 0.75
+    assert {each.ego for each in moments} == {"1", "2", "3", "4", "5", "6", "7"}
+
+
+def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle, ByModel]) -> None:
+    oracle, recogniser = looked
+    moments = recogniser.moments("01")
+    assert oracle.seen == len(moments) and oracle.rounds >= 2
+    states = {each.state: each.title for each in moments}
+    assert states == {KNOWN: "highway free cruise", UNKNOWN: "unknown", DISCOVERED: "discovered 01"}
+    assert {(each.model, each.confidence) for each in moments} == {("highway cut in", 0.5)}
+    assert recogniser.moments("01") == moments, "asking again changes nothing"
+
+
+def test_a_model_without_an_encoder_is_refused() -> None:
+    with pytest.raises(UsageError, match="no encoder"):
+        ByModel(SimpleNamespace(encoder=None))  # type: ignore[arg-type]

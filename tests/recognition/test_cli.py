@@ -1,0 +1,157 @@
+"""The command `xosc-recognize`: options, exit codes, what goes to standard output and standard error."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import runner.batch
+import runner.jobs
+from recognition import cli
+from schemas.version import version
+from tests.recognition import motorway
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Answer]
+
+
+@pytest.fixture
+def recognize(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """The command in this process."""
+
+    def call(*arguments: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["xosc-recognize", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return Answer(int(end.value.code or 0), *capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings")
+    motorway.write_motorway(folder)
+    return folder
+
+
+def test_recordings_become_a_catalogue(recognize: Command, recordings: Path, tmp_path: Path) -> None:
+    answer = recognize(recordings, "--out", tmp_path, "--labels", "rules")
+    assert (answer.code, answer.err) == (0, "")
+    counts = {name: int(count) for count, name in (line.split(maxsplit=1) for line in answer.out.splitlines()[1:])}
+    told = json.loads((tmp_path / "index.json").read_text())["scenarios"]
+    assert counts["highway cut in"] == sum(row["class"] == "highway cut in" for row in told) == 2
+
+
+def test_options_may_come_first(recognize: Command, recordings: Path, tmp_path: Path) -> None:
+    answer = recognize("--scenes", "vehicles", "-q", "--labels", "rules", "--out", tmp_path, recordings)
+    assert answer == (0, "", "")
+    assert len(list((tmp_path / "vehicles").glob("*.xosc"))) == 6
+
+
+def test_verbose_tells_why_vehicles_have_no_scene(recognize: Command, recordings: Path, tmp_path: Path) -> None:
+    answer = recognize(recordings, "--out", tmp_path, "--scenes", "vehicles", "--labels", "rules", "-v")
+    assert "1 vehicles are no ego of a scene\n" in answer.out
+    assert "vehicle 7: moves within 2.0 m only" in answer.out
+    assert "passages: 6 straight" in answer.out
+
+
+def test_edited_files_are_reported(recognize: Command, recordings: Path, tmp_path: Path) -> None:
+    recognize(recordings, "--out", tmp_path, "--labels", "rules", "-q")
+    (tmp_path / "index.csv").write_text("mine")
+    answer = recognize(recordings, "--out", tmp_path, "--labels", "rules", "-q")
+    assert (answer.code, answer.out) == (0, "")
+    assert answer.err == "xosc-recognize: index.csv was edited since it was written, it is left as it is\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "Missing argument 'PATH...'"),
+        (["--bogus"], "--bogus"),
+        (["in"], "--out"),
+        (["in", "--out", "out", "--scenes", "all"], "--scenes"),
+        (["in", "--out", "out", "--standard", "2.0"], "--standard"),
+        (["in", "--out", "out", "--labels", "rules", "--model", "m"], "--model and --labels rules exclude each other"),
+        (["in", "--out", "out", "--model", "absent"], "absent: there is no model in this folder"),
+        (["in", "--out", "/dev/null/out", "--labels", "rules"], "/dev/null"),
+    ],
+)
+def test_2_wrong_usage(
+    recognize: Command, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], complaint: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in").symlink_to(recordings)
+    answer = recognize(*arguments)
+    assert answer.code == 2
+    assert complaint in answer.err
+    assert "Traceback" not in answer.err
+
+
+def test_3_no_recordings(recognize: Command, tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    answer = recognize(tmp_path / "in", "--out", tmp_path / "out", "--labels", "rules")
+    assert (answer.code, answer.err.count("\n")) == (3, 1)
+    assert "no recording of a known format" in answer.err
+    assert recognize(tmp_path / "absent", "--out", tmp_path / "out", "--labels", "rules").code == 3
+
+
+def test_3_an_invalid_recording_among_others(recognize: Command, tmp_path: Path) -> None:
+    motorway.write_motorway(tmp_path / "in", "01")
+    bad = motorway.write_motorway(tmp_path / "in", "02")
+    bad.write_text(bad.read_text().replace("30.0", "nan", 1))
+    answer = recognize(tmp_path / "in", "--out", tmp_path / "out", "--labels", "rules")
+    assert answer.code == 3
+    assert "highway cut in" in answer.out
+    assert answer.err.startswith("xosc-recognize: ") and "02_tracks.csv:2: column xVelocity" in answer.err
+
+
+# commands -----------------------------------------------------------------------------------
+
+
+def test_runs_are_labelled(recognize: Command, tmp_path: Path, recordings: Path) -> None:
+    recognize(recordings, "--out", tmp_path / "in", "--labels", "rules", "-q")
+    scenario = next((tmp_path / "in" / "highway_cut_in").glob("*1_0*_maneuver.xosc"))
+    (tmp_path / "runs").mkdir()
+    job = runner.jobs.Job("run", scenario, scenario)
+    assert runner.batch.execute(job, runner.batch.Options(sut="none", world="kinematic"), tmp_path / "runs").status == "completed"
+    answer = recognize("label", tmp_path / "runs", "--labels", "rules")
+    assert (answer.code, answer.err) == (0, "")
+    assert "run: highway cut in of Ego at " in answer.out
+    assert f"written: {scenario.with_name(f'{scenario.stem}_labelled.xosc')}" in answer.out
+
+
+def test_label_needs_runs(recognize: Command, recordings: Path) -> None:
+    answer = recognize("label", recordings, "--labels", "rules")
+    assert (answer.code, answer.err.count("\n")) == (3, 1)
+    assert "no results of xosc-run" in answer.err
+
+
+def test_version(recognize: Command) -> None:
+    assert recognize("--version") == (0, f"xosc-recognize {version()}\n", "")
+
+
+def test_help_names_all_commands_and_loads_nothing_heavy() -> None:
+    code = (
+        "import sys; from recognition import cli; sys.argv = ['xosc-recognize', '--help']\n"
+        "try: cli.main()\n"
+        "except SystemExit as end: print(end.code)\n"
+        "print([name for name in ('torch', 'sklearn', 'numpy', 'matplotlib', 'libsumo', 'scipy') if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    *text, ended, loaded = run.stdout.splitlines()
+    assert (ended, loaded) == ("0", "[]")
+    joined = " ".join(" ".join(text).split())
+    assert all(f"xosc-recognize {name}:" in joined for name in cli.COMMANDS)
