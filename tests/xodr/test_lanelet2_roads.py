@@ -131,6 +131,40 @@ def test_what_crosses_is_one_junction(tmp_path: Path) -> None:
     assert len(across) == 12
 
 
+@pytest.mark.parametrize(("length", "junctions"), [(30.0, 1), (200.0, 0)])
+def test_roads_cross_at_a_junction_or_on_a_bridge(length: float, junctions: int, tmp_path: Path) -> None:
+    made = LaneletMap()
+    for axis in (0, 1):
+        ends = [(place, 0.0) if axis else (0.0, place) for place in (-length / 2 - 50, -length / 2, length / 2, length / 2 + 50)]
+        for number in range(3):
+            sides = (straight(*ends[number : number + 2], t) for t in (WIDTH / 2, -WIDTH / 2))
+            made.lanelet(1 + number + 10 * axis, *sides)
+    _, network = converted(made, tmp_path)
+    assert len(network.junctions) == junctions
+    assert len(network.roads) == 2 + 4 * junctions
+
+
+def test_a_lane_that_splits_off_and_comes_back_makes_no_junction_of_the_road(tmp_path: Path) -> None:
+    made = fork()
+    made.lanelet(5, *([(50.0, t), (75.0, t - 3.0), (100.0, t)] for t in (WIDTH / 2, -WIDTH / 2)))
+    conversion, network = converted(made, tmp_path)
+    assert all(road.junction_id is None for road in network.roads.values())
+    targets = {(link.road_id, link.lane_id) for link in network.links(*conversion.lanelets["5"], True)}
+    assert targets == {conversion.lanelets["4"]}
+
+
+def test_maps_can_be_mirrored(tmp_path: Path) -> None:
+    built = build(read_lanelets(four_way().write(tmp_path), None).lanes, "mirrored")
+    assert built.map.mirrored().mirrored() == built.map
+    path = built.map.mirrored().write(tmp_path / "map.xodr")
+    assert schemas.check(path) == []
+    there, here = xodr.load(path), xodr.load(built.map.write(tmp_path / "other.xodr"))
+    for name, (road, lane) in built.lanelets.items():
+        s = here.road(road).length / 2
+        pose, other = here.pose(here.lane_point(road, lane, s)), there.pose(there.lane_point(road, -lane, s))
+        assert (pose.x, -pose.y) == pytest.approx((other.x, other.y), abs=1e-9), name
+
+
 def test_a_ring_leads_round(tmp_path: Path) -> None:
     conversion, network = converted(ring(), tmp_path)
     assert len(network.junctions) == 3

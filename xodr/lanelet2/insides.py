@@ -17,6 +17,8 @@ from xodr.lanelet2.lanelet import Lanelet, Points
 from xodr.lanelet2.polylines import frame_at, lengths, middle
 from xodr.lanelet2.splitting import second, split
 
+_LONGEST_CROSSING = 60.0
+"""Length up to which lanelets are taken to cross on the same level where they do nothing else, m."""
 _LONGEST_PART = 15.0
 """Length of what is cut off for a junction where nothing crosses it, m."""
 _PAST_CROSSING = 5.0
@@ -65,9 +67,8 @@ def _inside(graph: Graph, rows: Layout) -> tuple[set[int], dict[int, bool]]:
 
 def _wanted(graph: Graph, rows: Layout, number: int) -> list[bool]:
     """The ends (True) and starts of a row at which it is the inside of a junction by itself."""
-    crosses = any(graph.crossings[name] for name in rows.bundles[number].first)
     single = _single(rows, number)
-    if not crosses and not (all(single) and _splits_and_merges(rows, number)):
+    if not _crosses(graph, rows, number) and not (all(single) and _splits_and_merges(rows, number)):
         return []
     return [at_end for at_end, leads in zip((False, True), single, strict=True) if leads][:1]
 
@@ -78,15 +79,24 @@ def _single(rows: Layout, number: int) -> tuple[bool, bool]:
     return start is not None and len(start.ending) == 1, end is not None and len(end.beginning) == 1
 
 
+def _crosses(graph: Graph, rows: Layout, number: int) -> bool:
+    """Whether a row crosses another one; a long one that neither splits nor merges does so on a bridge."""
+    if not any(graph.crossings[name] for name in rows.bundles[number].first):
+        return False
+    joints = (rows.joint(number, False), rows.joint(number, True))
+    bound = lengths(graph.lanelets[rows.bundles[number].first[0]].left)[-1]
+    return bound <= _LONGEST_CROSSING or any(joint is not None and not joint.plain for joint in joints)
+
+
 def _splits_and_merges(rows: Layout, number: int) -> bool:
     """Whether a single lane begins at a split and ends at a merge with others, as in a roundabout.
 
-    A lane that splits off a road and comes back to it widens that road, and is no inside of a junction.
+    A lane that splits off another one and comes back to it widens a road, and is no inside of a junction.
     """
     start, end = rows.joint(number, False), rows.joint(number, True)
     if start is None or end is None or len(rows.bundles[number].lanes) > 1:
         return False
-    return not start.plain and not end.plain and start.beginning != end.ending
+    return not start.plain and not end.plain and set(start.beginning) & set(end.ending) == {number}
 
 
 def _cut(graph: Graph, table: dict[str, Lanelet], row: Bundle, at_end: bool) -> set[str]:
