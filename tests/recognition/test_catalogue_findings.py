@@ -36,8 +36,8 @@ def test_other_egos_classes_and_partners_are_other_findings() -> None:
         moment(1.0),
         moment(1.0, ego="2"),
         moment(1.0, "b"),
-        moment(1.2, partner="5", **cut),
-        moment(1.2, partner="6", **cut),
+        moment(1.2, "c", partner="5", **cut),
+        moment(1.2, "c", partner="6", **cut),
     ]
     assert len(joined(others, gap=1.0)) == 5
 
