@@ -17,7 +17,7 @@ from recognition.sites.lanes import Floats, Whole
 
 def ramp_entering(scene: Scene) -> Hits:
     """7: from a ramp, along which ego drove `rules.ramp_length` or more, onto a main lane."""
-    ramp = scene.has_role(Role.ON_RAMP)
+    ramp = scene.has_role(Role.ON_RAMP, Role.WEAVING)
     row, shift = _transitions(scene, ramp, scene.has_role(Role.MAIN))
     way = _way_on(scene, ramp)
     length = way[row] - way[_course_ends(scene)[0][row]]
@@ -26,7 +26,7 @@ def ramp_entering(scene: Scene) -> Hits:
 
 def ramp_exiting(scene: Scene) -> Hits:
     """8: from a main lane onto a ramp, along which ego drives `rules.ramp_length` or more."""
-    ramp = scene.has_role(Role.OFF_RAMP)
+    ramp = scene.has_role(Role.OFF_RAMP, Role.WEAVING)
     row, shift = _transitions(scene, scene.has_role(Role.MAIN), ramp)
     way = _way_on(scene, ramp)
     length = way[_course_ends(scene)[1][row]] - way[row]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from recognition.sites.lanes import LaneGraph, Strip
+from recognition.sites.ramps import ramp_roles
 from recognition.sites.roles import Entry, Role
 from recognition.sites.shapes import crosses_or_turns, ring_strips
 from xodr.network import RoadNetwork
@@ -36,7 +37,7 @@ class _Proposal:
         self._crossings = {name: lit for name in network.junctions if (lit := self._crossing(name)) is not None}
         driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
         self.roles = {number: self._first(number) for number in driving}
-        self._add_ramps()
+        self.roles |= ramp_roles(graph, {number for number, role in self.roles.items() if role is Role.MAIN})
         self._add_approaches()
 
     def _first(self, number: int) -> Role:
@@ -78,33 +79,6 @@ class _Proposal:
         signals = [signal for road in incoming | inside for signal in self._network.roads[road].signals]
         lit = any(signal.dynamic or signal.type == _LIGHT for signal in signals)
         return lit or bool(junction.controllers) or not self._lights.isdisjoint(incoming | inside)
-
-    def _add_ramps(self) -> None:
-        """Main lanes that end beside others which go on, and those that begin so, are ramps, with what leads only there."""
-        for number, role in list(self.roles.items()):
-            if role is Role.MAIN and not self._graph.following[number] and self._neighbours(number, self._graph.following):
-                self._mark(number, self._graph.preceding, Role.ON_RAMP)
-            elif role is Role.MAIN and not self._graph.preceding[number] and self._neighbours(number, self._graph.preceding):
-                self._mark(number, self._graph.following, Role.OFF_RAMP)
-
-    def _neighbours(self, number: int, links: list[list[int]]) -> bool:
-        """Whether a lane beside a strip, in the same direction, has links of that kind."""
-        strip = self._graph.strips[number]
-        beside = [
-            other
-            for other in self.roles
-            if other != number
-            and self._graph.strips[other][:2] == strip[:2]
-            and self._graph.strips[other].forward == strip.forward
-        ]
-        return any(links[other] for other in beside)
-
-    def _mark(self, number: int, links: list[list[int]], role: Role) -> None:
-        while self.roles.get(number) is Role.MAIN:
-            self.roles[number] = role
-            if len(links[number]) != 1:
-                return
-            number = links[number][0]
 
     def _add_approaches(self) -> None:
         crossings = (Role.INSIDE, Role.SIGNALISED, Role.ENTRY)

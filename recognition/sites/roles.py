@@ -41,6 +41,8 @@ class Role(StrEnum):
     """lane that leads onto main lanes, the acceleration lane included"""
     OFF_RAMP = "off_ramp"
     """lane that leads off main lanes, the deceleration lane included"""
+    WEAVING = "weaving"
+    """lane from an on-ramp to an off-ramp, which is part of both"""
     URBAN = "urban"
     """lane of a road with a limit of at most 70 km/h"""
     APPROACH = "approach"

@@ -17,6 +17,8 @@ from schemas.errors import InvalidFile
 from tests.recognition.driving import site
 from xodr import builders
 from xodr.builders import RoadMap
+from xodr.builders.curves import Pose, line
+from xodr.builders.elements import Connection, Cubic, Junction, Lane, Link, Road, Section
 
 
 def roles_of(built: RoadMap, folder: Path) -> dict[tuple[str, int], set[Role]]:
@@ -52,6 +54,43 @@ def test_ramps_are_told_by_their_ends_where_lane_types_say_nothing(tmp_path: Pat
         assert found == {("3", -1), ("102", -1), extra}
 
 
+def carriageway(number: int, x: float, lanes: int, **links: object) -> Road:
+    """A road of 100 m in the direction of x whose lanes are linked to those of the same id."""
+    linked = {-lane: Lane("driving", (Cubic(0.0, 3.5),), predecessor=-lane, successor=-lane) for lane in range(1, lanes + 1)}
+    return Road(number, str(number), Pose(x, 0.0, 0.0), (line(100.0),), (Section(0.0, linked),), "motorway", 36.0, **links)
+
+
+def ramp(number: int, x: float, **links: object) -> Road:
+    """A one-lane road along the third lane."""
+    lanes = {-1: Lane("driving", (Cubic(0.0, 3.5),))}
+    return Road(number, str(number), Pose(x, -7.0, 0.0), (line(100.0),), (Section(0.0, lanes),), "motorway", 22.0, **links)
+
+
+def test_a_lane_from_an_on_ramp_to_an_off_ramp_is_weaving(tmp_path: Path) -> None:
+    into, out = Link("junction", 10), Link("junction", 11)
+    roads = (
+        carriageway(1, 0.0, 2, successor=into), carriageway(2, 100.0, 3, predecessor=into, successor=out),
+        carriageway(3, 200.0, 2, predecessor=out), ramp(4, 0.0, successor=into), ramp(5, 200.0, predecessor=out),
+    )  # fmt: skip
+    both = ((-1, -1), (-2, -2))
+    junctions = (
+        Junction(10, "in", (Connection(1, 2, both), Connection(4, 2, ((-1, -3),))), direct=True),
+        Junction(11, "out", (Connection(2, 3, both), Connection(2, 5, ((-3, -1),))), direct=True),
+    )
+    found = roles_of(RoadMap("weaving", roads, junctions), tmp_path)
+    ramps = {("4", -1): {Role.ON_RAMP}, ("2", -3): {Role.WEAVING}, ("5", -1): {Role.OFF_RAMP}}
+    assert {lane: roles for lane, roles in found.items() if roles != {Role.MAIN}} == ramps
+
+
+@pytest.mark.parametrize(("before", "after"), [(3, 2), (2, 3)])
+def test_a_lane_more_or_less_is_no_ramp(tmp_path: Path, before: int, after: int) -> None:
+    one, two = (
+        carriageway(1, 0.0, before, successor=Link("road", 2, "start")),
+        carriageway(2, 100.0, after, predecessor=Link("road", 1, "end")),
+    )
+    assert set().union(*roles_of(RoadMap("lanes", (one, two)), tmp_path).values()) == {Role.MAIN}
+
+
 @pytest.mark.parametrize(("arms", "lanes", "rule"), [(4, 1, "RHT"), (5, 2, "RHT"), (3, 1, "LHT")])
 def test_rings_are_found_with_their_entries_and_exits(tmp_path: Path, arms: int, lanes: int, rule: str) -> None:
     found = roles_of(builders.roundabout(arms=arms, lanes=lanes, rule=rule), tmp_path)
@@ -83,7 +122,7 @@ def test_the_speed_limit_parts_urban_from_fast_roads(tmp_path: Path, limit: floa
 
 
 @pytest.fixture
-def ramp(tmp_path: Path) -> Site:
+def entered(tmp_path: Path) -> Site:
     return site(builders.on_ramp(), tmp_path)
 
 
@@ -97,27 +136,27 @@ def edit(place: Site, change: Callable[[list[dict[str, Any]]], object]) -> None:
     roles_file(place).write_text(json.dumps(document))
 
 
-def test_what_was_proposed_is_read_back(ramp: Site) -> None:
-    assert site_at(ramp.path).roles == ramp.roles
+def test_what_was_proposed_is_read_back(entered: Site) -> None:
+    assert site_at(entered.path).roles == entered.roles
 
 
-def test_a_proposal_that_nobody_edited_follows_the_map(ramp: Site) -> None:
-    builders.straight_highway(lanes=2).write(ramp.path)
-    assert {entry.road for entry in site_at(ramp.path).roles.entries} == {"1"}
-    assert {one["road"] for one in json.loads(roles_file(ramp).read_text())["roles"]} == {"1"}
+def test_a_proposal_that_nobody_edited_follows_the_map(entered: Site) -> None:
+    builders.straight_highway(lanes=2).write(entered.path)
+    assert {entry.road for entry in site_at(entered.path).roles.entries} == {"1"}
+    assert {one["road"] for one in json.loads(roles_file(entered).read_text())["roles"]} == {"1"}
 
 
-def test_an_edit_counts_and_is_never_overwritten(ramp: Site) -> None:
-    edit(ramp, lambda roles: roles.remove(next(one for one in roles if one["road"] == "3")))
-    edited = roles_file(ramp).read_bytes()
-    found = site_at(ramp.path).roles
+def test_an_edit_counts_and_is_never_overwritten(entered: Site) -> None:
+    edit(entered, lambda roles: roles.remove(next(one for one in roles if one["road"] == "3")))
+    edited = roles_file(entered).read_bytes()
+    found = site_at(entered.path).roles
     assert all(entry.road != "3" for entry in found.entries)
-    assert roles_file(ramp).read_bytes() == edited
+    assert roles_file(entered).read_bytes() == edited
 
 
-def test_an_edit_may_part_a_lane_along_s(ramp: Site) -> None:
-    edit(ramp, lambda roles: roles.append({"road": "1", "lane": -3, "from": 100.0, "to": 200.0, "role": "urban"}))
-    place, s = site_at(ramp.path), np.array([50.0, 150.0, 250.0])
+def test_an_edit_may_part_a_lane_along_s(entered: Site) -> None:
+    edit(entered, lambda roles: roles.append({"road": "1", "lane": -3, "from": 100.0, "to": 200.0, "role": "urban"}))
+    place, s = site_at(entered.path), np.array([50.0, 150.0, 250.0])
     strip = graph(place.network).find(np.full(3, "1", object), np.full(3, -3), s)
     assert [ROLES[code] for code in place.roles.codes(place.lanes, strip, s)] == [Role.OTHER, Role.URBAN, Role.OTHER]
 
@@ -136,18 +175,18 @@ def test_an_edit_may_part_a_lane_along_s(ramp: Site) -> None:
         (lambda roles: roles.append("main"), "an entry has road"),
     ],
 )
-def test_an_edit_that_does_not_fit_the_map_is_refused(ramp: Site, change: Callable[[Any], object], message: str) -> None:
-    edit(ramp, change)
+def test_an_edit_that_does_not_fit_the_map_is_refused(entered: Site, change: Callable[[Any], object], message: str) -> None:
+    edit(entered, change)
     with pytest.raises(InvalidFile, match=message) as caught:
-        site_at(ramp.path)
-    assert str(roles_file(ramp)) in str(caught.value) and "delete it to have roles proposed anew" in str(caught.value)
+        site_at(entered.path)
+    assert str(roles_file(entered)) in str(caught.value) and "delete it to have roles proposed anew" in str(caught.value)
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"roles": 3}', '{"roles": [', "\udc80"])
-def test_a_file_that_is_none_is_refused(ramp: Site, content: str) -> None:
-    roles_file(ramp).write_text(content, errors="surrogateescape")
+def test_a_file_that_is_none_is_refused(entered: Site, content: str) -> None:
+    roles_file(entered).write_text(content, errors="surrogateescape")
     with pytest.raises(InvalidFile):
-        site_at(ramp.path)
+        site_at(entered.path)
 
 
 def test_a_folder_for_reading_only_is_no_obstacle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _FAINT = "0.8"
+_GREYS = (14, 15)
+"""Colours of the palette that look like the ways without events."""
 _MARGIN = 3.0
 """Room about the ways on a map, m."""
 
@@ -49,11 +51,11 @@ def _map(place: Place, axes: Axes) -> None:
                 axes.plot(border[:, 0], border[:, 1], color="0.6", linewidth=0.4)
     for x, y in place.ways:
         axes.plot(x, y, color=_FAINT, linewidth=0.6, zorder=0)
-    colours = colormaps["tab20"].colors  # type: ignore[attr-defined]
+    colours = [colormaps["tab20"](index) for index in range(20) if index not in _GREYS]
     for label, lines in sorted(place.lines.items()):
         for number, (x, y) in enumerate(lines):
             title = f"{label.title} ({len(lines)})" if number == 0 else None
-            axes.plot(x, y, color=colours[label % 20], linewidth=1.6, label=title)
+            axes.plot(x, y, color=colours[label - 1], linewidth=1.6, label=title)
     x, y = (np.concatenate(values) for values in zip(*place.ways, strict=True))
     axes.set(title="windows of the events", xlabel="x / m", ylabel="y / m")
     axes.set(xlim=(x.min() - _MARGIN, x.max() + _MARGIN), ylim=(y.min() - _MARGIN, y.max() + _MARGIN))
