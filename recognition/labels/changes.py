@@ -77,9 +77,11 @@ def _is_held(lane: Whole, course: Whole, row: Whole, least: int) -> Flags:
 
 
 def _side(scene: Scene, steps: Whole, begins: Flags) -> Floats:
-    """Lateral way to the left since each course began: changes of the lane offset, and a lane's width for each step."""
-    widths = 0.5 * (scene.site.lanes.width[scene.strip[1:]] + scene.site.lanes.width[scene.strip[:-1]])
-    moved = np.concatenate([[0.0], np.diff(scene.offset) + steps[1:] * widths])
+    """Lateral way to the left since each course began: changes of the lane offset, or of t where the lane changes."""
+    lanes, before, after = scene.site.lanes, scene.strip[:-1], scene.strip[1:]
+    to_road = np.diff(scene.offset) + steps[1:] * 0.5 * (lanes.width[before] + lanes.width[after])
+    to_lane = np.where(lanes.road[before] == lanes.road[after], np.diff(scene.aside), to_road)
+    moved = np.concatenate([[0.0], np.where(steps[1:] == 0, np.diff(scene.offset), to_lane)])
     side = np.cumsum(np.where(begins, 0.0, moved))
     return side - side[_first(begins)]
 

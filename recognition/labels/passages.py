@@ -51,7 +51,7 @@ class Passages:
 
 def passages(scene: Scene) -> Passages:
     """The ways of all tracks through junctions, of `rules.passage` at least."""
-    junction_of, road_of = _numbers(scene)
+    junction_of, road_of = _junctions(scene), scene.site.lanes.road
     inside = np.where(scene.has_role(Role.INSIDE, Role.SIGNALISED), junction_of[scene.strip], NOWHERE)
     inside = held(inside, scene.track, scene.rows(scene.rules.flicker))
     start, size = stays(inside, scene.track)
@@ -87,14 +87,12 @@ def _neighbours(links: list[list[int]], strip: Whole) -> Whole:
     return np.where(strip != NOWHERE, linked[strip], NOWHERE)
 
 
-def _numbers(scene: Scene) -> tuple[Whole, Whole]:
-    """Number of the junction (NOWHERE for none) and of the road of each strip."""
-    roads = scene.site.network.roads
-    junctions = {name: number for number, name in enumerate(scene.site.network.junctions)}
-    numbers = {name: number for number, name in enumerate(roads)}
-    strips = scene.site.lanes.strips
-    junction = [junctions.get(roads[strip.road].junction_id or "", NOWHERE) for strip in strips]
-    return np.array(junction, np.int64), np.array([numbers[strip.road] for strip in strips], np.int64)
+def _junctions(scene: Scene) -> Whole:
+    """Number of the junction of each strip, NOWHERE for none."""
+    network = scene.site.network
+    numbers = {name: number for number, name in enumerate(network.junctions)}
+    found = [numbers.get(network.roads[strip.road].junction_id or "", NOWHERE) for strip in scene.site.lanes.strips]
+    return np.array(found, np.int64)
 
 
 def _half(values: Floats, start: int, end: int) -> int:

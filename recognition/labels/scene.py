@@ -36,7 +36,8 @@ class Scene:
         track: index of each row's track. frame: number of its time step. time: s.
         first, last: first and last row of the part without missing frames that each row is in.
         x, y, h, speed, acceleration: as in the recording; the acceleration is smoothed.
-        strip: index of the lane strip. along: distance from its beginning, m. offset: of the lane's centre, to the left, m.
+        strip: index of the lane strip. along: distance from its beginning, m. offset, aside: distance to the left of the
+            lane's centre and of the road's reference line, m.
         role: index into `ROLES`. front, rear: distance of the box's ends ahead of the reference point, m. width: of the box, m.
     """
 
@@ -59,6 +60,7 @@ class Scene:
     strip: Whole
     along: Floats
     offset: Floats
+    aside: Floats
     role: Whole
     front: Floats
     rear: Floats
@@ -124,6 +126,7 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
     first, last = _parts(track, frame)
     lane_id, s, lanes = _joined(tracks, "lane_id").astype(np.int64), _joined(tracks, "s"), site.lanes
     strip = lanes.find(_joined(tracks, "road_id"), lane_id, s)
+    left = np.where(lanes.forward[strip], 1.0, -1.0)
     boxes = [track.box for track in tracks]
     half = max(1, round(0.5 * rules.smoothing / recording.timestep))
     return Scene(
@@ -145,7 +148,8 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
         acceleration=smoothed(_joined(tracks, "acceleration"), half, first, last),
         strip=strip,
         along=np.where(strip == NOWHERE, 0.0, lanes.along(strip, s)),
-        offset=_joined(tracks, "lane_offset") * np.where(lanes.forward[strip], 1.0, -1.0),
+        offset=_joined(tracks, "lane_offset") * left,
+        aside=_joined(tracks, "t") * left,
         role=site.roles.codes(lanes, strip, s),
         front=np.repeat([box.x + 0.5 * box.length for box in boxes], sizes),
         rear=np.repeat([box.x - 0.5 * box.length for box in boxes], sizes),

@@ -52,6 +52,7 @@ class LaneGraph:
         strips: the lanes within sections.
         following, preceding: indices of the strips that traffic reaches from each, and from which it reaches it.
         straight: that one of them which turns least, or NOWHERE.
+        road: number of each strip's road.
     """
 
     def __init__(self, network: RoadNetwork) -> None:
@@ -75,6 +76,8 @@ class LaneGraph:
         self.straight = np.array([self._straightest(number) for number in range(len(self.strips))], np.int64)
         self._start = np.array([strip.start for strip in self.strips])
         self._end = np.array([strip.end for strip in self.strips])
+        numbers = {name: number for number, name in enumerate(network.roads)}
+        self.road = np.array([numbers[strip.road] for strip in self.strips], np.int64)
         self.length = np.array([strip.length for strip in self.strips])
         self.width = np.array([strip.width for strip in self.strips])
         self.forward = np.array([strip.forward for strip in self.strips], bool)
