@@ -46,6 +46,7 @@ class Clustering:
         epochs, batch, rate: of Adam.
         consistency: λ.
         ramp: E_r, epochs until ω reaches λ.
+        threads: that share the arithmetic; a small backbone is faster on one, and sums depend on their number.
         refreshed: whether S is computed anew in each epoch, as for an unsupervised forest on the features learnt so far.
     """
 
@@ -53,11 +54,12 @@ class Clustering:
     targets: Literal["three-way", "soft"] = "three-way"
     positive: float = 0.85
     negative: float = 0.5
-    epochs: int = 60
-    batch: int = 256
+    epochs: int = 150
+    batch: int = 128
     rate: float = 1e-3
     consistency: float = 10.0
-    ramp: int = 30
+    ramp: int = 75
+    threads: int = 1
     refreshed: bool = False
 
 
@@ -174,6 +176,7 @@ def cluster(
     truth = torch.from_numpy(np.unique(labels, return_inverse=True)[1])
     losses = np.zeros((config.epochs, 3))
     with deterministic(seed):
+        torch.set_num_threads(config.threads)
         heads = _heads(backbone, anchors, truth, config)
         optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
         for epoch in range(config.epochs):
