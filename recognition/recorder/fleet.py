@@ -56,6 +56,19 @@ class Kind(NamedTuple):
     braking: Uniform
 
 
+Driver = dict[str, Normal | Uniform]
+"""Distributions of SUMO's parameters of a driver: `tau` is the wanted headway (s), `minGap` the gap in a queue (m), `lcAssertive`
+the factor by which smaller gaps are taken in lane changes, `lcSpeedGain` and `lcKeepRight` the eagerness to overtake and to
+return, `lcSpeedGainLookahead` how far ahead slow vehicles are avoided (s)."""
+
+
+class Fleet(NamedTuple):
+    """Shares of kinds of vehicles, 1 in sum, and their drivers."""
+
+    kinds: dict[Kind, float]
+    driver: Driver
+
+
 CAR = Kind(
     "passenger",
     "car",
@@ -107,27 +120,40 @@ MOTORBIKE = Kind(
     Uniform(3.0, 5.0),
 )
 
-Fleet = dict[Kind, float]
-"""Shares of kinds, 1 in sum."""
-
-MOTORWAY: Fleet = {CAR: 0.78, VAN: 0.08, LORRY: 0.05, TRAILER: 0.09}
-TOWN: Fleet = {CAR: 0.86, VAN: 0.08, LORRY: 0.03, MOTORBIKE: 0.03}
-
-_DRIVER: dict[str, Normal | Uniform] = {
-    "tau": Uniform(0.8, 1.7),  # wanted time headway, s
-    "minGap": Uniform(1.5, 3.0),  # m
-    "lcAssertive": Uniform(1.0, 1.6),
-    "lcSpeedGain": Uniform(0.7, 3.0),
-    "lcKeepRight": Uniform(0.3, 2.0),
+_DRIVER: Driver = {
+    "impatience": Uniform(0.6, 0.9),  # at junctions: 1 makes others brake
+    "jmTimegapMinor": Uniform(0.3, 0.8),  # to others at junctions, s
+    "lcKeepRight": Uniform(1.0, 5.0),
     "lcCooperative": Uniform(0.4, 1.0),
     "lcSigma": Uniform(0.0, 0.1),  # unrest within the lane, m
     "latAlignment": Normal(0.0, 0.12),  # from the middle of the lane, m
     "maxSpeedLat": Uniform(0.8, 1.5),  # m/s
     "lcAccelLat": Uniform(0.5, 1.1),  # m/s²
-    "impatience": Uniform(0.0, 0.6),  # at junctions, of 1
     "minGapLat": Uniform(0.3, 0.6),  # m
 }
-"""SUMO's parameters of a driver."""
+
+MOTORWAY = Fleet(
+    {CAR: 0.78, VAN: 0.08, LORRY: 0.05, TRAILER: 0.09},
+    _DRIVER
+    | {
+        "tau": Uniform(0.8, 1.7),
+        "minGap": Uniform(1.5, 3.0),
+        "lcAssertive": Uniform(1.2, 2.5),
+        "lcSpeedGain": Uniform(2.0, 8.0),
+    },
+)
+TOWN = Fleet(
+    {CAR: 0.86, VAN: 0.08, LORRY: 0.03, MOTORBIKE: 0.03},
+    _DRIVER
+    | {
+        "tau": Uniform(0.4, 1.0),
+        "minGap": Uniform(1.0, 2.0),
+        "lcAssertive": Uniform(2.0, 20.0),
+        "lcSpeedGain": Uniform(0.2, 8.0),
+        "lcSpeedGainLookahead": Uniform(0.0, 2.0),
+    },
+)
+"""Where drivers are less patient and keep smaller gaps."""
 
 
 class Vehicle(NamedTuple):
@@ -141,9 +167,9 @@ class Vehicle(NamedTuple):
 
 def vehicle(fleet: Fleet, rng: np.random.Generator) -> Vehicle:
     """Draw a vehicle."""
-    kind = list(fleet)[int(rng.choice(len(fleet), p=list(fleet.values())))]
+    kind = list(fleet.kinds)[int(rng.choice(len(fleet.kinds), p=list(fleet.kinds.values())))]
     length, width = (round(size.draw(rng), 2) for size in (kind.length, kind.width))
-    drawn = {name: distribution.draw(rng) for name, distribution in _DRIVER.items()}
+    drawn = {name: distribution.draw(rng) for name, distribution in fleet.driver.items()}
     drawn |= {
         "length": length, "width": width, "speedFactor": max(kind.wish.draw(rng), 0.5), "maxSpeed": kind.top.draw(rng),
         "accel": kind.acceleration.draw(rng), "decel": kind.braking.draw(rng),

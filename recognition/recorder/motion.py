@@ -1,9 +1,9 @@
 """From SUMO's front bumpers to the motion of whole vehicles, smooth and consistent in itself.
 
-SUMO moves points along lanes in steps; real vehicles are rigid bodies on wheels. The path of the front is smoothed (SUMO's
-accelerations jump, its lanes have corners) and the rear axle is pulled after it without slipping sideways. So headings follow
-from the motion, in lane changes as in curves and when standing still. Velocities and accelerations are derivatives of
-positions.
+SUMO moves points along lanes; vehicles are rigid bodies on two axles. The front axle takes the way that SUMO's point takes, which
+is smoothed (SUMO's accelerations jump, its lanes have corners), and pulls the rear axle after it without slipping sideways. So
+headings follow from the motion, in lane changes as in curves, also while standing. Velocities and accelerations are derivatives
+of positions.
 """
 
 from __future__ import annotations
@@ -55,25 +55,38 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> Motion:
     starts = np.flatnonzero(np.diff(fronts.vehicle, prepend=-1))
     ends = np.append(starts[1:], len(fronts.vehicle))
     long = ends - starts >= _SHORTEST * STEPS
-    tracks = [_frames(fronts, start, end, rate) for start, end in zip(starts[long], ends[long], strict=True)]
-    counts = np.array([len(track[0]) for track in tracks])
-    frame, x, y = (np.concatenate(column) for column in zip(*tracks, strict=True))
-    vehicle = fronts.vehicle[starts[long]]
+    starts, ends = starts[long], ends[long]
+    vehicle, h = fronts.vehicle[starts], fronts.h[starts]
     length = np.array(lengths)[vehicle]
-    h = _headings(x, y, counts, (0.5 + REAR_AXLE) * length, fronts.h[starts[long]])
+    tracks = [
+        _axle(fronts, *which, rate)
+        for which in zip(starts.tolist(), ends.tolist(), ((0.5 - REAR_AXLE) * length).tolist(), strict=True)
+    ]
+    counts = np.array([len(frame) for frame, _, _ in tracks])
+    frame, x, y = (np.concatenate(column) for column in zip(*tracks, strict=True))
+    h = _headings(x, y, counts, 2 * REAR_AXLE * length, h)
     each = np.repeat(np.arange(len(vehicle)), counts)
-    x, y = x - 0.5 * length[each] * np.cos(h), y - 0.5 * length[each] * np.sin(h)
+    behind = REAR_AXLE * length[each]
+    x, y = x - behind * np.cos(h), y - behind * np.sin(h)
     vx, vy = (_rate(values, counts, rate) for values in (x, y))
     ax, ay = (_rate(values, counts, rate) for values in (vx, vy))
     return Motion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
 
 
-def _frames(fronts: Fronts, start: int, end: int, rate: int) -> tuple[Whole, Floats, Floats]:
-    """Frames and places of one front, smoothed."""
-    first, last = (int(step) for step in fronts.step[[start, end - 1]])
-    frame = np.arange(-(-first * rate // STEPS), last * rate // STEPS + 1)
-    time = fronts.step[start:end] / STEPS
-    x, y = (CubicSpline(time, _smooth(values[start:end]))(frame / rate) for values in (fronts.x, fronts.y))
+def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tuple[Whole, Floats, Floats]:
+    """Frames and places of one front axle, `behind` the bumper (m)."""
+    x, y, step = fronts.x[start:end], fronts.y[start:end], fronts.step[start:end]
+    h = fronts.h[start]
+    way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    known = np.append(True, np.diff(way) > 0.0)
+    path = (
+        np.append(-behind, way[known]),
+        np.append(x[0] - behind * np.cos(h), x[known]),
+        np.append(y[0] - behind * np.sin(h), y[known]),
+    )
+    frame = np.arange(-(-step[0] * rate // STEPS), step[-1] * rate // STEPS + 1)
+    axle = (_smooth(np.interp(way - behind, path[0], coordinate)) for coordinate in path[1:])
+    x, y = (CubicSpline(step / STEPS, coordinate)(frame / rate) for coordinate in axle)
     return frame, x, y
 
 
@@ -87,7 +100,7 @@ def _smooth(values: Floats) -> Floats:
 
 
 def _headings(x: Floats, y: Floats, counts: Whole, distance: Floats, h: Floats) -> Floats:
-    """Headings of vehicles whose rear axles follow their fronts at a distance, from given headings at the start.
+    """Headings of vehicles whose rear axles follow their front axles at a distance, from given headings at the start.
 
     All vehicles take their first step, then all their second one and so on.
     """

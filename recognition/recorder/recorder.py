@@ -12,13 +12,15 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from recognition.recorder import highd, interaction
-from recognition.recorder.demand import departures
+from recognition.recorder.demand import departures, parked
+from recognition.recorder.fleet import Vehicle
 from recognition.recorder.motion import Motion, motion
+from recognition.recorder.overlaps import overlaps
 from recognition.recorder.simulation import simulate
 from recognition.recorder.sites import SITES, Site, View
-from schemas.errors import UsageError
+from schemas.errors import ToolchainError, UsageError
 from xodr.reader import load
-from xodr.sumo_net import build
+from xodr.sumo_net import SumoNet, build
 
 WARM_UP = 90.0
 """Time before the recording in which the roads fill, s."""
@@ -28,6 +30,8 @@ _FEWEST = 3
 """Recordings of a site at any scale: one each to train with, to validate and to test."""
 _SHORTEST = 20.0
 """Length of a recording at any scale, s."""
+_ATTEMPTS = 8
+"""SUMO's drivers collide now and then, for want of an eye for it. Such traffic is not used, other traffic drawn instead."""
 _VARIATION = (0.75, 1.25)
 """Traffic of a recording over that of an average one."""
 
@@ -108,20 +112,31 @@ def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
 def _record(task: _Task) -> Path:
     site = SITES[task.site]
     rng = np.random.default_rng(task.seed)
-    busy = rng.uniform(*_VARIATION)
-    flows = [flow._replace(rate=flow.rate * busy) for flow in site.flows]
-    end = WARM_UP + task.length + _MARGIN
-    departing = departures(flows, site.fleet, end, rng)
     with TemporaryDirectory(prefix="xosc-recorder-") as folder:
         road = site.road_map().write(Path(folder) / f"{site.name}.xodr")
-        fronts = simulate(departing, build(road), WARM_UP - _MARGIN, end, int(rng.integers(2**31)))
-        network = load(road)
+        net, network = build(road), load(road)
+    for _ in range(_ATTEMPTS):
+        vehicles, seen = _attempt(site, net, task.length, rng)
+        length, width = (np.array([getattr(one, side) for one in vehicles])[seen.vehicle] for side in ("length", "width"))
+        if not len(overlaps(seen, length, width)[0]):
+            break
+    else:
+        raise ToolchainError(f"SUMO's vehicles run into each other at {site.name} all the time")
+    if site.layout == "highD":
+        return highd.write(task.folder, task.number + 1, network, site.view, vehicles, seen, round(task.length * highd.RATE))
+    return interaction.write(task.folder, task.number, vehicles, seen)
+
+
+def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) -> tuple[list[Vehicle], Motion]:
+    """New traffic, and what is seen of it."""
+    busy = rng.uniform(*_VARIATION)
+    flows = [flow._replace(rate=flow.rate * busy) for flow in site.flows]
+    end = WARM_UP + length + _MARGIN
+    departing = parked(site.parking, site.fleet, WARM_UP, end, rng) + departures(flows, site.fleet, end, rng)
+    fronts = simulate(departing, net, WARM_UP - _MARGIN, end, int(rng.integers(2**31)))
     vehicles = [departure.vehicle for departure in departing]
     rate = highd.RATE if site.layout == "highD" else interaction.RATE
-    seen = _seen(motion(fronts, [one.length for one in vehicles], rate), site.view, rate, task.length)
-    if site.layout == "highD":
-        return highd.write(task.folder, task.number + 1, network, site.view, vehicles, seen, round(task.length * rate))
-    return interaction.write(task.folder, task.number, vehicles, seen)
+    return vehicles, _seen(motion(fronts, [one.length for one in vehicles], rate), site.view, rate, length)
 
 
 def _seen(moving: Motion, view: View, rate: int, length: float) -> Motion:

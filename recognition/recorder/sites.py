@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import permutations
 from typing import Literal, NamedTuple
 
-from recognition.recorder.demand import Flow, Lane
+from recognition.recorder.demand import Flow, Parking
 from recognition.recorder.fleet import MOTORWAY, TOWN, Fleet
+from recognition.recorder.maps import kerbside
 from xodr.builders import (
     RoadMap,
     four_way_intersection,
@@ -42,6 +43,7 @@ class Site:
         layout: format of its recordings. highD takes straight motorways along the x axis only.
         flows: traffic on an average day; each recording has some more or less of it.
         recordings, minutes: number of recordings and length of each at scale 1.
+        parking: rows of vehicles that stand at the kerb.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Site:
     fleet: Fleet
     recordings: int
     minutes: float
+    parking: tuple[Parking, ...] = ()
 
 
 def _motorway(name: str, lanes: int, limit: float, rate: float, recordings: int, minutes: float) -> Site:
@@ -61,61 +64,63 @@ def _motorway(name: str, lanes: int, limit: float, rate: float, recordings: int,
     return Site(name, "highD", build, View(400.0, -30.0, 1250.0, 40.0), flows, MOTORWAY, recordings, minutes)
 
 
-def _arterial(name: str, build: Callable[[], RoadMap], view: View, rate: float, recordings: int, minutes: float) -> Site:
-    """A road with several lanes each way through a town."""
+def _street(
+    name: str, build: Callable[[], RoadMap], view: View, rate: float, recordings: int, minutes: float,
+    parking: tuple[Parking, ...] = (),
+) -> Site:  # fmt: skip
+    """A street through a town, with the rate of each direction."""
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 1), ("1", 1), rate))
-    return Site(name, "INTERACTION", build, view, flows, TOWN, recordings, minutes)
+    return Site(name, "INTERACTION", build, view, flows, TOWN, recordings, minutes, parking)
 
 
-def _crossing(
-    name: str, build: Callable[[], RoadMap], reach: float, arms: dict[str, float], recordings: int, minutes: float
+def _junction(
+    name: str, build: Callable[[], RoadMap], reach: float, flows: dict[str, float], recordings: int, minutes: float
 ) -> Site:
-    """Roads that lead away from a place, with the rate at which vehicles come from each; they go evenly to the others."""
-
-    def way(here: str, there: str) -> tuple[Lane, Lane]:
-        return (here, 1), (there, -1)
-
-    flows = tuple(
-        Flow(*way(here, there), arms[here] * arms[there] / (sum(arms.values()) - arms[here]))
-        for here, there in permutations(arms, 2)
-    )
-    return Site(name, "INTERACTION", build, View(-reach, -reach, reach, reach), flows, TOWN, recordings, minutes)
+    """Roads that lead away from a place; "12": 300 are 300 vehicles per hour from road 1 to road 2."""
+    found = tuple(Flow((way[0], 1), (way[1], -1), rate) for way, rate in flows.items())
+    return Site(name, "INTERACTION", build, View(-reach, -reach, reach, reach), found, TOWN, recordings, minutes)
 
 
-def _named(name: str, build: Callable[[], RoadMap]) -> RoadMap:
-    return replace(build(), name=name)
+def _evenly(arms: str, rate: float) -> dict[str, float]:
+    """The same traffic from each road, evenly to all others."""
+    return {f"{here}{there}": rate / (len(arms) - 1) for here, there in permutations(arms, 2)}
 
 
-def _ramp(name: str, build: Callable[[], RoadMap], view: View, flows: tuple[Flow, ...], recordings: int, minutes: float) -> Site:
-    return Site(name, "INTERACTION", build, view, flows, MOTORWAY, recordings, minutes)
+def _ramp(name: str, build: Callable[[], RoadMap], flows: tuple[Flow, ...], recordings: int, minutes: float) -> Site:
+    return Site(name, "INTERACTION", build, View(330.0, -60.0, 1200.0, 30.0), flows, MOTORWAY, recordings, minutes)
 
 
-_IN = (Flow(("1", -1), ("2", -1), 2000.0), Flow(("3", -1), ("2", -1), 600.0))
-_OUT = (Flow(("1", -1), ("2", -1), 2000.0), Flow(("1", -1), ("3", -1), 600.0))
+_ENTERING = (Flow(("1", -1), ("2", -1), 1500.0), Flow(("3", -1), ("2", -1), 800.0))
+_EXITING = (Flow(("1", -1), ("2", -1), 2000.0), Flow(("1", -1), ("3", -1), 1000.0))
+_KERB = (Parking(("1", -2), 235.0, 515.0, 12.0), Parking(("1", 2), 235.0, 515.0, 12.0))
 
 SITES: dict[str, Site] = {
     site.name: site
     for site in (
-        _motorway("motorway_sparse", 3, 130.0, 700.0, 20, 5.0),
-        _motorway("motorway_two_lanes", 2, 120.0, 2400.0, 20, 5.0),
-        _motorway("motorway_three_lanes", 3, 130.0, 4200.0, 20, 5.0),
-        _ramp("on_ramp", partial(on_ramp, lanes=2, ramp=300.0), View(330.0, -60.0, 1200.0, 30.0), _IN, 20, 5.0),
-        _ramp("off_ramp", partial(off_ramp, lanes=2, ramp=300.0), View(330.0, -60.0, 1250.0, 30.0), _OUT, 20, 5.0),
-        _arterial(
+        _motorway("motorway_sparse", 3, 130.0, 700.0, 12, 3.0),
+        _motorway("motorway_two_lanes", 2, 120.0, 2400.0, 12, 3.0),
+        _motorway("motorway_three_lanes", 3, 130.0, 4200.0, 12, 3.0),
+        _ramp("on_ramp", partial(on_ramp, ramp=300.0), _ENTERING, 24, 9.0),
+        _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 20, 9.0),
+        _street(
             "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25, length=700.0, speed_limit=50 / 3.6),
-            View(120.0, -40.0, 620.0, 40.0), 2000.0, 20, 5.0,
+            View(120.0, -40.0, 580.0, 40.0), 2000.0, 20, 3.0,
         ),
-        _arterial(
+        _street(
             "arterial_curve",
-            partial(sharp_curve, radius=150.0, angle=1.2, lanes=2, opposite_lanes=2, approach=250.0, speed_limit=70 / 3.6),
-            View(100.0, -40.0, 520.0, 270.0), 1300.0, 20, 5.0,
+            partial(sharp_curve, radius=500.0, angle=0.7, lanes=2, opposite_lanes=2, approach=250.0, speed_limit=70 / 3.6),
+            View(120.0, -40.0, 660.0, 250.0), 1300.0, 20, 3.0,
         ),
-        _crossing("roundabout", roundabout, 120.0, dict.fromkeys("1234", 350.0), 20, 5.0),
-        _crossing(
-            "roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, dict.fromkeys("12345", 300.0), 20, 5.0
+        _street(
+            "kerbside", partial(kerbside, lanes=1, kerb=300.0, speed_limit=60 / 3.6),
+            View(120.0, -40.0, 630.0, 40.0), 700.0, 200, 1.0, _KERB,
         ),
-        _crossing("crossing", four_way_intersection, 120.0, {"1": 300.0, "2": 150.0, "3": 300.0, "4": 150.0}, 20, 5.0),
-        _crossing("t_junction", t_junction, 120.0, {"1": 400.0, "3": 400.0, "4": 250.0}, 20, 5.0),
+        _junction("roundabout", roundabout, 120.0, _evenly("1234", 350.0), 20, 3.0),
+        _junction("roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, _evenly("12345", 300.0), 20, 3.0),
+        _junction("crossing", four_way_intersection, 120.0, _evenly("1234", 300.0), 80, 4.0),
+        _junction(
+            "t_junction", t_junction, 120.0, {"31": 600.0, "41": 300.0, "13": 200.0, "14": 60.0, "34": 100.0, "43": 60.0}, 70, 6.0
+        ),
     )
 }  # fmt: skip
 """By name."""
