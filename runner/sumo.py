@@ -9,6 +9,10 @@ Frames: SUMO's positions are those of the middle of the front bumper and its ang
 Lengths: all lanes of an edge have one length in SUMO, so in curves its drivers cover a little more or less ground than their
 speed says (3 % for a lane 5 m from the middle of the edge's lanes where the radius is 150 m).
 
+Widths: a mirrored participant is as narrow as can be, so that it is on one lane only. Where moveToXY puts a wide one onto two
+lanes of a junction, SUMO 1.28 crashes as soon as somebody comes up behind. SUMO's drivers see who changes lane once its middle
+has.
+
 Drivers: SUMO's default car-following (Krauss) and lane-changing (LC2013) models without imperfection and without
 differences in desired speed between drivers, so that nothing in them is random; lane changes take 3 s.
 """
@@ -195,7 +199,7 @@ class SumoWorld:
             types.copy("DEFAULT_VEHTYPE", name)
             types.setVehicleClass(name, kind.vehicle_class)
             types.setLength(name, max(entity.box.length, _SMALLEST))
-            types.setWidth(name, max(entity.box.width, _SMALLEST))
+            types.setWidth(name, _SMALLEST)  # while it is mirrored, see the module
             types.setHeight(name, max(entity.box.height, _SMALLEST))
             types.setMaxSpeed(name, _usual_speed(entity))
             types.setAccel(name, max(min(kind.acceleration, limits.max_acceleration), _SMALLEST))
@@ -286,6 +290,7 @@ class SumoWorld:
         if not libsumo.vehicle.getLaneID(name):
             return  # its first step has led it off the lane: it counts as having left
         libsumo.vehicle.setPreviousSpeed(name, max(entity.speed, 0.0))
+        libsumo.vehicle.setWidth(name, max(entity.box.width, _SMALLEST))
         for parameter, value in (_STEERING if entity.spawned else _STEERING | _STAYING).items():
             libsumo.vehicle.setParameter(name, f"laneChangeModel.{parameter}", value)
         self._find_route(entity, here, entity.odometer)
@@ -303,7 +308,9 @@ class SumoWorld:
     def release(self, entity: Entity) -> None:
         """Take a participant back; it is mirrored again."""
         self._arriving.pop(entity, None)
-        self._driven.pop(entity, None)
+        if self._driven.pop(entity, None) is not None and entity in self._shown:
+            with contextlib.suppress(libsumo.TraCIException):  # it has left the network
+                libsumo.vehicle.setWidth(self._shown[entity].id, _SMALLEST)
         self._wishes.pop(entity, None)
 
     def ask(self, entity: Entity, wish: Wish) -> None:
