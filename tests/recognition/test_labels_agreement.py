@@ -39,7 +39,7 @@ def test_own_lanes_count_by_their_changes() -> None:
 
 
 def vehicle(recording: str, speed: np.ndarray, name: str = "1") -> Vehicle:
-    return Vehicle(recording, name, (4.5, 1.8), speed, (0, 0), (0, 0), None, None, ())
+    return Vehicle(recording, name, (4.5, 1.8), speed, (0, 0), (0, 0), (False, False), None, None, ())
 
 
 def test_overlapping_recordings_of_a_vehicle_are_one() -> None:

@@ -14,8 +14,8 @@ from recognition.datasets import open as open_data
 from recognition.labels import RULES, Event, Label, Rules
 from recognition.labels.agreement.geometry import net_turn, own_lane_changes
 from recognition.labels.hits import events
-from recognition.labels.scene import Scene, prepare
-from recognition.sites import Site, site_of
+from recognition.labels.scene import Flags, Scene, prepare
+from recognition.sites import Role, Site, site_of
 from recognition.sites.lanes import Floats
 from schemas.errors import ToolchainError
 
@@ -29,6 +29,7 @@ class Vehicle:
 
     Attributes:
         steps: lanes crossed to the left and to the right, however short the stay. changes: left and right changes that are held.
+        ramps: whether it comes from a ramp onto a main lane, and from one onto a ramp, however short its way there.
         turn: change of direction between the ends of its way, rad; None for who hardly moves.
         own_changes: changes of the lane that the data set itself names, None where it names none.
     """
@@ -39,6 +40,7 @@ class Vehicle:
     speed: Floats
     steps: tuple[int, int]
     changes: tuple[int, int]
+    ramps: tuple[bool, bool]
     turn: float | None
     own_changes: int | None
     labels: tuple[Label, ...]
@@ -115,7 +117,9 @@ def _vehicles(scene: Scene, name: str, found: list[Event]) -> Iterator[Vehicle]:
     labels: dict[str, list[Label]] = {}
     for event in found:
         labels.setdefault(event.ego, []).append(event.label)
-    changes = scene.changes
+    changes, main = scene.changes, scene.has_role(Role.MAIN)
+    onto = _passes(scene, scene.has_role(Role.ON_RAMP, Role.WEAVING), main)
+    off = _passes(scene, main, scene.has_role(Role.OFF_RAMP, Role.WEAVING))
     for track, rows in enumerate(_rows_of_tracks(scene)):
         ego, step = scene.names[track], changes.step[rows]
         box, own = scene.recording.tracks[ego].box, scene.recording.tracks[ego].columns.get("source_lane")
@@ -127,10 +131,19 @@ def _vehicles(scene: Scene, name: str, found: list[Event]) -> Iterator[Vehicle]:
             scene.speed[rows],
             (int(step[step > 0].sum()), int(-step[step < 0].sum())),
             (int(mine.sum()), int((~mine).sum())),
+            (bool(onto[rows].any()), bool(off[rows].any())),
             net_turn(scene.x[rows], scene.y[rows]),
             own_lane_changes(own) if own is not None else None,
             tuple(labels.get(ego, ())),
         )
+
+
+def _passes(scene: Scene, before: Flags, after: Flags) -> Flags:
+    """Rows with which a way goes from one kind of lane to another."""
+    course = scene.changes.course
+    found = np.zeros(len(course), bool)
+    found[1:] = before[:-1] & after[1:] & (course[1:] == course[:-1])
+    return found
 
 
 def _draw(place: Place, scene: Scene, event: Event, here: bool) -> None:
