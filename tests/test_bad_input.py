@@ -136,7 +136,7 @@ ATTACKS: dict[str, tuple[Fault, int, str]] = {
     "unknown encoding": (text('<?xml version="1.0" encoding="klingon"?><OpenSCENARIO/>'), 3, "bad.xosc:1"),
     "catalogue cycle": (catalogue_cycle, 3, "loops.xosc:"),
     "parameter cycle": (parameter_cycle, 3, "depends on itself"),
-    "faster than numbers": (faster_than_numbers, 3, "bad.xosc: 'Lead' moves beyond all numbers"),
+    "faster than numbers": (faster_than_numbers, 3, ": Vehicle: 'Lead' moves beyond all numbers"),
     "no road file": (changed("straight.xodr", "nowhere.xodr"), 3, "nowhere.xodr"),
     "road of no length": (with_road('length="1000', 'length="NaN" was="'), 3, "straight.xodr:"),
     "road of negative length": (with_road('length="1000', 'length="-1000'), 3, "straight.xodr:"),
