@@ -15,8 +15,9 @@ from sklearn.tree import BaseDecisionTree
 
 from recognition.samples import Features, Whole, matrix
 
-_BLOCK = 128
-"""Rows of the similarity matrix filled at a time: few enough to stay in the processor's cache while all trees add to them."""
+_ROWS, _TREES = 128, 16
+"""Rows of the matrix filled at a time, which stay in the processor's cache while so many trees add to them; more trees at a
+time would need more memory for their overlaps."""
 
 
 def similarity(forest: RandomForestClassifier | RandomTreesEmbedding, features: ArrayLike) -> NDArray[np.float32]:
@@ -26,14 +27,16 @@ def similarity(forest: RandomForestClassifier | RandomTreesEmbedding, features: 
         UsageError: features that are not finite, or not of the dimension of the forest.
     """
     table = matrix(features, forest.n_features_in_)
-    paths = [_overlap(tree, table) for tree in forest.estimators_]
     total = np.zeros((len(table), len(table)), dtype=np.float32)
-    for start in range(0, len(table), _BLOCK):
-        rows = slice(start, start + _BLOCK)
-        part = np.empty_like(total[rows])
-        for overlap, leaf in paths:
-            total[rows] += np.take(overlap[leaf[rows]], leaf, axis=1, out=part, mode="clip")
-    return total / np.float32(len(paths))
+    trees = forest.estimators_
+    for chunk in (trees[start : start + _TREES] for start in range(0, len(trees), _TREES)):
+        paths = [_overlap(tree, table) for tree in chunk]
+        for start in range(0, len(table), _ROWS):
+            rows = slice(start, start + _ROWS)
+            part = np.empty_like(total[rows])
+            for overlap, leaf in paths:
+                total[rows] += np.take(overlap[leaf[rows]], leaf, axis=1, out=part, mode="clip")
+    return total / np.float32(len(trees))
 
 
 def _overlap(tree: BaseDecisionTree, table: Features) -> tuple[NDArray[np.float32], Whole]:

@@ -31,7 +31,7 @@ _MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder.json"
 _FORMAT = "xosc-toolchain TRFE 1"
 _TREE = "sklearn.tree._tree.Tree"
 """The one type beyond those that skops trusts of itself: the node tables, which `_check_tree` looks through."""
-_LARGEST = 2**30
+LARGEST = 2**30
 """Bytes that a forest may unpack to."""
 
 
@@ -167,7 +167,7 @@ def _read_forest(path: Path) -> RandomForestClassifier:
 
     try:
         with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > _LARGEST:
+            if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
                 raise ValueError("it is too large")
         foreign = set(skops.io.get_untrusted_types(file=path)) - {_TREE}
         if foreign:
