@@ -34,7 +34,7 @@ def right_turn(scene: Scene) -> Hits:
 def straight_cross(scene: Scene) -> Hits:
     """16: the heading hardly changes, and the way crosses one that somebody took in this recording."""
     straight = np.abs(scene.passages.turn) < np.radians(scene.rules.straight)
-    return _turn(scene, Label.STRAIGHT_CROSS, straight & _crosses(scene))
+    return _turn(scene, Label.STRAIGHT_CROSS, straight & crosses(scene))
 
 
 def merging(scene: Scene) -> Hits:
@@ -75,7 +75,7 @@ def _counting(scene: Scene) -> Flags:
     return ~scene.passages.signalised | scene.rules.signalised
 
 
-def _crosses(scene: Scene) -> Flags:
+def crosses(scene: Scene) -> Flags:
     """Passages whose way crosses one from another road into another lane: the longest passage of each stands for all."""
     from shapely import LineString, STRtree
 

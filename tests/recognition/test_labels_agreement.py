@@ -39,7 +39,7 @@ def test_own_lanes_count_by_their_changes() -> None:
 
 
 def vehicle(recording: str, speed: np.ndarray, name: str = "1") -> Vehicle:
-    return Vehicle(recording, name, (4.5, 1.8), speed, (0, 0), (0, 0), (False, False), None, None, ())
+    return Vehicle(recording, name, (4.5, 1.8), speed, (0, 0), (0, 0), (False, False), None, "", None, ())
 
 
 def test_overlapping_recordings_of_a_vehicle_are_one() -> None:
@@ -67,6 +67,23 @@ def test_a_survey_holds_labels_against_the_ways(tmp_path: Path) -> None:
     text = report([place], {})
     assert "| crossing | left | 1 | 1 | 0 | 0 | 0 | 0 |" in text
     assert "| crossing | straight | 2 | 0 | 0 | 2 | 0 | 0 |" in text
+    assert "no label at the junction" not in text
+
+
+def test_a_survey_says_why_there_is_no_label(tmp_path: Path) -> None:
+    folder = tmp_path / "crossing"
+    network = load(_written(builders.four_way_intersection(), folder / "crossing.xodr"))
+    x, y = route(network, ("3", 1, 50.0), 8.0, 16.0, ("107",))
+    rows = [
+        interaction_rows(1, *place, 8.0, 0.0, 0.0, n=1)[0] | {"timestamp_ms": 100 * (k + 1)}
+        for k, place in enumerate(zip(x, y, strict=True))
+    ]
+    turn = [
+        interaction_rows(2, -float(k), 4.0, -10.0, 0.0, 3.14, n=1)[0] | {"timestamp_ms": 100 * (k + 1)} for k in range(60, 90)
+    ]
+    write_csv(folder / "vehicle_tracks_000.csv", [*rows, *turn])
+    (place,) = survey(folder, tmp_path / "roads", Rules())
+    assert [one.unlabelled for one in place.vehicles] == ["straight, nobody crosses", "no way through a junction"]
 
 
 def _written(built: builders.RoadMap, path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -19,7 +20,14 @@ def report(places: Sequence[Place], plots: dict[str, list[str]]) -> str:
     Args:
         plots: file names of the plots of each place.
     """
-    parts = ["# Agreement of labels with recordings\n", _sizes(places), _classes(places), _lane_changes(places), _turns(places)]
+    parts = [
+        "# Agreement of labels with recordings\n",
+        _sizes(places),
+        _classes(places),
+        _lane_changes(places),
+        _turns(places),
+        _reasons(places),
+    ]
     parts += [_failures(places), *(f"![{place}]({file})\n" for place, files in plots.items() for file in files)]
     return "\n".join(part for part in parts if part)
 
@@ -60,18 +68,8 @@ def _lane_changes(places: Sequence[Place]) -> str:
             share(lambda one: Label.RAMP_ENTERING in one.labels), share(lambda one: Label.RAMP_EXITING in one.labels),
         )  # fmt: skip
         rows.append((place.name, len(groups), own, *numbers))
-    header = [
-        "place",
-        "vehicles",
-        "changers by own lanes",
-        "left",
-        "right",
-        "left held",
-        "right held",
-        "label 5",
-        "label 6",
-        "labels 7, 8",
-    ]
+    header = ["place", "vehicles", "by own lanes", "left", "right", "left held", "right held", "label 5", "label 6"]
+    header += ["from ramp", "to ramp", "label 7", "label 8"]
     return "## Vehicles that change lane\n\n" + _table(header, rows) if rows else ""
 
 
@@ -88,6 +86,19 @@ def _turns(places: Sequence[Place]) -> str:
             rows.append((place.name, name, len(mine), *labelled, none))
     header = ["place", "way", "vehicles", *(label.title.removeprefix("unsignalised ") for label in _JUNCTION), "no label"]
     return "## Turns of the ways, and labels at junctions\n\n" + _table(header, rows) if rows else ""
+
+
+def _reasons(places: Sequence[Place]) -> str:
+    """What keeps moving vehicles that have no label at a junction from one."""
+    found = Counter(
+        (place.name, one.unlabelled)
+        for place in places
+        if any(event.label in _JUNCTION for event in place.events)
+        for one in place.vehicles
+        if one.turn is not None and not set(_JUNCTION) & set(one.labels)
+    )
+    rows = [(*key, number) for key, number in sorted(found.items())]
+    return "## Why there is no label at the junction\n\n" + _table(["place", "reason", "vehicles"], rows) if rows else ""
 
 
 def _is_left(turn: float) -> bool:

@@ -13,6 +13,7 @@ from recognition.datasets import Source, commonroad, highd
 from recognition.datasets import open as open_data
 from recognition.labels import RULES, Event, Label, Rules
 from recognition.labels.agreement.geometry import net_turn, own_lane_changes
+from recognition.labels.agreement.reasons import reasons
 from recognition.labels.hits import events
 from recognition.labels.scene import Flags, Scene, prepare
 from recognition.sites import Role, Site, site_of
@@ -25,12 +26,13 @@ _PIECE = 10
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """One track and its labels.
+    """One track that events may be about, and its labels.
 
     Attributes:
         steps: lanes crossed to the left and to the right, however short the stay. changes: left and right changes that are held.
         ramps: whether it comes from a ramp onto a main lane, and from one onto a ramp, however short its way there.
         turn: change of direction between the ends of its way, rad; None for who hardly moves.
+        unlabelled: what keeps it from a label at a junction.
         own_changes: changes of the lane that the data set itself names, None where it names none.
     """
 
@@ -42,6 +44,7 @@ class Vehicle:
     changes: tuple[int, int]
     ramps: tuple[bool, bool]
     turn: float | None
+    unlabelled: str
     own_changes: int | None
     labels: tuple[Label, ...]
 
@@ -117,10 +120,12 @@ def _vehicles(scene: Scene, name: str, found: list[Event]) -> Iterator[Vehicle]:
     labels: dict[str, list[Label]] = {}
     for event in found:
         labels.setdefault(event.ego, []).append(event.label)
-    changes, main = scene.changes, scene.has_role(Role.MAIN)
+    why, changes, main = reasons(scene), scene.changes, scene.has_role(Role.MAIN)
     onto = _passes(scene, scene.has_role(Role.ON_RAMP, Role.WEAVING), main)
     off = _passes(scene, main, scene.has_role(Role.OFF_RAMP, Role.WEAVING))
     for track, rows in enumerate(_rows_of_tracks(scene)):
+        if not scene.egos[track]:
+            continue
         ego, step = scene.names[track], changes.step[rows]
         box, own = scene.recording.tracks[ego].box, scene.recording.tracks[ego].columns.get("source_lane")
         mine = changes.left[(changes.row >= rows.start) & (changes.row < rows.stop)]
@@ -133,6 +138,7 @@ def _vehicles(scene: Scene, name: str, found: list[Event]) -> Iterator[Vehicle]:
             (int(mine.sum()), int((~mine).sum())),
             (bool(onto[rows].any()), bool(off[rows].any())),
             net_turn(scene.x[rows], scene.y[rows]),
+            why[track],
             own_lane_changes(own) if own is not None else None,
             tuple(labels.get(ego, ())),
         )
