@@ -17,6 +17,7 @@ import numpy as np
 
 from recognition import datasets
 from recognition.catalogue import fidelity, pipeline
+from recognition.labels import Rules
 from schemas import check_many
 from schemas.files import expand
 
@@ -28,7 +29,7 @@ def main() -> None:
     arguments.add_argument("--world", default="sumo", help="sumo, or kinematic: without a simulator")
     arguments.add_argument("--limit", type=float, default=0.3, help="distance (m) that counts as faithful")
     options = arguments.parse_args()
-    settings = pipeline.Settings(scenes=pipeline.VEHICLES)
+    settings = pipeline.Settings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         made = pipeline.build(options.paths, out, settings, pipeline.ByRules(), lambda sources, _: sources)
