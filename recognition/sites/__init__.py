@@ -10,7 +10,7 @@ from recognition.datasets import Source
 from recognition.sites.lanes import LaneGraph, graph
 from recognition.sites.maps import map_of
 from recognition.sites.proposal import propose
-from recognition.sites.roles import Entry, Role, Roles, roles_beside
+from recognition.sites.roles import Entry, Role, Roles, roles_of
 from runner.recording import Recording
 from xodr.network import RoadNetwork
 from xodr.reader import load
@@ -38,18 +38,21 @@ class Site:
         return graph(self.network)
 
 
-def site_at(path: Path, network: RoadNetwork | None = None, lights: frozenset[str] = frozenset()) -> Site:
-    """The site with this OpenDRIVE file; its roles are those in the file beside it, proposed and written there where it is new.
+def site_at(
+    path: Path, network: RoadNetwork | None = None, lights: frozenset[str] = frozenset(), folder: Path | None = None
+) -> Site:
+    """The site with this OpenDRIVE file; its roles are those in an edited file, else proposed ones.
 
     Args:
         network: what the file describes, where it is loaded already.
         lights: roads that traffic lights are for, besides those with signals.
+        folder: where proposals are written, to be edited; by default beside the map.
 
     Raises:
         InvalidFile: the map or the roles are malformed, or don't fit each other.
     """
     network = network or _loaded(path, path.stat().st_mtime_ns)
-    return Site(path, network, roles_beside(network, propose(network, graph(network), lights)))
+    return Site(path, network, roles_of(network, propose(network, graph(network), lights), folder or path.parent))
 
 
 def site_of(source: Source, recording: Recording, roads: Path) -> Site:
@@ -60,14 +63,14 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
 
     Args:
         source: where the recording is from.
-        roads: folder for roads that have to be made.
+        roads: folder for roads that have to be made, and for proposed roles.
 
     Raises:
         InvalidFile: a map or its roles are malformed, or don't fit each other.
         UsageError: nothing tells of the roads.
     """
     path, lights = map_of(source, recording, roads)
-    return site_at(path, recording.network, lights)
+    return site_at(path, recording.network, lights, roads)
 
 
 @lru_cache(maxsize=8)

@@ -1,6 +1,7 @@
 """What the lanes of a site are for: the roles that labelling rules ask for, and the file that keeps them.
 
-`<map>.roles.json` lies beside the map. It lists a role for every lane of every road, or for stretches of a lane:
+`<map>.roles.json` lies beside the map, or in the folder for what is made of recordings. It lists a role for every lane of
+every road, or for stretches of a lane:
 
     {"roles": [{"road": "1", "lane": -1, "role": "main"},
                {"road": "2", "lane": -3, "from": 0.0, "to": 250.0, "role": "on_ramp"}, …]}
@@ -99,23 +100,22 @@ class Roles:
         return codes
 
 
-def roles_beside(network: RoadNetwork, proposed: Sequence[Entry]) -> Roles:
-    """The roles in the file beside a map; without one, or with one that nobody edited, those proposed, which are
-    written there if the folder allows.
+def roles_of(network: RoadNetwork, proposed: Sequence[Entry], folder: Path) -> Roles:
+    """The roles in an edited file, beside the map or in a folder for proposals; without one those proposed, which are written
+    into that folder if it allows.
 
     Raises:
         InvalidFile: an edited file is malformed, or does not fit the map; names the entry.
     """
-    path = Path(network.path).with_suffix(ENDING)
+    beside = Path(network.path).with_suffix(ENDING)
+    own = folder / beside.name
+    for path in dict.fromkeys((beside, own)):
+        if path.is_file():
+            document = _document(path)
+            if document.get("proposal") != _digest(document.get("roles")):
+                return Roles(tuple(_checked(document.get("roles"), network, path)))
     proposal = Roles(tuple(proposed))
-    text = _text(proposal)
-    if not path.is_file():
-        _keep(text, path)
-        return proposal
-    document = _document(path)
-    if document.get("proposal") != _digest(document.get("roles")):
-        return Roles(tuple(_checked(document.get("roles"), network, path)))
-    _keep(text, path)
+    _keep(_text(proposal), own)
     return proposal
 
 

@@ -34,7 +34,9 @@ def test_a_road_beside_the_tracks_is_the_sites(tmp_path: Path) -> None:
     write_csv(tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 0.0, 0.0, 5.0, 0.0, 0.0))
     path = builders.roundabout().write(tmp_path / "ring" / "ring.xodr")
     place = site_of(*opened(tmp_path / "ring", tmp_path / "roads"))
-    assert place.path == path and path.with_suffix(".roles.json").is_file()
+    assert place.path == path
+    assert (tmp_path / "roads" / "ring.roles.json").is_file()
+    assert not path.with_suffix(".roles.json").exists()
 
 
 def test_a_recording_without_roads_is_refused(tmp_path: Path) -> None:

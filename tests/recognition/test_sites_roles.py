@@ -154,6 +154,13 @@ def test_an_edit_counts_and_is_never_overwritten(entered: Site) -> None:
     assert roles_file(entered).read_bytes() == edited
 
 
+def test_an_edit_beside_the_map_counts_where_proposals_go_elsewhere(entered: Site, tmp_path: Path) -> None:
+    edit(entered, lambda roles: roles.remove(next(one for one in roles if one["road"] == "3")))
+    found = site_at(entered.path, folder=tmp_path / "elsewhere").roles
+    assert all(entry.road != "3" for entry in found.entries)
+    assert not (tmp_path / "elsewhere").exists()
+
+
 def test_an_edit_may_part_a_lane_along_s(entered: Site) -> None:
     edit(entered, lambda roles: roles.append({"road": "1", "lane": -3, "from": 100.0, "to": 200.0, "role": "urban"}))
     place, s = site_at(entered.path), np.array([50.0, 150.0, 250.0])
