@@ -40,12 +40,17 @@ def straight_cross(scene: Scene) -> Hits:
 def merging(scene: Scene) -> Hits:
     """17: somebody from elsewhere comes into the same lane behind the junction shortly before or after ego."""
     passages = scene.passages
-    gap, partner = arrivals(scene)
-    chosen = np.flatnonzero(_counting(scene) & (gap < scene.rules.merging_gap) & scene.complete[passages.last])
+    gap, partner = _arrivals(scene)
+    chosen = np.flatnonzero(_merges(scene, gap))
     return Hits(Label.MERGING, passages.last[chosen], passages.last[partner[chosen]], {"arrival_gap": gap[chosen]})
 
 
-def arrivals(scene: Scene) -> tuple[Floats, Whole]:
+def _merges(scene: Scene, gap: Floats) -> Flags:
+    """Passages that are events of merging, given the times between arrivals."""
+    return _counting(scene) & (gap < scene.rules.merging_gap) & scene.complete[scene.passages.last]
+
+
+def _arrivals(scene: Scene) -> tuple[Floats, Whole]:
     """How soon before or after each passage somebody from another road arrives in the same lane, and in which passage.
 
     Returns:
@@ -65,7 +70,7 @@ def arrivals(scene: Scene) -> tuple[Floats, Whole]:
 
 def _turn(scene: Scene, label: Label, chosen: Flags) -> Hits:
     passages = scene.passages
-    merges = arrivals(scene)[0] < scene.rules.merging_gap
+    merges = _merges(scene, _arrivals(scene)[0])
     found = np.flatnonzero(chosen & _counting(scene) & ~merges & scene.complete[passages.row])
     tags = {"opposing": _opposing(scene)[found], "vru_conflict": _vru_conflict(scene, found)}
     return alone(label, passages.row[found], turn=np.degrees(passages.turn[found]), **tags)

@@ -100,6 +100,15 @@ def test_arriving_in_one_lane_shortly_after_each_other_is_merging(crossing: Site
         assert float(event.tags["arrival_gap"]) < 3.0
 
 
+def test_a_turn_whose_arrival_is_cut_off_by_the_end_of_the_view_stays_a_turn(crossing: Site) -> None:
+    whole = car(crossing, "SE", start=2.0)
+    arrived = int(np.argmax(whole.columns["x"] > 11.5))  # the junction ends there
+    short = track("SE", whole.columns["x"][: arrived + 6], whole.columns["y"][: arrived + 6], start=2.0)
+    events = labels(crossing, car(crossing, "WE"), short)
+    assert of(events, "SE") == [Label.RIGHT_TURN]
+    assert of(events, "WE") == [Label.MERGING]
+
+
 def test_following_each_other_from_one_road_is_no_merging(crossing: Site) -> None:
     events = labels(crossing, car(crossing, "SE", name="a"), car(crossing, "SE", start=2.0, name="b"))
     assert {event.label for event in events} == {Label.RIGHT_TURN}

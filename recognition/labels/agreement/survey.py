@@ -130,17 +130,17 @@ def _vehicles(scene: Scene, name: str, found: list[Event]) -> Iterator[Vehicle]:
         box, own = scene.recording.tracks[ego].box, scene.recording.tracks[ego].columns.get("source_lane")
         mine = changes.left[(changes.row >= rows.start) & (changes.row < rows.stop)]
         yield Vehicle(
-            name,
-            ego,
-            (round(box.length, 2), round(box.width, 2)),
-            scene.speed[rows],
-            (int(step[step > 0].sum()), int(-step[step < 0].sum())),
-            (int(mine.sum()), int((~mine).sum())),
-            (bool(onto[rows].any()), bool(off[rows].any())),
-            net_turn(scene.x[rows], scene.y[rows]),
-            why[track],
-            own_lane_changes(own) if own is not None else None,
-            tuple(labels.get(ego, ())),
+            recording=name,
+            name=ego,
+            size=(round(box.length, 2), round(box.width, 2)),
+            speed=scene.speed[rows],
+            steps=(int(step[step > 0].sum()), int(-step[step < 0].sum())),
+            changes=(int(mine.sum()), int((~mine).sum())),
+            ramps=(bool(onto[rows].any()), bool(off[rows].any())),
+            turn=net_turn(scene.x[rows], scene.y[rows]),
+            unlabelled=why[track],
+            own_changes=own_lane_changes(own) if own is not None else None,
+            labels=tuple(labels.get(ego, ())),
         )
 
 
