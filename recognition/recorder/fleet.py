@@ -129,6 +129,8 @@ _DRIVER: Driver = {
     "latAlignment": Normal(0.0, 0.12),  # from the middle of the lane, m
     "maxSpeedLat": Uniform(0.8, 1.5),  # m/s
     "lcAccelLat": Uniform(0.5, 1.1),  # m/s²
+    "lcMaxSpeedLatStanding": Uniform(0.2, 0.2),  # m/s
+    "lcMaxSpeedLatFactor": Uniform(0.15, 0.3),  # lateral speed beyond that, over the speed
     "minGapLat": Uniform(0.3, 0.6),  # m
 }
 

@@ -30,8 +30,10 @@ _FEWEST = 3
 """Recordings of a site at any scale: one each to train with, to validate and to test."""
 _SHORTEST = 20.0
 """Length of a recording at any scale, s."""
-_ATTEMPTS = 8
+_ATTEMPTS = 30
 """SUMO's drivers collide now and then, for want of an eye for it. Such traffic is not used, other traffic drawn instead."""
+_CLEARANCE = 0.1
+"""Boxes that are nearer to each other than this count as colliding, m."""
 _VARIATION = (0.75, 1.25)
 """Traffic of a recording over that of an average one."""
 
@@ -118,7 +120,7 @@ def _record(task: _Task) -> Path:
     for _ in range(_ATTEMPTS):
         vehicles, seen = _attempt(site, net, task.length, rng)
         length, width = (np.array([getattr(one, side) for one in vehicles])[seen.vehicle] for side in ("length", "width"))
-        if not len(overlaps(seen, length, width)[0]):
+        if not len(overlaps(seen, length + _CLEARANCE, width + _CLEARANCE)[0]):
             break
     else:
         raise ToolchainError(f"SUMO's vehicles run into each other at {site.name} all the time")

@@ -92,7 +92,7 @@ def _ramp(name: str, build: Callable[[], RoadMap], flows: tuple[Flow, ...], reco
 
 _ENTERING = (Flow(("1", -1), ("2", -1), 1500.0), Flow(("3", -1), ("2", -1), 800.0))
 _EXITING = (Flow(("1", -1), ("2", -1), 2000.0), Flow(("1", -1), ("3", -1), 1000.0))
-_KERB = (Parking(("1", -2), 235.0, 515.0, 12.0), Parking(("1", 2), 235.0, 515.0, 12.0))
+_KERB = (Parking(("1", -2), 235.0, 515.0, 14.0), Parking(("1", 2), 235.0, 515.0, 14.0))
 
 SITES: dict[str, Site] = {
     site.name: site
@@ -100,8 +100,8 @@ SITES: dict[str, Site] = {
         _motorway("motorway_sparse", 3, 130.0, 700.0, 12, 3.0),
         _motorway("motorway_two_lanes", 2, 120.0, 2400.0, 12, 3.0),
         _motorway("motorway_three_lanes", 3, 130.0, 4200.0, 12, 3.0),
-        _ramp("on_ramp", partial(on_ramp, ramp=300.0), _ENTERING, 24, 9.0),
-        _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 20, 9.0),
+        _ramp("on_ramp", partial(on_ramp, ramp=300.0), _ENTERING, 44, 5.0),
+        _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 36, 5.0),
         _street(
             "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25, length=700.0, speed_limit=50 / 3.6),
             View(120.0, -40.0, 580.0, 40.0), 2000.0, 20, 3.0,
