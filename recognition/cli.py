@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "record": ("recognition.recorder.command", "make recordings of SUMO's traffic on maps of our own"),
-    "train": ("recognition.protocol.command", "train a model on recordings"),
+    "train": ("recognition.commands.train", "train a model on recordings"),
     "evaluate": ("recognition.protocol.command", "evaluate TRFE and its baselines on recordings"),
     "label": ("recognition.cli", "label the results of xosc-run, and the scenarios that they are of"),
 }

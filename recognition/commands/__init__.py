@@ -1,0 +1,1 @@
+"""Commands of `xosc-recognize` that are no module of their own elsewhere."""

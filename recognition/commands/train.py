@@ -1,0 +1,125 @@
+"""`xosc-recognize train`: a model from recordings, with a card that says what it was trained on and how good it is."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from recognition.encoder.config import preset as preset_of
+from recognition.files import keep
+from recognition.labels.classes import Label
+from recognition.protocol.splits import Split, Unit, split
+from schemas.errors import UsageError
+from schemas.version import version
+
+if TYPE_CHECKING:
+    from recognition.encoder.config import Preset
+    from recognition.encoder.training import Progress
+    from recognition.grids import Grid
+    from recognition.trfe import TRFE
+    from recognition.windows import Windows
+
+CARD = "README.md"
+"""File of a model's folder that tells people about it"""
+
+
+def train(
+    path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the model.")],
+    cache: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that keeps windows made of recordings.  [default: DIR/windows]")
+    ] = None,
+    events_per_class: Annotated[int, typer.Option(min=20, metavar="N", help="Most events of each class.")] = 2600,
+    preset: Annotated[str, typer.Option(help="Size and training of the encoder: cpu or full.")] = "cpu",
+    split_by: Annotated[
+        Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
+    ] = "recording",
+    samples: Annotated[
+        int | None,
+        typer.Option(min=20, metavar="N", help="Most samples of each class that are kept with the model.  [default: all]"),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no figures.")] = False,
+) -> None:
+    """Train a model that recognises the classes of recordings, to be used by xosc-recognize --model DIR.
+
+    Recordings are divided: a part trains, a part calibrates what counts as unknown, a part tells how good the model is.
+    """
+    from recognition.grids import Grid
+    from recognition.protocol.data import windows_at
+    from recognition.store import save
+
+    chosen, grid = preset_of(preset), Grid()
+    windows = windows_at(path, cache or out / "windows", grid, events_per_class)
+    parts = split(windows, seed, split_by, events_per_class)
+    if not len(parts.labelled):
+        raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)
+    with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
+        model = fitted(windows, parts, chosen, grid, seed, progress)
+    save(model, out, samples)
+    card = card_of(model, windows, parts, f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}")
+    keep(card.encode(), out / CARD)
+    if not quiet:
+        print(card)
+
+
+@contextmanager
+def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
+    """A bar on standard error for so many epochs, where that is a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("training", total=count)
+        yield lambda epoch, loss: bar.update(task, advance=1, description=f"epoch {epoch}, loss {loss:.3f}")
+
+
+def fitted(windows: Windows, parts: Split, preset: Preset, grid: Grid, seed: int, progress: Progress | None) -> TRFE:
+    """A model with an encoder pretrained on all windows that train, and fine-tuned on those with labels."""
+    import numpy as np
+
+    from recognition.config import Config
+    from recognition.encoder.finetuning import finetune
+    from recognition.encoder.pretraining import pretrain
+    from recognition.trfe import TRFE
+
+    everything = windows.select(np.sort(np.concatenate([parts.labelled, parts.stream])))
+    labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
+    encoder = pretrain(everything, preset, grid, seed, progress=progress)
+    tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
+    return TRFE(Config(seed=seed), tuned).fit(labelled.grids, labelled.labels, held.grids, held.labels)
+
+
+def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:
+    """What a model was trained on, and what it makes of recordings that it has not seen."""
+    import numpy as np
+
+    test = windows.select(parts.test)
+    found = model.recognise(test.grids)
+    used = [
+        (label, *(int((windows.labels[rows] == label).sum()) for rows in parts[:4])) for label in model.known.classes.tolist()
+    ]
+    lines = [
+        "# TRFE model",
+        "",
+        f"Made by xosc-recognize train (xosc-toolchain {version()}) from {data}.",
+        f"{len(test)} windows of test recordings: {np.mean(found.labels == test.labels):.1%} recognised,"
+        f" {np.mean(found.labels == Label.UNKNOWN):.1%} taken for unknown, {np.mean(found.closed == test.labels):.1%} right where"
+        " unknown is no answer.",
+        "",
+        "| class | trained with label | without | calibrated | tested | recognised |",
+        "|---|---|---|---|---|---|",
+    ]
+    for label, *counts in used:
+        own = test.labels == label
+        lines.append(f"| {Label(label).title} | {' | '.join(map(str, counts))} | {np.mean(found.labels[own] == label):.1%} |")
+    missing = ", ".join(f"{Label(label).title} ({count} windows)" for label, count in sorted(parts.left_out.items()))
+    return "\n".join([*lines, *(["", f"Too rare to be divided, so not known: {missing}."] if missing else [])]) + "\n"

@@ -1,0 +1,64 @@
+"""`xosc-recognize train`: a model, its card, and that it recognises recordings."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recognition import cli
+from recognition.encoder.config import PRESETS, Architecture, Preset, Schedule
+from recognition.grids import Grid
+from recognition.labels import Label
+from recognition.windows import Windows
+from tests.recognition import motorway
+
+CLASSES = (Label.FREE_CRUISE, Label.CUT_IN)
+
+
+def windows(folder: Path, recordings: int = 8, of_each: int = 12) -> Path:
+    """Windows of two classes that are told apart by where others are."""
+    random = np.random.default_rng(0)
+    labels = np.tile(np.repeat(CLASSES, of_each), recordings).astype(np.int64)
+    grids = (random.random((len(labels), *Grid().shape)) < 0.02).astype(np.uint8) * 255
+    grids[labels == Label.CUT_IN, :, 0, 15:25, 60:80] = 255
+    names = np.repeat([f"r{number}" for number in range(recordings)], len(CLASSES) * of_each)
+    Windows(grids, labels, names, names, np.arange(len(labels), dtype=float)).save(folder)
+    return folder
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["xosc-recognize", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return int(end.value.code or 0)
+
+
+def test_a_model_is_trained_and_recognises(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = Preset(Architecture(dim=32, depth=1, heads=2, patch=(4, 20, 20)), Schedule(1, 64, 1e-3), Schedule(8, 32, 3e-3))
+    monkeypatch.setitem(PRESETS, "cpu", tiny)
+    code = call(monkeypatch, "train", windows(tmp_path / "windows"), "--out", tmp_path / "model", "--events-per-class", 96)
+    assert code == 0
+    card = (tmp_path / "model" / "README.md").read_text()
+    assert capsys.readouterr().out == card + "\n"
+    assert "| highway free cruise |" in card and "| highway cut in |" in card and "100.0% right" in card
+    motorway.write_motorway(tmp_path / "in")
+    code = call(monkeypatch, tmp_path / "in", "--out", tmp_path / "out", "--model", tmp_path / "model")
+    assert code == 0
+    rows = json.loads((tmp_path / "out" / "index.json").read_text())["scenarios"]
+    assert {row["state"] for row in rows} <= {"known", "unknown", "discovered"}
+    assert {row["model_class"] for row in rows} <= {label.title for label in CLASSES}
+    assert all(0.0 <= row["confidence"] <= 1.0 for row in rows)
+    assert any(row["rule_class"] for row in rows) and any(not row["rule_class"] for row in rows)
+
+
+def test_too_few_recordings_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "train", windows(tmp_path / "windows", recordings=2), "--out", tmp_path / "model") == 2
+    assert "no class has enough recordings" in capsys.readouterr().err
