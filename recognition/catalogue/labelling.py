@@ -18,7 +18,7 @@ from recognition.datasets import Source, runs
 from recognition.files import digest
 from recognition.labels import label
 from recognition.sites import site_of
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.errors import InvalidFile, Unsupported
 from xosc import tags
 from xosc.document import to_bytes
 from xosc.tags import Tag
@@ -137,4 +137,4 @@ def _digests(path: Path) -> dict[str, str]:
     try:
         return {str(name): str(value) for name, value in json.loads(path.read_text(encoding="utf-8"))["files"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise UsageError(f"not readable as the labels of runs: {error}", path=path) from None
+        raise InvalidFile(f"not readable as the labels of runs: {error}", path=path) from None

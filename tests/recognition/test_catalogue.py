@@ -28,7 +28,7 @@ from xosc import tags
 
 
 def build(recordings: Path, out: Path, **settings: object) -> Summary:
-    return pipeline.build([recordings], out, Settings(**settings), ByRules(), lambda sources, _: sources)  # type: ignore[arg-type]
+    return pipeline.build([recordings], out, Settings(**settings), ByRules(), lambda sources, _: sources)
 
 
 def content(folder: Path) -> dict[str, bytes]:

@@ -21,7 +21,7 @@ from tests.recognition import motorway
 
 
 def moment(time: float, title: str = "a", ego: str = "1", **other: object) -> Moment:
-    return Moment(ego, time, title, KNOWN, **other)  # type: ignore[arg-type]
+    return Moment(ego, time, title, KNOWN, **other)
 
 
 def test_close_moments_of_one_class_are_one_finding() -> None:
@@ -92,7 +92,7 @@ def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
         Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
     ]
     oracle = Oracle()
-    recogniser = ByModel(oracle, stride=1.0)  # type: ignore[arg-type]
+    recogniser = ByModel(oracle, stride=1.0)
     recogniser.look("01", recording, site_at(Path(recording.network.path)), events)
     return oracle, recogniser
 
@@ -119,4 +119,4 @@ def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle,
 
 def test_a_model_without_an_encoder_is_refused() -> None:
     with pytest.raises(UsageError, match="no encoder"):
-        ByModel(SimpleNamespace(encoder=None))  # type: ignore[arg-type]
+        ByModel(SimpleNamespace(encoder=None))
