@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from recognition.baselines.method import OpenSetMethod
+from recognition.baselines.seeding import seeded
 from recognition.samples import Features, Floats, Whole
 
 
@@ -60,8 +61,7 @@ class HeadMethod(OpenSetMethod):
         self._mean = features.mean(axis=0)
         self._deviation = features.std(axis=0) + 1e-6
         inputs, targets = self._standardise(features), torch.from_numpy(indices)
-        with torch.random.fork_rng():
-            torch.manual_seed(self.seed)
+        with seeded(self.seed):
             self.network = self._network(features.shape[1], len(self.classes))
             self._optimise(inputs, targets)
         self.network.eval()

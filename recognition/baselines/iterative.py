@@ -27,13 +27,12 @@ class IterativeMethod(ClusteringMethod):
 
     def cluster(self, pool: Pool) -> Whole:
         """Cluster number of each sample (n,)."""
-        import torch
-
+        from recognition.baselines.seeding import seeded
         from recognition.clustering import Clustering, Projection, cluster
 
         unknown, known = pool.standardised()
         config = Clustering(targets=self.targets, refreshed=True)
-        with torch.random.fork_rng():
-            torch.manual_seed(self.seed)
+        with seeded(self.seed):
             backbone = Projection(unknown.shape[1])
-        return cluster(backbone, unknown, known, pool.labels, self.similarity, config, self.seed).assignment
+            found = cluster(backbone, unknown, known, pool.labels, self.similarity, config, self.seed)
+        return found.assignment

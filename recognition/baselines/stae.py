@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from recognition.baselines.seeding import seeded
 from recognition.samples import Features
 
 Size = tuple[int, int, int]
@@ -56,6 +57,8 @@ def _each(function: Callable[[int, int], int], size: Size, stride: Size) -> Size
 def stae_codes(grids: NDArray[np.uint8], seed: int) -> Features:
     """Codes (n, 32) of windows, from an autoencoder trained on the same windows by cell-wise cross entropy.
 
+    Rows and columns are halved first, by means of 2 × 2 cells.
+
     Args:
         grids: uint8 (n, frames, channels, rows, columns), 0 to 255.
         seed: of weights and batches.
@@ -63,9 +66,9 @@ def stae_codes(grids: NDArray[np.uint8], seed: int) -> Features:
     Source: convolutional 3-D autoencoder after Zhao et al., Spatio-Temporal AutoEncoder for Video Anomaly Detection,
     ACM Multimedia 2017, as a feature extractor for clustering of traffic scenarios.
     """
-    windows = torch.from_numpy(np.moveaxis(grids, 2, 1).astype(np.float32) / 255.0)
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
+    cells = torch.from_numpy(np.moveaxis(grids, 2, 1).astype(np.float32) / 255.0)
+    windows = functional.avg_pool3d(cells, (1, 2, 2), ceil_mode=True)
+    with seeded(seed):
         channels, frames, rows, columns = windows.shape[1:]
         model = Autoencoder(channels, (frames, rows, columns))
         optimiser = torch.optim.Adam(model.parameters(), lr=_RATE)

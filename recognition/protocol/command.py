@@ -32,7 +32,9 @@ def evaluate(
     events_per_class: Annotated[
         int | None, typer.Option(min=20, metavar="N", help="Events of each class, in place of --scale.")
     ] = None,
-    preset: Annotated[str, typer.Option(help="Size and training of the encoder: cpu or full.")] = "cpu",
+    preset: Annotated[
+        str, typer.Option(help="Encoder: cpu, full, or pca (principal components of the grids, in its place).")
+    ] = "cpu",
     split_by: Annotated[
         Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
     ] = "recording",

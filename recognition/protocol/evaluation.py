@@ -11,7 +11,7 @@ import numpy as np
 
 from recognition.encoder.config import preset
 from recognition.grids import Grid
-from recognition.protocol import clusterings, openset, openworld, sensitivity
+from recognition.protocol import clusterings, openset, openworld, pixels, sensitivity
 from recognition.protocol.data import fingerprint, windows_at
 from recognition.protocol.rounds import Round, rounds
 from recognition.protocol.splits import Split, Unit, split
@@ -36,7 +36,7 @@ class Settings:
 
     Attributes:
         events_per_class: to which classes are thinned; None takes all.
-        preset: of the encoder.
+        preset: of the encoder, or `pca`, see `recognition.protocol.pixels`.
         unit: what is never divided between training and test.
         grid: of the windows.
     """
@@ -61,13 +61,13 @@ class Evaluation:
     """
 
     def __init__(self, path: Path, out: Path, settings: Settings) -> None:
-        architecture = preset(settings.preset)
+        chosen = None if settings.preset == pixels.PRESET else preset(settings.preset)
         self.settings, self.store, self.cache = settings, Store(out), out / "cache"
         self.store.check(asdict(settings))
         self.windows: Windows = windows_at(path, self.cache / "windows", settings.grid, settings.events_per_class)
         self.store.open({**asdict(settings), "windows": fingerprint(self.windows)})
         self._splits: dict[int, Split] = {}
-        self._laboratory = Laboratory(self.windows, settings.grid, architecture, self.cache)
+        self._laboratory = Laboratory(self.windows, settings.grid, chosen, self.cache)
 
     def split(self, seed: int) -> Split:
         """The split of a seed."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from recognition.config import Config
 from recognition.encoder.config import Preset, Schedule
 from recognition.grids import Grid
+from recognition.protocol.pixels import pixel_features
 from recognition.protocol.rounds import STEP, Round
 from recognition.protocol.splits import Split
 from recognition.samples import UNKNOWN, Features, Whole
@@ -105,12 +106,13 @@ class Laboratory:
     from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods share it.
 
     Attributes:
-        windows: all of them. grid: theirs. preset: of the encoder. cache: the folder.
+        windows: all of them. grid: theirs. cache: the folder.
+        preset: of the encoder; without one, features are those of `recognition.protocol.pixels`.
     """
 
     windows: Windows
     grid: Grid
-    preset: Preset
+    preset: Preset | None
     cache: Path
 
     def stage(self, split: Split, round_: Round, seed: int) -> Stage:
@@ -131,9 +133,12 @@ class Laboratory:
     def _features(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
         from recognition.encoder.inference import features
 
-        return features(self._encoder(split, round_, seed), self.windows.select(rows))
+        if self.preset is None:
+            training = np.sort(np.concatenate([split.labelled, split.stream]))
+            return pixel_features(self.windows.grids[training], self.windows.grids[rows], seed)
+        return features(self._encoder(self.preset, split, round_, seed), self.windows.select(rows))
 
-    def _encoder(self, split: Split, round_: Round, seed: int) -> Encoder:
+    def _encoder(self, preset: Preset, split: Split, round_: Round, seed: int) -> Encoder:
         """The encoder of a round; that before the first round is only pretrained."""
         from recognition.encoder.finetuning import finetune
         from recognition.encoder.pretraining import pretrain
@@ -144,11 +149,11 @@ class Laboratory:
             return load(place)
         if round_.number == 0:
             training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
-            made = pretrain(training, _long_enough(self.preset, len(training)), self.grid, seed)
+            made = pretrain(training, _long_enough(preset, len(training)), self.grid, seed)
         else:
             before = Round(round_.number - 1, round_.known[:-STEP] if round_.number > 1 else (), ())
             known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
-            made = finetune(self._encoder(split, before, seed), known, _long_enough(self.preset, len(known)).finetuning, seed)
+            made = finetune(self._encoder(preset, split, before, seed), known, _long_enough(preset, len(known)).finetuning, seed)
         save(made, place)
         return made
 

@@ -24,11 +24,11 @@ METHODS: list[type[ClusteringMethod]] = [KMeansFeatures, IterativeEuclidean, STA
 
 
 def drawn(truth: Whole) -> np.ndarray:
-    """Grids (n, 4, 2, 8, 20) in which a block drives at a speed that its class decides."""
-    grids = np.zeros((len(truth), 4, 2, 8, 20), dtype=np.uint8)
+    """Grids (n, 4, 2, 16, 20) in which a block drives along a lane that its class decides."""
+    grids = np.zeros((len(truth), 4, 2, 16, 20), dtype=np.uint8)
     generator = np.random.default_rng(0)
     for window, label in zip(grids, truth.tolist(), strict=True):
-        row = generator.integers(0, 2) + 2 * (label % 3)
+        row = generator.integers(0, 2) + 5 * (label % 3)
         for frame in range(4):
             window[frame, 0, row : row + 2, 4 * frame : 4 * frame + 4] = 255
     return grids
