@@ -28,9 +28,9 @@ def drawn(truth: Whole) -> np.ndarray:
     grids = np.zeros((len(truth), 4, 2, 16, 20), dtype=np.uint8)
     generator = np.random.default_rng(0)
     for window, label in zip(grids, truth.tolist(), strict=True):
-        row = generator.integers(0, 2) + 5 * (label % 3)
+        row, bright = 5 * (label % 3), generator.integers(150, 255)
         for frame in range(4):
-            window[frame, 0, row : row + 2, 4 * frame : 4 * frame + 4] = 255
+            window[frame, 0, row : row + 2, 4 * frame : 4 * frame + 4] = bright
     return grids
 
 
