@@ -102,20 +102,21 @@ def _smooth(values: Floats) -> Floats:
 def _headings(x: Floats, y: Floats, counts: Whole, distance: Floats, h: Floats) -> Floats:
     """Headings of vehicles whose rear axles follow their front axles at a distance, from given headings at the start.
 
-    All vehicles take their first step, then all their second one and so on.
+    While the front goes straight on, the tangent of half the angle between its direction and the heading fades exponentially
+    (the tractrix). All vehicles take their first step, then all their second one and so on.
     """
-    starts = np.cumsum(counts) - counts
+    ahead_x, ahead_y = np.diff(x, prepend=x[:1]), np.diff(y, prepend=y[:1])
+    direction, way = np.arctan2(ahead_y, ahead_x), np.hypot(ahead_x, ahead_y)
     order = np.argsort(-counts, kind="stable")
-    starts, distance = starts[order], distance[order]
+    starts, distance = (np.cumsum(counts) - counts)[order], distance[order]
     found = np.empty(len(x))
     found[starts] = h[order]
-    rear_x, rear_y = x[starts] - distance * np.cos(h[order]), y[starts] - distance * np.sin(h[order])
     left = np.searchsorted(-counts[order], -np.arange(counts.max()), side="left")
     for step, active in enumerate(left[1:], 1):
         here = starts[:active] + step
-        heading = np.arctan2(y[here] - rear_y[:active], x[here] - rear_x[:active])
-        rear_x, rear_y = x[here] - distance[:active] * np.cos(heading), y[here] - distance[:active] * np.sin(heading)
-        found[here] = heading
+        angle = direction[here] - found[here - 1]
+        fading = np.exp(-way[here] / distance[:active])
+        found[here] = direction[here] - 2.0 * np.arctan2(np.sin(0.5 * angle) * fading, np.cos(0.5 * angle))
     return found
 
 

@@ -22,7 +22,7 @@ from schemas.errors import ToolchainError, UsageError
 from xodr.reader import load
 from xodr.sumo_net import SumoNet, build
 
-WARM_UP = 90.0
+WARM_UP = 60.0
 """Time before the recording in which the roads fill, s."""
 _MARGIN = 3.0
 """What is simulated beyond either end of a recording, so that smoothing sees it, s."""
@@ -69,30 +69,42 @@ def record(
         The track files.
 
     Raises:
-        UsageError: there is no such site, an argument makes no sense, or the folder can't be written.
+        UsageError: there is no such site, an argument makes no sense, a site's folder is not empty or can't be written.
         ToolchainError: SUMO fails.
     """
-    if not scale > 0.0 or not math.isfinite(scale):
-        raise UsageError(f"scale={scale!r} must be above 0")
-    if jobs < 1:
-        raise UsageError(f"jobs={jobs!r} must be at least 1")
-    unknown = [name for name in sites or () if name not in SITES]
-    if unknown:
-        raise UsageError(f"there is no site {unknown[0]!r}; sites: {', '.join(SITES)}")
-    tasks = [task for name in sites or SITES for task in _tasks(SITES[name], scale, seed, out)]
-    try:
-        for task in tasks:
-            task.folder.mkdir(parents=True, exist_ok=True)
-            if SITES[task.site].layout == "INTERACTION":
-                SITES[task.site].road_map().write(task.folder / f"{task.site}.xodr")
-    except OSError as error:
-        raise UsageError(f"the folder can't be written: {error.strerror or error}", path=out) from None
+    _verify(scale, seed, sites, jobs)
+    tasks = [task for name in dict.fromkeys(sites or SITES) for task in _tasks(SITES[name], scale, seed, out)]
+    _prepare(tasks, out)
     found = []
     for path in _work(tasks, jobs):
         found.append(path)
         if progress:
             progress(len(found), len(tasks))
     return found
+
+
+def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int) -> None:
+    if not scale > 0.0 or not math.isfinite(scale):
+        raise UsageError(f"scale={scale!r} must be above 0")
+    for name, value, least in (("seed", seed, 0), ("jobs", jobs, 1)):
+        if value < least:
+            raise UsageError(f"{name}={value!r} must be at least {least}")
+    unknown = [name for name in sites or () if name not in SITES]
+    if unknown:
+        raise UsageError(f"there is no site {unknown[0]!r}; sites: {', '.join(SITES)}")
+
+
+def _prepare(tasks: Sequence[_Task], out: Path) -> None:
+    """Make the sites' folders, with their maps."""
+    try:
+        for folder, name in dict.fromkeys((task.folder, task.site) for task in tasks):
+            folder.mkdir(parents=True, exist_ok=True)
+            if any(folder.iterdir()):
+                raise UsageError("the folder has something in it already; new recordings need a new one", path=folder)
+            if SITES[name].layout == "INTERACTION":
+                SITES[name].road_map().write(folder / f"{name}.xodr")
+    except OSError as error:
+        raise UsageError(f"the folder can't be written: {error.strerror or error}", path=out) from None
 
 
 def _tasks(site: Site, scale: float, seed: int, out: Path) -> Iterator[_Task]:
