@@ -118,8 +118,7 @@ def maneuver(recording: Recording, network: RoadNetwork, label: Label, ego: str,
     gap = _gap(own, other, start, kind) if other is not None else None
     if gap is None:
         other = None
-    present = [track.columns["time"] for track in (own, other) if track is not None]
-    first = max(start - LONGEST, *(float(time[0]) for time in present))
+    first = max(start - LONGEST, *(_in_lane_since(track, start) for track in (own, other) if track is not None))
     last = min(end + LONGEST, float(actor.columns["time"][-1]))
     if not first <= start < end <= last:
         raise Unsupported("the manoeuvre was not recorded whole")
@@ -143,15 +142,45 @@ def lane_change(track: Track, network: RoadNetwork, time: float) -> tuple[float,
     width = max(1, round(_SMOOTHING / max(float(np.median(np.diff(at))), 1e-3)))
     rate = np.convolve(np.gradient(side, at), np.full(width, 1.0 / width), "same")
     near = np.flatnonzero(np.abs(at - time) <= _SHORTEST)
-    middle = int(near[np.abs(rate[near]).argmax()])
-    left = bool(rate[middle] > 0.0)
-    still = np.flatnonzero((rate if left else -rate) <= _DRIFT)
+    left = _to_the_left(track, network, near, time)
+    towards = rate if left else -rate
+    middle = int(near[towards[near].argmax()])
+    still = np.flatnonzero(towards <= _DRIFT)
     before, after = still[still <= middle], still[still >= middle]
     first, last = (before[-1] if len(before) else 0), (after[0] if len(after) else len(at) - 1)
     way = abs(float(side[last] - side[first]))
+    if len(_changes(track, np.arange(first, last + 1))) > 1:
+        raise Unsupported("the lane change goes on over another lane")
     if way < _SIDEWAYS:
         raise Unsupported(f"the lane change covers {way:.1f} m sideways only, which does not stand out from drifting")
     return float(at[first]), float(at[last]), left
+
+
+def _to_the_left(track: Track, network: RoadNetwork, rows: NDArray[np.int64], time: float) -> bool:
+    """Whether the change of lane ids among some rows that is nearest to a time (s) is to the left.
+
+    Raises:
+        Unsupported: there is none on one road.
+    """
+    changes = _changes(track, rows)
+    if not len(changes):
+        raise Unsupported("there is no change of lane on one road")
+    columns = track.columns
+    row = changes[np.abs(columns["time"][changes] - time).argmin()]
+    return bool((columns["lane_id"][row] - columns["lane_id"][row - 1]) * facing(track, network)[row] > 0.0)
+
+
+def _changes(track: Track, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those of some consecutive rows that are the first ones in another lane of the same road."""
+    lane, road = track.columns["lane_id"][rows], track.columns["road_id"][rows]
+    return rows[1:][(lane[1:] != lane[:-1]) & (road[1:] == road[:-1])]
+
+
+def _in_lane_since(track: Track, time: float) -> float:
+    """Since when (s) a track has been in the lane that it is in at a time (s)."""
+    at = track.columns["time"]
+    changes = _changes(track, np.arange(int(np.searchsorted(at, time, side="right"))))
+    return float(at[changes[-1]] if len(changes) else at[0])
 
 
 def _sideways(track: Track, network: RoadNetwork) -> Floats:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import runner
@@ -15,7 +16,7 @@ from recognition.catalogue import variation
 from recognition.catalogue.entities import entry
 from recognition.catalogue.maneuvers import Maneuver, Span, maneuver
 from recognition.labels.classes import Label
-from runner.recording import Recording
+from runner.recording import Recording, Track
 from runner.relations import Motion, relation
 from schemas import check
 from schemas.errors import InvalidFile, Unsupported
@@ -90,8 +91,8 @@ REFUSED = {
         "lane changes and car following, not unsignalised left turn",
     ),
     "no partner": (Label.CUT_IN, m.EGO, None, AT, "the other vehicle is not known"),
-    "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "does not stand out from drifting"),
-    "a partner behind": (Label.CUT_IN, m.CUTTER, m.EGO, AT, "does not stand out from drifting"),
+    "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "no change of lane on one road"),
+    "a partner behind": (Label.CAR_FOLLOWING, m.CUTTER, m.EGO, AT, "is not ahead of the ego"),
     "who never met": (Label.CAR_FOLLOWING, m.LATE, m.FAR, AT, "not recorded together"),
 }
 
@@ -157,3 +158,13 @@ def test_who_would_begin_before_the_road_does_is_refused(tmp_path: Path, recordi
     fast = replace(found, values=found.values._replace(start_speed=60.0))
     with pytest.raises(Unsupported, match="the road is too short"):
         write(tmp_path, recording, fast)
+
+
+def test_the_scene_begins_after_an_earlier_lane_change(recording: Recording) -> None:
+    ego = recording.tracks[m.EGO]
+    lanes = ego.columns["lane_id"]
+    changed = np.where(ego.columns["time"] < 2.0, lanes + 1, lanes)
+    other = Track(ego.name, ego.kind, ego.category, ego.box, lambda: ego.columns | {"lane_id": changed})
+    altered = Recording([*(track for track in recording.tracks.values() if track is not ego), other], 0.04, recording.network)
+    assert measured(altered, Label.CUT_IN, m.EGO, m.CUTTER).start == pytest.approx(2.0)
+    assert measured(recording, Label.CUT_IN, m.EGO, m.CUTTER).start == 0.0
