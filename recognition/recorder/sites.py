@@ -100,7 +100,7 @@ SITES: dict[str, Site] = {
         _motorway("motorway_sparse", 3, 130.0, 700.0, 12, 3.0),
         _motorway("motorway_two_lanes", 2, 120.0, 2400.0, 12, 3.0),
         _motorway("motorway_three_lanes", 3, 130.0, 4200.0, 12, 3.0),
-        _ramp("on_ramp", partial(on_ramp, ramp=300.0), _ENTERING, 44, 5.0),
+        _ramp("on_ramp", partial(on_ramp, ramp=300.0), _ENTERING, 60, 5.0),
         _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 40, 5.0),
         _street(
             "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25, length=700.0, speed_limit=50 / 3.6),
