@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,8 @@ from numpy.typing import NDArray
 from recognition.samples import Features, Whole
 
 
-class Pool(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Pool:
     """Samples to cluster, and the labelled ones beside them.
 
     Attributes:
@@ -26,6 +29,13 @@ class Pool(NamedTuple):
     known: Features
     labels: Whole
     classes: int
+
+    @cached_property
+    def codes(self) -> Features:
+        """Codes (n, 32) of the grids, see `recognition.baselines.stae`; two methods share them."""
+        from recognition.baselines.stae import stae_codes
+
+        return stae_codes(self.grids, seed=0)
 
     def standardised(self) -> tuple[Features, Features]:
         """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""

@@ -14,6 +14,4 @@ class STAEKMeans(ClusteringMethod):
 
     def cluster(self, pool: Pool) -> Whole:
         """Cluster number of each sample (n,)."""
-        from recognition.baselines.stae import stae_codes
-
-        return k_means(stae_codes(pool.grids, self.seed), pool.classes, self.seed)
+        return k_means(pool.codes, pool.classes, self.seed)

@@ -17,7 +17,5 @@ class STAELinkage(ClusteringMethod):
         """Cluster number of each sample (n,)."""
         from sklearn.cluster import AgglomerativeClustering
 
-        from recognition.baselines.stae import stae_codes
-
-        found = AgglomerativeClustering(pool.classes, linkage="average").fit_predict(stae_codes(pool.grids, self.seed))
+        found = AgglomerativeClustering(pool.classes, linkage="average").fit_predict(pool.codes)
         return np.asarray(found, dtype=np.int64)

@@ -32,8 +32,8 @@ VARIANTS: dict[str, Config] = {
 """TRFE, its ablations, and the options of the paper's discussion, by name."""
 CHAINED = ("trfe", "no-ucs", "no-nvp", "no-oc")
 """Variants that are also followed through all rounds on their own discoveries."""
-CAPACITIES = (100, 200, 300, 500, 750, 1000)
-"""Values of W for its sensitivity; `w100` and so on are variants too."""
+CAPACITIES = (125, 250, 500, 1000)
+"""Values of W for its sensitivity; `w125` and so on are variants too."""
 VARIANTS |= {f"w{capacity}": Config(preprocessing=Preprocessing(capacity=capacity)) for capacity in CAPACITIES}
 _PART = 50
 """Samples that arrive together."""

@@ -154,13 +154,12 @@ def _capacities(evaluation: Evaluation) -> Table:
 
 def _probe(evaluation: Evaluation) -> Table:
     results = results_of(evaluation.store, "probe", EXPERIMENTS["probe"])
-    rows = [
-        (title, *by_round(results, {}, figure)[1][0][1:]) if results else ()
-        for figure, title in (("features", "the encoder's features"), ("speed", "the ego's speed alone"))
-    ]
-    header = by_round(results, {}, "features")[0]
+    measured = {figure for rounds in results.get("encoder", {}).values() for values in rounds.values() for figure in values}
+    titles = {"features": "the encoder's features", "speed": "the ego's speed alone"}
+    tables = {title: by_round(results, {"encoder": title}, figure) for figure, title in titles.items() if figure in measured}
+    header = next(iter(tables.values()), (("",), []))[0]
     note = "Mean accuracy over known and new classes of a logistic regression on frozen features, with labels of all of them."
-    return Table("probe", "Linear probe", note, ("features", *header[1:]), [row for row in rows if row])
+    return Table("probe", "Linear probe", note, header, [row for _, rows in tables.values() for row in rows])
 
 
 def write_report(evaluation: Evaluation, out: Path) -> list[Table]:

@@ -41,11 +41,14 @@ def measure_trees(stage: Stage) -> dict[str, Any]:
 
 
 def measure_probe(stage: Stage, grid: Grid) -> dict[str, Any]:
-    """Mean accuracy over the known and new classes of a linear probe: of the encoder's features, and of the ego's speed alone."""
+    """Mean accuracy over the known and new classes of a linear probe: of the encoder's features, and of the ego's speed alone.
+
+    The speed is left out where the grids have no channel for it.
+    """
     training = np.concatenate([stage.labelled.rows, stage.stream.rows])
     labels, tested = stage.windows.labels[training], stage.test
-    of_speed = [speed_code(stage.windows.grids[rows], grid) for rows in (training, tested.rows)]
-    return {
-        "features": probe(stage.encoded[training], labels, tested.features, tested.labels),
-        "speed": probe(of_speed[0], labels, of_speed[1], tested.labels),
-    }
+    found = {"features": probe(stage.encoded[training], labels, tested.features, tested.labels)}
+    if "speed" in grid.channels:
+        fitted, judged = (speed_code(stage.windows.grids[rows], grid) for rows in (training, tested.rows))
+        found["speed"] = probe(fitted, labels, judged, tested.labels)
+    return found

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.baselines.pool import Pool
+from recognition.buffer import Preprocessing
 from recognition.config import Config
 from recognition.encoder.config import Preset, Schedule
 from recognition.grids import Grid
@@ -24,8 +26,8 @@ from recognition.windows import Windows
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
 
-FEWEST_STEPS = 400
-"""Of each training of the encoder."""
+FEWEST_STEPS = 200
+"""Of each fine-tuning of the encoder."""
 
 
 class Samples(NamedTuple):
@@ -84,6 +86,17 @@ class Stage:
         new = self._rows(np.concatenate([self.split.labelled, self.split.stream]), self.round.new)
         rows = np.concatenate([new, self._rows(self.split.stream, self.round.known)])
         return self._samples(np.random.default_rng([self.seed, self.round.number]).permutation(rows))
+
+    @cached_property
+    def appearing(self) -> Samples:
+        """The first samples of new classes in the stream, as many as TRFE's buffer holds: as if screening made no mistake."""
+        return self.stream.only(np.isin(self.stream.labels, self.round.new)).only(slice(Preprocessing().capacity))
+
+    @cached_property
+    def pool(self) -> Pool:
+        """The same for clustering methods."""
+        new, known = self.appearing, self.labelled
+        return Pool(new.features, self.windows.grids[new.rows], known.features, known.labels, len(self.round.new))
 
     @cached_property
     def model(self) -> TRFE:
@@ -149,22 +162,15 @@ class Laboratory:
             return load(place)
         if round_.number == 0:
             training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
-            made = pretrain(training, _long_enough(preset, len(training)), self.grid, seed)
+            made = pretrain(training, preset, self.grid, seed)
         else:
             before = Round(round_.number - 1, round_.known[:-STEP] if round_.number > 1 else (), ())
             known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
-            made = finetune(self._encoder(preset, split, before, seed), known, _long_enough(preset, len(known)).finetuning, seed)
+            made = finetune(self._encoder(preset, split, before, seed), known, _long_enough(preset.finetuning, len(known)), seed)
         save(made, place)
         return made
 
 
-def _long_enough(preset: Preset, windows: int) -> Preset:
-    """The preset with so many epochs that training takes some hundred steps on few windows too.
-
-    Schedules of presets are made for the paper's scale, where an epoch has that many.
-    """
-
-    def longer(schedule: Schedule) -> Schedule:
-        return schedule._replace(epochs=max(schedule.epochs, math.ceil(FEWEST_STEPS * schedule.batch / windows)))
-
-    return preset._replace(pretraining=longer(preset.pretraining), finetuning=longer(preset.finetuning))
+def _long_enough(schedule: Schedule, windows: int) -> Schedule:
+    """The schedule with so many epochs that few windows make some hundred steps too; presets are made for the paper's scale."""
+    return schedule._replace(epochs=max(schedule.epochs, math.ceil(FEWEST_STEPS * schedule.batch / windows)))
