@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from recognition.protocol.splits import Unit
+from runner.command_line import interruptible
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 SCALES = {"quick": 100, "standard": 400, "paper": 2600}
 """Events of each class, by name of the scale."""
+_PRINTED = ("open-set", "clustering", "open-world", "chain")
+"""Tables that are shown at the end."""
 
 
 def evaluate(
@@ -46,21 +49,27 @@ def evaluate(
     An interrupted evaluation goes on with the same command; more seeds, methods and experiments can be added later.
     """
     from recognition.protocol.evaluation import Evaluation, Settings
-    from recognition.protocol.report import write_report
 
     kinds, names = _experiments(experiments), _methods(methods)
     if scale not in SCALES:
         raise UsageError(f"there is no scale {scale!r}; scales: {', '.join(SCALES)}")
-    evaluation = Evaluation(path, out, Settings(events_per_class or SCALES[scale], preset, split_by))
-    _run(evaluation, evaluation.pending(seeds, kinds, names), quiet)
-    written = write_report(evaluation, out)
+    with interruptible("xosc-recognize evaluate", "the same command goes on where it was"):
+        evaluation = Evaluation(path, out, Settings(events_per_class or SCALES[scale], preset, split_by))
+        _run(evaluation, evaluation.pending(seeds, kinds, names), quiet)
+        _write(evaluation, out, figures, quiet)
+
+
+def _write(evaluation: Evaluation, out: Path, figures: bool, quiet: bool) -> None:
+    from recognition.protocol.report import write_report
+
+    tables = write_report(evaluation, out)
     if figures:
         from recognition.protocol.figures import write_figures
 
         write_figures(evaluation, out / "figures")
     if not quiet:
-        for table in written:
-            if table.name in ("open-set", "clustering", "open-world", "chain"):
+        for table in tables:
+            if table.name in _PRINTED:
                 print(table.markdown())
         print(f"all tables: {out / 'report.md'}")
 

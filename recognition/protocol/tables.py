@@ -51,8 +51,10 @@ def results_of(store: Store, kind: str, order: Sequence[str]) -> Results:
 
 
 def spread(values: Iterable[float], digits: int = 3) -> str:
-    """`mean ± standard deviation` (of the sample), or the mean alone where there is one value."""
+    """`mean ± standard deviation` (of the sample); the mean alone where there is one value, a dash where there is none."""
     numbers = list(values)
+    if not numbers:
+        return "–"
     text = f"{fmean(numbers):.{digits}f}"
     return text if len(numbers) < 2 else f"{text} ± {stdev(numbers):.{digits}f}"
 
