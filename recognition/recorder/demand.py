@@ -27,12 +27,18 @@ class Flow(NamedTuple):
 
 
 class Parking(NamedTuple):
-    """Vehicles that stand in a lane, in a row with even spacing between two places (s, m), and drive off one by one."""
+    """Vehicles that stand in a lane, in a row with even spacing, and drive off one by one.
+
+    Attributes:
+        first, last: where they stand, from and to, s in m. spacing: m.
+        end: a lane on the road that they go to.
+    """
 
     lane: Lane
-    start: float
-    end: float
+    first: float
+    last: float
     spacing: float
+    end: Lane
 
 
 class Stand(NamedTuple):
@@ -66,9 +72,9 @@ def parked(rows: Sequence[Parking], fleet: Fleet, begin: float, end: float, rng:
     """Vehicles that stand in rows from the time 0 on and drive off between `begin` and `end`, s."""
     found = []
     for row in rows:
-        for s in np.arange(row.start, row.end, row.spacing).tolist():
+        for s in np.arange(row.first, row.last, row.spacing).tolist():
             stand = Stand(row.lane, s, float(rng.uniform(begin, end)))
-            found.append(Departure(0.0, vehicle(fleet, rng), row.lane, row.lane, stand))
+            found.append(Departure(0.0, vehicle(fleet, rng), row.lane, row.end, stand))
     return found
 
 

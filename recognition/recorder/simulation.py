@@ -18,8 +18,9 @@ from xodr.sumo_net import SumoNet, sumo_home
 
 STEPS = 10
 """SUMO's time steps a second."""
-_SUBLANE = 0.8
-"""Width of the strips in which SUMO's drivers decide where to drive, m. They can be anywhere all the same."""
+_SUBLANE = 4.0
+"""Width of the strips in which SUMO's drivers look for leaders, m: whole lanes. Drivers can be anywhere across them all the same;
+with narrower strips they swerve where the number of lanes changes, and squeeze past each other."""
 _SLOWEST = 1.0
 """SUMO may take this many times as long as the traffic that it simulates."""
 
