@@ -63,7 +63,9 @@ class Preset(NamedTuple):
 
 
 PRESETS: dict[str, Preset] = {
-    "cpu": Preset(Architecture(dim=128, depth=3, heads=4, patch=(4, 10, 10)), Schedule(4, 256, 1e-3), Schedule(12, 128, 1e-3)),
+    "cpu": Preset(
+        Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"), Schedule(3, 256, 1e-3), Schedule(8, 64, 1e-3)
+    ),
     "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
 }
 """`cpu` trains at paper scale in minutes on two cores; `full` has the size of the publication and wants a GPU."""

@@ -16,7 +16,7 @@ from schemas.errors import UsageError
 
 _STEM = 4
 """Cells along each axis that the convolutions of the front-end make into one place."""
-_STEM_CHANNELS = 32
+_STEM_CHANNELS = (32, 64)
 
 
 class Encoder(nn.Module):
@@ -40,7 +40,8 @@ class Encoder(nn.Module):
         if architecture.front == "cnn":
             if height % _STEM or width % _STEM:
                 raise UsageError(f"patches of an encoder with convolutions have edges that are multiples of {_STEM}")
-            height, width, channels, self.front = height // _STEM, width // _STEM, _STEM_CHANNELS, _convolutions(channels)
+            self.front = _convolutions(depth * channels)
+            height, width, depth, channels = height // _STEM, width // _STEM, 1, _STEM_CHANNELS[-1]
         dim, places = architecture.dim, self._rows * self._columns
         self.embedding = nn.Linear(depth * channels * height * width, dim)
         self.place = nn.Parameter(0.02 * torch.randn(places, dim))
@@ -86,9 +87,9 @@ class Encoder(nn.Module):
         if torch.is_autocast_enabled(grids.device.type):
             kind = torch.get_autocast_dtype(grids.device.type)
         cells = self._padded(grids).to(kind) / 255.0
-        if self.front is not None:
-            cells = self.front(cells.flatten(0, 1)).unflatten(0, cells.shape[:2])
         cells = cells.unflatten(1, (self._times, -1))  # (n, times, frames of a patch, channels, rows, columns)
+        if self.front is not None:
+            cells = self.front(cells.flatten(2, 3).flatten(0, 1)).unflatten(0, cells.shape[:2]).unsqueeze(2)
         if self.architecture.tokens == "rows":
             split = cells.flatten(4).unflatten(4, (self._rows * self._columns, -1)).permute(0, 1, 4, 2, 3, 5)
         else:
@@ -103,9 +104,11 @@ class Encoder(nn.Module):
 
 
 def _convolutions(channels: int) -> nn.Module:
+    """Two convolutions over the frames of a patch, stacked as channels."""
+    first, second = _STEM_CHANNELS
     return nn.Sequential(
-        nn.Conv2d(channels, _STEM_CHANNELS // 2, 3, stride=2, padding=1),
+        nn.Conv2d(channels, first, 3, stride=2, padding=1),
         nn.GELU(),
-        nn.Conv2d(_STEM_CHANNELS // 2, _STEM_CHANNELS, 3, stride=2, padding=1),
+        nn.Conv2d(first, second, 3, stride=2, padding=1),
         nn.GELU(),
     )

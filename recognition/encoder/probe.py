@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.grids import Grid
+from recognition.grids import VELOCITY_STEP, Grid
 from schemas.errors import UsageError
 
 _SPEEDS = np.linspace(0.0, 40.0, 21)
@@ -32,18 +32,10 @@ def probe(
 def speed_code(grids: NDArray[np.uint8], grid: Grid) -> NDArray[np.float64]:
     """What is to be known of the classes from the ego's speed: features (n, 21) of it that a linear classifier can use.
 
-    The speed is how far the ego's box moves from the first to the last frame: the grids need the channel `ego`, in the pose
-    of the window.
-
     Raises:
-        UsageError: they have not.
+        UsageError: the grids have no channel `speed` to read it from.
     """
-    if "ego" not in grid.channels or grid.pose != "window":
-        raise UsageError("the ego's speed shows in grids with the channel ego in the window's pose only")
-    ego = grids[:, :: grid.frames - 1, grid.channels.index("ego")].astype(np.float64)
-    rows, columns = np.indices(grid.cells)
-    mass = np.maximum(ego.sum(axis=(2, 3)), 1.0)
-    along = (ego * columns).sum(axis=(2, 3)) / mass * grid.cell_length
-    across = (ego * rows).sum(axis=(2, 3)) / mass * grid.cell_width
-    speed = np.hypot(along[:, 1] - along[:, 0], across[:, 1] - across[:, 0]) / grid.span
+    if "speed" not in grid.channels:
+        raise UsageError("the ego's speed is read from the channel speed of the grids")
+    speed = VELOCITY_STEP * grids[:, :, grid.channels.index("speed")].max(axis=(1, 2, 3)).astype(np.float64)
     return np.exp(-0.5 * ((speed[:, None] - _SPEEDS) / (_SPEEDS[1] - _SPEEDS[0])) ** 2)

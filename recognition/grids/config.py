@@ -8,18 +8,19 @@ from typing import Literal
 
 from schemas.errors import UsageError
 
-Channel = Literal["others", "ego", "velocity_x", "velocity_y", "area", "borders"]
-CHANNELS: tuple[Channel, ...] = ("others", "ego", "velocity_x", "velocity_y", "area", "borders")
+Channel = Literal["others", "ego", "speed", "velocity_x", "velocity_y", "area", "borders"]
+CHANNELS: tuple[Channel, ...] = ("others", "ego", "speed", "velocity_x", "velocity_y", "area", "borders")
 """Channels by name:
 
 - `others`, `ego`: the share of each cell that boxes cover, 0 to 255;
+- `speed`: the ego's speed, v / `VELOCITY_STEP`, from 1 to 255, in the cells that its box touches;
 - `velocity_x`, `velocity_y`: velocity of others relative to the ego's, in the axes of the grid: 128 + v / `VELOCITY_STEP`,
   from 1 to 255; 0 where nobody is;
 - `area`: the share of each cell that is drivable lane; `borders`: the same of the lanes' borders, drawn as lines.
 """
 ROAD_CHANNELS = ("area", "borders")
 VELOCITY_STEP = 0.25
-"""m/s for each step of the code of a velocity: ±31.75 m/s can be told apart."""
+"""m/s for each step of the code of a velocity: speeds up to 63.75 m/s can be told apart, velocities up to ±31.75 m/s."""
 
 
 @dataclass(frozen=True)
@@ -31,18 +32,18 @@ class Grid:
         cell_length, cell_width: size of a cell, m.
         ahead: distance of the grid's centre in front of the centre of the ego's box, m.
         channels: some of `CHANNELS`, in any order.
-        pose: whose pose the grids are aligned to: `window` (the ego's at the window's centre, the same for all frames, so that
-            its own motion shows) or `frame` (the ego's in each frame).
+        pose: what the grids are aligned to: the ego in each `frame`, so that the motion of others relative to it shows, and its
+            own on the road; or the ego at the centre of the `window`, for all frames.
         frames, span: that many frames, uniformly over so many seconds about the event's time.
     """
 
     length: float = 200.0
-    width: float = 40.0
+    width: float = 32.0
     cell_length: float = 2.0
-    cell_width: float = 1.0
+    cell_width: float = 0.5
     ahead: float = 0.0
-    channels: tuple[Channel, ...] = ("others", "ego", "area", "borders")
-    pose: Literal["window", "frame"] = "window"
+    channels: tuple[Channel, ...] = ("others", "speed", "area", "borders")
+    pose: Literal["window", "frame"] = "frame"
     frames: int = 4
     span: float = 1.5
 

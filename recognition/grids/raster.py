@@ -94,11 +94,11 @@ def _vehicles(frames: Frames, egos: Whole, poses: Whole, grid: Grid) -> dict[Cha
         if covers in grid.channels:
             sums = np.bincount(place[mine], area[box[mine]] * full, minlength=len(egos) * count)
             drawn[covers] = np.minimum(sums + 0.5, 255.0).astype(np.uint8).reshape(shape)
-    if {"velocity_x", "velocity_y"} & set(grid.channels):
-        for channel, codes in zip(("velocity_x", "velocity_y"), _velocities(frames, boxes, egos, poses), strict=True):
-            if channel in grid.channels:
-                plane = drawn[channel] = np.zeros(shape, np.uint8)
-                plane.ravel()[place[~own]] = codes[box[~own]]
+    for channel, codes in _motion(frames, boxes, egos, poses).items():
+        if channel in grid.channels:
+            mine = own if channel == "speed" else ~own
+            plane = drawn[channel] = np.zeros(shape, np.uint8)
+            plane.ravel()[place[mine]] = codes[box[mine]]
     return drawn
 
 
@@ -139,13 +139,17 @@ def _points(frames: Frames, boxes: Boxes, grid: Grid) -> tuple[Whole, Whole, Flo
     return box[inside], cell, length * width / counts
 
 
-def _velocities(frames: Frames, boxes: Boxes, egos: Whole, poses: Whole) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Codes of the boxes' velocities relative to the ego's."""
+def _motion(frames: Frames, boxes: Boxes, egos: Whole, poses: Whole) -> dict[Channel, NDArray[np.uint8]]:
+    """Codes of the boxes' speeds, and of their velocities relative to the ego's."""
     ego, h = egos[boxes.frame], frames.h[poses[boxes.frame]]
-    vx, vy = frames.vx[boxes.row] - frames.vx[ego], frames.vy[boxes.row] - frames.vy[ego]
-    cos, sin = np.cos(h), np.sin(h)
-    along, left = (np.rint(v / VELOCITY_STEP) + 128.0 for v in (vx * cos + vy * sin, vy * cos - vx * sin))
-    return np.clip(along, 1, 255).astype(np.uint8), np.clip(left, 1, 255).astype(np.uint8)
+    vx, vy = frames.vx[boxes.row], frames.vy[boxes.row]
+    dx, dy, cos, sin = vx - frames.vx[ego], vy - frames.vy[ego], np.cos(h), np.sin(h)
+    along, left, speed = dx * cos + dy * sin, dy * cos - dx * sin, np.hypot(vx, vy)
+    return {"speed": _code(speed, 0.0), "velocity_x": _code(along, 128.0), "velocity_y": _code(left, 128.0)}
+
+
+def _code(velocity: Floats, zero: float) -> NDArray[np.uint8]:
+    return np.clip(np.rint(velocity / VELOCITY_STEP) + zero, 1, 255).astype(np.uint8)
 
 
 def _roads(frames: Frames, poses: Whole, grid: Grid, network: RoadNetwork) -> dict[Channel, NDArray[np.uint8]]:

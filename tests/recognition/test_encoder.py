@@ -213,14 +213,22 @@ def test_the_presets_have_the_sizes_of_the_method():
 
 def test_the_probe_sees_structure_where_the_speed_tells_nothing(tuned):
     one, other = windows(200, seed=1), windows(200, seed=2)
-    slower = dataclasses.replace(other, grids=other.grids[:, :1].repeat(4, axis=1))
-    by_features = probe(features(tuned, one), one.labels, features(tuned, other), other.labels)
-    by_speed = probe(speed_code(one.grids, GRID), one.labels, speed_code(other.grids, GRID), other.labels)
-    assert by_features > 0.9
-    assert 1 / 3 < by_speed < by_features  # straight on is the slowest of the three ways, left and right are equal
-    assert (speed_code(slower.grids, GRID).argmax(axis=1) == 0).all()
-    with pytest.raises(UsageError, match="ego"):
-        speed_code(one.grids, Grid(channels=("others",)))
+    assert probe(features(tuned, one), one.labels, features(tuned, other), other.labels) > 0.9
+    grid = Grid(24.0, 12.0, 2.0, 1.0, channels=("others", "speed"))  # here the egos' boxes say 63.75 m/s, all of them
+    by_speed = probe(speed_code(one.grids, grid), one.labels, speed_code(other.grids, grid), other.labels)
+    assert by_speed == pytest.approx(1 / 3, abs=0.02)
+    with pytest.raises(UsageError, match="channel speed"):
+        speed_code(one.grids, GRID)
+
+
+def test_speeds_are_coded_so_that_a_linear_classifier_tells_ranges_apart():
+    grid = Grid(24.0, 12.0, 2.0, 1.0, channels=("speed",))
+    speeds = np.random.default_rng(0).uniform(0.0, 40.0, 400)
+    grids = np.zeros((400, *grid.shape), np.uint8)
+    grids[:, :, 0, 5, 5] = np.rint(speeds / 0.25)[:, None]
+    labels = np.where((speeds > 10.0) & (speeds < 20.0), 1, 2)
+    codes = speed_code(grids, grid)
+    assert probe(codes[:200], labels[:200], codes[200:], labels[200:]) > 0.9
 
 
 def test_importing_the_package_does_not_import_torch():

@@ -15,7 +15,7 @@ from tests.recognition.scenes import STEP, Driver, recording
 from xodr.builders import straight_highway
 from xodr.reader import load
 
-SMALL = Grid(length=40.0, width=20.0, cell_length=1.0, cell_width=1.0, channels=("others", "ego"))
+SMALL = Grid(length=40.0, width=20.0, cell_length=1.0, cell_width=1.0, channels=("others", "ego"), pose="window")
 EGO = Driver("ego", speed=10.0)
 NOW = [("ego", 2.0)]
 
@@ -65,6 +65,9 @@ def test_velocities_are_relative_to_the_egos_in_steps_of_a_quarter():
     (window,) = rasterise(recording(scene), NOW, grid)
     codes = {(int(x), int(y)) for x, y in zip(window[:, 1].ravel(), window[:, 2].ravel(), strict=True)}
     assert codes == {(0, 0), (128 - 8, 128), (128 - 40, 128 + 24)}
+    (window,) = rasterise(recording(scene), NOW, Grid(40.0, 20.0, 1.0, 1.0, channels=("speed", "ego")))
+    assert set(window[:, 0].ravel().tolist()) == {0, 40}
+    assert ((window[:, 0] > 0) == (window[:, 1] > 0)).all()
 
 
 def test_only_those_are_drawn_who_are_there_in_that_frame():
