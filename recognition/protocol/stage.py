@@ -26,7 +26,7 @@ from recognition.windows import Windows
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
 
-FEWEST_STEPS = 200
+FEWEST_STEPS = 300
 """Of each fine-tuning of the encoder."""
 
 
