@@ -162,7 +162,6 @@ def other_classes(path: Path) -> None:
         (looping_tree, "one of its trees is broken"),
         (bomb, "it is too large"),
     ],
-    ids=str,
 )
 def test_foreign_forests_are_refused(
     folder: Path, spoil: Callable[[Path], Any], message: str, monkeypatch: pytest.MonkeyPatch
@@ -223,7 +222,7 @@ def test_models_that_do_not_fit_are_refused(folder: Path, change: Callable[..., 
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("spoil", [Path.unlink, truncated, lambda path: path.write_bytes(b""), pickled], ids=str)
+@pytest.mark.parametrize("spoil", [Path.unlink, truncated, lambda path: path.write_bytes(b""), pickled])
 def test_truncated_and_missing_models_are_refused(folder: Path, spoil: Callable[[Path], Any]) -> None:
     spoil(folder / "model.safetensors")
     with pytest.raises(InvalidFile, match="this is no model") as caught:
