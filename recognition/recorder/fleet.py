@@ -70,55 +70,25 @@ class Fleet(NamedTuple):
 
 
 CAR = Kind(
-    "passenger",
-    "car",
-    Normal(4.45, 0.3),
-    Normal(1.83, 0.06),
-    Normal(1.0, 0.12),
-    Normal(55, 5),
-    Uniform(1.5, 2.8),
-    Uniform(2.5, 4.5),
-)
+    "passenger", "car", Normal(4.45, 0.3), Normal(1.83, 0.06), Normal(1.0, 0.12), Normal(55, 5),
+    Uniform(1.5, 2.8), Uniform(2.5, 4.5),
+)  # fmt: skip
 VAN = Kind(
-    "delivery",
-    "van",
-    Normal(5.9, 0.4),
-    Normal(2.02, 0.05),
-    Normal(0.92, 0.1),
-    Normal(42, 3),
-    Uniform(1.2, 2.0),
-    Uniform(2.5, 4.0),
-)
+    "delivery", "van", Normal(5.9, 0.4), Normal(2.02, 0.05), Normal(0.92, 0.1), Normal(42, 3),
+    Uniform(1.2, 2.0), Uniform(2.5, 4.0),
+)  # fmt: skip
 LORRY = Kind(
-    "truck",
-    "truck",
-    Normal(8.5, 1.0),
-    Normal(2.48, 0.04),
-    Normal(0.9, 0.06),
-    Normal(25, 1.2),
-    Uniform(0.8, 1.3),
-    Uniform(2.0, 3.5),
-)
+    "truck", "truck", Normal(8.5, 1.0), Normal(2.48, 0.04), Normal(0.9, 0.06), Normal(25, 1.2),
+    Uniform(0.8, 1.3), Uniform(2.0, 3.5),
+)  # fmt: skip
 TRAILER = Kind(
-    "trailer",
-    "truck",
-    Normal(15.5, 0.7),
-    Normal(2.52, 0.02),
-    Normal(0.9, 0.05),
-    Normal(24, 0.8),
-    Uniform(0.6, 1.0),
-    Uniform(2.0, 3.0),
-)
+    "trailer", "truck", Normal(15.5, 0.7), Normal(2.52, 0.02), Normal(0.9, 0.05), Normal(24, 0.8),
+    Uniform(0.6, 1.0), Uniform(2.0, 3.0),
+)  # fmt: skip
 MOTORBIKE = Kind(
-    "motorcycle",
-    "motorcycle",
-    Normal(2.15, 0.08),
-    Normal(0.85, 0.04),
-    Normal(1.05, 0.12),
-    Normal(55, 5),
-    Uniform(2.0, 3.5),
-    Uniform(3.0, 5.0),
-)
+    "motorcycle", "motorcycle", Normal(2.15, 0.08), Normal(0.85, 0.04), Normal(1.05, 0.12), Normal(55, 5),
+    Uniform(2.0, 3.5), Uniform(3.0, 5.0),
+)  # fmt: skip
 
 _DRIVER: Driver = {
     "impatience": Uniform(0.6, 0.9),  # at junctions: 1 makes others brake

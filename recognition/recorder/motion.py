@@ -62,8 +62,9 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> Motion:
         _axle(fronts, *which, rate)
         for which in zip(starts.tolist(), ends.tolist(), ((0.5 - REAR_AXLE) * length).tolist(), strict=True)
     ]
-    counts = np.array([len(frame) for frame, _, _ in tracks])
-    frame, x, y = (np.concatenate(column) for column in zip(*tracks, strict=True))
+    counts = np.array([len(frame) for frame, _ in tracks])
+    frame, axle = (np.concatenate(column) for column in zip(*tracks, strict=True))
+    x, y = axle.T
     h = _headings(x, y, counts, 2 * REAR_AXLE * length, h)
     each = np.repeat(np.arange(len(vehicle)), counts)
     behind = REAR_AXLE * length[each]
@@ -73,21 +74,17 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> Motion:
     return Motion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
 
 
-def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tuple[Whole, Floats, Floats]:
-    """Frames and places of one front axle, `behind` the bumper (m)."""
-    x, y, step = fronts.x[start:end], fronts.y[start:end], fronts.step[start:end]
+def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tuple[Whole, Floats]:
+    """Frames and places (n, 2) of one front axle, `behind` the bumper (m)."""
+    front, step = np.stack((fronts.x[start:end], fronts.y[start:end]), axis=1), fronts.step[start:end]
     h = fronts.h[start]
-    way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(front, axis=0).T)))
     known = np.append(True, np.diff(way) > 0.0)
-    path = (
-        np.append(-behind, way[known]),
-        np.append(x[0] - behind * np.cos(h), x[known]),
-        np.append(y[0] - behind * np.sin(h), y[known]),
-    )
+    path = np.concatenate(([front[0] - behind * np.array([np.cos(h), np.sin(h)])], front[known]))
+    passed = np.append(-behind, way[known])
+    axle = np.stack([_smooth(np.interp(way - behind, passed, coordinate)) for coordinate in path.T], axis=1)
     frame = np.arange(-(-step[0] * rate // STEPS), step[-1] * rate // STEPS + 1)
-    axle = (_smooth(np.interp(way - behind, path[0], coordinate)) for coordinate in path[1:])
-    x, y = (CubicSpline(step / STEPS, coordinate)(frame / rate) for coordinate in axle)
-    return frame, x, y
+    return frame, CubicSpline(step / STEPS, axle)(frame / rate)
 
 
 def _smooth(values: Floats) -> Floats:

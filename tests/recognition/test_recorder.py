@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from shapely import Polygon
+from typer.testing import CliRunner
 
 from recognition.datasets import Source
 from recognition.datasets import open as open_data_set
 from recognition.datasets.tables import read_table
-from recognition.recorder import SITES, record
+from recognition.recorder import SITES, command, record
 from recognition.sites import site_of
 from runner.recording import Recording, Track
 from schemas import check
@@ -209,6 +211,15 @@ def test_arguments_that_make_no_sense_are_refused(tmp_path: Path, arguments: dic
 def test_folders_with_recordings_are_left_alone(recorded: Path) -> None:
     with pytest.raises(UsageError, match="has something in it already"):
         record(recorded, scale=LEAST, sites=["crossing"])
+
+
+def test_the_command_records_and_says_what(tmp_path: Path) -> None:
+    app = typer.Typer()
+    app.command()(command.record)
+    result = CliRunner().invoke(app, [str(tmp_path), "--scale", str(LEAST), "--site", "roundabout", "--jobs", "2"])
+    assert result.exit_code == 0
+    assert result.stdout == f"3 recordings in {tmp_path}\n"
+    assert len(list(tmp_path.glob("roundabout/vehicle_tracks_*.csv"))) == 3
 
 
 def test_paper_scale_has_twenty_recordings_of_each_kind_of_site() -> None:
