@@ -20,7 +20,7 @@ from sklearn.tree import DecisionTreeClassifier
 from recognition.config import Config
 from recognition.known import Known, Labelled, bare_screening, labelled
 from recognition.prototypes import Prototypes
-from recognition.samples import Whole, matrix
+from recognition.samples import UNKNOWN, Whole, matrix
 from schemas.errors import InvalidFile, ToolchainError, UsageError
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 Arrays = dict[str, NDArray[Any]]
 _MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder.json"
 _FORMAT = "xosc-toolchain TRFE 1"
+_ABOUT = "about"
+"""The one entry of the metadata: safetensors writes several in an order that differs from time to time"""
 _TREE = "sklearn.tree._tree.Tree"
 """The one type beyond those that skops trusts of itself: the node tables, which `_check_tree` looks through."""
 LARGEST = 2**30
@@ -59,10 +61,10 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     }
     if model.buffer.inputs is not None:
         arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
-    settings = {"format": _FORMAT, "config": json.dumps(asdict(model.config))}
+    about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config)})}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        save_file({name: np.asarray(value, order="C") for name, value in arrays.items()}, folder / _MODEL, settings)
+        save_file({name: np.asarray(value, order="C") for name, value in arrays.items()}, folder / _MODEL, about)
         skops.io.dump(known.forest, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
         if model.encoder is not None:
             from recognition.encoder import storage
@@ -119,8 +121,9 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Kn
     screening = bare_screening(config)
     if screening:
         screening.restore(_part(arrays, "screening"))
-    for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes if screening else forest.classes_):
-        if not np.array_equal(np.unique(of), forest.classes_):
+    classes = forest.classes_[forest.classes_ != UNKNOWN]
+    for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes if screening else classes):
+        if not np.array_equal(np.unique(of), classes):
             raise ValueError("they are of different classes")
     if not forest.n_features_in_ == fitted.features.shape[1] == calibrating.features.shape[1] == prototypes.centres.shape[1]:
         raise ValueError("they are of different dimensions")
@@ -132,11 +135,11 @@ def _read_model(path: Path) -> tuple[Config, Arrays]:
 
     try:
         with safe_open(path, "numpy") as file:
-            settings = file.metadata() or {}
+            about = json.loads((file.metadata() or {})[_ABOUT])
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        if settings.get("format") != _FORMAT:
-            raise ValueError(f"its format is {settings.get('format')!r}, {_FORMAT!r} is expected")
-        config = _settings(Config, json.loads(settings["config"]))
+        if about["format"] != _FORMAT:
+            raise ValueError(f"its format is {about['format']!r}, {_FORMAT!r} is expected")
+        config = _settings(Config, about["config"])
     except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
         raise InvalidFile(f"this is no model: {_first_line(error)}", path=path) from None
     for name, value in arrays.items():
@@ -183,7 +186,7 @@ def _check_forest(forest: Any) -> None:
     if type(forest) is not RandomForestClassifier or not forest.estimators_:
         raise ValueError(f"it is a {type(forest).__name__}")
     classes: Whole = forest.classes_
-    if not np.issubdtype(classes.dtype, np.integer) or classes.ndim != 1 or (np.diff(classes) <= 0).any():
+    if not np.issubdtype(classes.dtype, np.integer) or classes.ndim != 1 or (np.diff(classes) <= 0).any() or classes[0] < UNKNOWN:
         raise ValueError("its classes are no ascending numbers")
     for tree in forest.estimators_:
         if type(tree) is not DecisionTreeClassifier:

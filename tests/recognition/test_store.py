@@ -182,35 +182,35 @@ def test_a_forest_of_other_classes_is_refused(folder: Path) -> None:
         load(folder)
 
 
-def rewritten(path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict[str, str]], None]) -> None:
-    """Write the model's file anew after a change of its arrays, its settings and its metadata."""
+def rewritten(path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict[str, Any]], None]) -> None:
+    """Write the model's file anew after a change of its arrays, its settings and what it says of itself."""
     with safe_open(path, "numpy") as file:
         metadata = file.metadata()
         arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    settings = json.loads(metadata["config"])
-    change(arrays, settings, metadata)
-    save_file(arrays, path, metadata | {"config": json.dumps(settings)})
+    about = json.loads(metadata["about"])
+    change(arrays, about["config"], about)
+    save_file(arrays, path, {"about": json.dumps(about)})
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda arrays, settings, metadata: metadata.update(format="another 1"), "its format is 'another 1'"),
-        (lambda arrays, settings, metadata: settings.update(trees="many"), "its setting trees can't be 'many'"),
-        (lambda arrays, settings, metadata: settings.update(trees=True), "its setting trees can't be True"),
-        (lambda arrays, settings, metadata: settings.update(screening="guess"), "its setting screening can't be 'guess'"),
-        (lambda arrays, settings, metadata: settings.pop("metric"), "its settings are not those of Config"),
-        (lambda arrays, settings, metadata: settings["clustering"].update(extra=1), "its settings are not those of Clustering"),
-        (lambda arrays, settings, metadata: settings.update(promotion=3), "its settings are not those of Promotion"),
-        (lambda arrays, settings, metadata: arrays.pop("prototypes.radii"), "do not fit together"),
-        (lambda arrays, settings, metadata: arrays.pop("screening.limits"), "do not fit together"),
-        (lambda arrays, settings, metadata: arrays["fitted.features"].fill(np.nan), "fitted.features is not made of finite"),
+        (lambda arrays, settings, about: about.update(format="another 1"), "its format is 'another 1'"),
+        (lambda arrays, settings, about: settings.update(trees="many"), "its setting trees can't be 'many'"),
+        (lambda arrays, settings, about: settings.update(trees=True), "its setting trees can't be True"),
+        (lambda arrays, settings, about: settings.update(screening="guess"), "its setting screening can't be 'guess'"),
+        (lambda arrays, settings, about: settings.pop("metric"), "its settings are not those of Config"),
+        (lambda arrays, settings, about: settings["clustering"].update(extra=1), "its settings are not those of Clustering"),
+        (lambda arrays, settings, about: settings.update(promotion=3), "its settings are not those of Promotion"),
+        (lambda arrays, settings, about: arrays.pop("prototypes.radii"), "do not fit together"),
+        (lambda arrays, settings, about: arrays.pop("screening.limits"), "do not fit together"),
+        (lambda arrays, settings, about: arrays["fitted.features"].fill(np.nan), "fitted.features is not made of finite"),
         (
-            lambda arrays, settings, metadata: arrays.update({"fitted.features": arrays["fitted.features"][:, 1:]}),
+            lambda arrays, settings, about: arrays.update({"fitted.features": arrays["fitted.features"][:, 1:]}),
             "they are of different dimensions",
         ),
         (
-            lambda arrays, settings, metadata: arrays.update({"screening.limits": arrays["screening.limits"][:1]}),
+            lambda arrays, settings, about: arrays.update({"screening.limits": arrays["screening.limits"][:1]}),
             "do not fit together",
         ),
     ],
