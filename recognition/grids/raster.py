@@ -123,20 +123,29 @@ def _points(frames: Frames, boxes: Boxes, grid: Grid) -> tuple[Whole, Whole, Flo
     point of a box stands for."""
     length, width = frames.length[boxes.row], frames.width[boxes.row]
     spacing = min(grid.cell_length, grid.cell_width) / _POINTS
-    along, across = (np.maximum(np.ceil(size / spacing), 1.0).astype(np.int64) for size in (length, width))
-    counts = along * across
-    box = np.repeat(np.arange(len(counts)), counts)
-    number = np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
-    i, j = np.divmod(number, across[box])
-    ahead = (i + 0.5) * (length / along)[box] - 0.5 * length[box]
-    aside = (j + 0.5) * (width / across)[box] - 0.5 * width[box]
-    cos, sin = boxes.cos[box], boxes.sin[box]
-    column = np.floor((boxes.x[box] + ahead * cos - aside * sin - grid.ahead + 0.5 * grid.length) / grid.cell_length)
-    row = np.floor((0.5 * grid.width - boxes.y[box] - ahead * sin - aside * cos) / grid.cell_width)
+    along, across = (np.maximum(np.ceil(size / spacing), 1.0) for size in (length, width))
+    counts, kind = np.unique(np.stack([along, across]).astype(np.int64), axis=1, return_inverse=True)
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+    for number, (many, more) in enumerate(counts.T.tolist()):
+        found.append(_lattice(boxes, np.flatnonzero(kind == number), length, width, many, more, grid))
+    box, cell = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return box, cell, length * width / (along * across)
+
+
+def _lattice(
+    boxes: Boxes, mine: Whole, length: Floats, width: Floats, along: int, across: int, grid: Grid
+) -> tuple[Whole, Whole]:
+    """Box and cell of the points of those boxes that have as many of them."""
+    x, y, cos, sin, long, wide = (
+        values[mine, None, None].astype(np.float32) for values in (boxes.x, boxes.y, boxes.cos, boxes.sin, length, width)
+    )
+    ahead = long * ((np.arange(along, dtype=np.float32)[:, None] + 0.5) / along - 0.5)
+    aside = wide * ((np.arange(across, dtype=np.float32) + 0.5) / across - 0.5)
+    column = np.floor((x - grid.ahead + 0.5 * grid.length + ahead * cos - aside * sin) / grid.cell_length)
+    row = np.floor((0.5 * grid.width - y - ahead * sin - aside * cos) / grid.cell_width)
     rows, columns = grid.cells
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    cell = (row[inside] * columns + column[inside]).astype(np.int64)
-    return box[inside], cell, length * width / counts
+    return np.repeat(mine, inside.sum(axis=(1, 2))), (row[inside] * columns + column[inside]).astype(np.int64)
 
 
 def _motion(frames: Frames, boxes: Boxes, egos: Whole, poses: Whole) -> dict[Channel, NDArray[np.uint8]]:
@@ -156,10 +165,10 @@ def _roads(frames: Frames, poses: Whole, grid: Grid, network: RoadNetwork) -> di
     """The channels that show the road, as seen from each pose: (frames of the batch, rows, columns) each."""
     distinct = 1 if grid.pose == "window" else grid.frames
     seen = poses[:, :distinct].ravel()
-    ahead, aside = cell_centres(grid)
     road = picture(network, min(grid.cell_length, grid.cell_width))
-    cos, sin = np.cos(frames.h[seen])[:, None, None], np.sin(frames.h[seen])[:, None, None]
-    x = frames.x[seen][:, None, None] + ahead * cos - aside * sin
-    y = frames.y[seen][:, None, None] + ahead * sin + aside * cos
-    planes = {channel: road.at(plane, x, y) for plane, channel in enumerate(ROAD_CHANNELS) if channel in grid.channels}
-    return {channel: np.repeat(values, grid.frames // distinct, axis=0) for channel, values in planes.items()}
+    cos, sin = (turn(frames.h[seen])[:, None, None].astype(np.float32) for turn in (np.cos, np.sin))
+    ahead, aside = cell_centres(grid)
+    x = (frames.x[seen] - road.x)[:, None, None].astype(np.float32) + ahead * cos - aside * sin
+    y = (frames.y[seen] - road.y)[:, None, None].astype(np.float32) + ahead * sin + aside * cos
+    planes = np.repeat(road.at(x, y), grid.frames // distinct, axis=0)
+    return {channel: planes[..., plane] for plane, channel in enumerate(ROAD_CHANNELS) if channel in grid.channels}

@@ -15,6 +15,7 @@ from xodr.road import Road
 from xodr.sampling import lane_borders
 from xodr.ways import DRIVABLE
 
+Singles = NDArray[np.float32]
 _PIXEL = 0.5
 """Edge of a pixel, m."""
 _LARGEST = 20_000
@@ -23,23 +24,21 @@ _LARGEST = 20_000
 
 @dataclass(frozen=True)
 class Picture:
-    """Drivable area and lane borders of a site: `planes` uint8 (2, rows, columns), of which pixel (0, 0) begins at x, y (m).
+    """Drivable area and lane borders of a site: uint8 (rows, columns, 2), of which pixel (0, 0) begins at x, y (m).
 
-    A pixel's value is the share of the cell around it that is area or border, 0 to 255.
+    A pixel's values are the shares of the cell around it that are area and border, 0 to 255.
     """
 
-    planes: NDArray[np.uint8]
+    pixels: NDArray[np.uint8]
     x: float
     y: float
 
-    def at(self, plane: int, x: Floats, y: Floats) -> NDArray[np.uint8]:
-        """Values of world positions; 0 outside of the picture."""
-        rows, columns = self.planes.shape[1:]
-        column = ((x - self.x) * (1.0 / _PIXEL)).astype(np.int32)
-        row = ((y - self.y) * (1.0 / _PIXEL)).astype(np.int32)
-        np.clip(column, 0, columns - 1, out=column)
-        np.clip(row, 0, rows - 1, out=row)
-        return self.planes[plane].ravel()[row * columns + column]
+    def at(self, x: Singles, y: Singles) -> NDArray[np.uint8]:
+        """Both values, in a last axis, of places x, y (m) from the picture's beginning; 0 outside of the picture."""
+        rows, columns, _ = self.pixels.shape
+        column, row = (np.clip(place * (1.0 / _PIXEL), 0, last - 1).astype(np.int32) for place, last in ((x, columns), (y, rows)))
+        both = self.pixels.reshape(-1, 2).view(np.uint16)[row * columns + column]  # one look-up for the two
+        return both.view(np.uint8)
 
 
 @lru_cache(maxsize=8)
@@ -58,7 +57,7 @@ def picture(network: RoadNetwork, cell: float) -> Picture:
         _draw(planes[0], (1.0 - share) * inner + share * outer, low)
         _draw(planes[1], np.stack([inner, outer]), low)
     size = max(1, round(cell / _PIXEL))
-    smooth = np.stack([uniform_filter(plane, size, mode="constant") for plane in planes])
+    smooth = np.stack([uniform_filter(plane, size, mode="constant") for plane in planes], axis=-1)
     return Picture(smooth, float(low[0]), float(low[1]))
 
 
@@ -87,10 +86,10 @@ def _draw(plane: NDArray[np.uint8], points: Floats, low: Floats) -> None:
     plane[row[inside], column[inside]] = 255
 
 
-def cell_centres(grid: Grid) -> tuple[Floats, Floats]:
+def cell_centres(grid: Grid) -> tuple[Singles, Singles]:
     """Coordinates of the cells' centres, ahead and to the left of the ego (m): shape rows × columns each."""
     rows, columns = grid.cells
     along = (np.arange(columns) + 0.5) * grid.cell_length - 0.5 * grid.length + grid.ahead
     left = 0.5 * grid.width - (np.arange(rows) + 0.5) * grid.cell_width
-    across, ahead = np.meshgrid(left, along, indexing="ij")
+    across, ahead = np.meshgrid(left.astype(np.float32), along.astype(np.float32), indexing="ij")
     return ahead, across

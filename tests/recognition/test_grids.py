@@ -78,6 +78,10 @@ def test_only_those_are_drawn_who_are_there_in_that_frame():
     assert below.tolist() == [False, False, False, True]
 
 
+def test_grids_that_nobody_is_in_are_empty():
+    assert not rasterise(recording([EGO]), NOW, Grid(10.0, 10.0, 1.0, 1.0, ahead=50.0, channels=("others", "ego", "speed"))).any()
+
+
 def test_each_window_is_drawn_the_same_alone_and_among_many():
     scene = recording([EGO, *(Driver(str(k), 7.0 * k - 30.0, 3.0 * (k % 3) - 3.0, 0.1 * k, 9.0) for k in range(10))])
     rng = np.random.default_rng(1)
