@@ -19,7 +19,7 @@ from recognition.samples import Features, Whole
 from recognition.votes import forest, votes
 
 SIZES = (250, 500, 1000, 2000, 4000)
-NAIVE = 60
+NAIVE = 150
 """Samples for the double loop, which takes time with their square."""
 FITTED = 6000
 

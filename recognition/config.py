@@ -18,8 +18,9 @@ class Config:
 
     Args:
         trees: T of the forest.
-        screening: reading A (`deficit`), reading B (`weibull`), the plain `threshold` on votes, or `none`: what is beyond the
-            margin of every known class is unknown.
+        background: whether trees may vote for none of the classes, see `recognition.votes.forest`.
+        screening: reading A (`deficit`), reading A of the votes for the background (`background`), reading B (`weibull`), the
+            plain `threshold` on votes, or `none`: what is beyond the margin of every known class is unknown.
         delta: δ of the screening, or the share that the plain threshold rejects; None has that of reading A chosen by leaving
             one known class out, where there are three, and is 0.05 otherwise.
         window: accepted samples of each class by which reading A follows a shift of the known classes; 0 leaves it as calibrated.
@@ -33,7 +34,8 @@ class Config:
     """
 
     trees: int = TREES
-    screening: Literal["deficit", "weibull", "threshold", "none"] = "deficit"
+    background: bool = False
+    screening: Literal["deficit", "background", "weibull", "threshold", "none"] = "deficit"
     delta: float | None = None
     window: int = 0
     metric: Metric = "euclidean"

@@ -10,14 +10,16 @@ from sklearn.ensemble import RandomForestClassifier
 
 from recognition.config import Config
 from recognition.prototypes import Prototypes
-from recognition.samples import Features, Whole, class_labels, matrix
-from recognition.screening import EvtDeficit, Screening, VoteThreshold, WeibullVotes
+from recognition.samples import UNKNOWN, Features, Whole, class_labels, matrix
+from recognition.screening import EvtBackground, EvtDeficit, Screening, VoteThreshold, WeibullVotes
 from recognition.screening.selection import FEWEST_CLASSES, choose_delta
 from recognition.votes import forest, votes
 from schemas.errors import UsageError
 
 _DELTA = 0.05
 """δ where none is given and there are too few classes to choose one."""
+READINGS: dict[str, type[EvtDeficit]] = {"deficit": EvtDeficit, "background": EvtBackground}
+"""Screenings whose δ is chosen by leaving one known class out."""
 
 
 class Labelled(NamedTuple):
@@ -51,7 +53,8 @@ class Known(NamedTuple):
     @property
     def classes(self) -> Whole:
         """Labels of the classes, ascending."""
-        return np.asarray(self.forest.classes_)
+        classes = np.asarray(self.forest.classes_)
+        return classes[classes != UNKNOWN]
 
 
 def labelled(features: ArrayLike, labels: ArrayLike) -> Labelled:
@@ -72,32 +75,31 @@ def learn(fitted: Labelled, calibrating: Labelled, config: Config) -> Known:
     """
     if set(fitted.labels.tolist()) != set(calibrating.labels.tolist()):
         raise UsageError("the samples to fit and to calibrate must be of the same classes")
-    grown = forest(*fitted, config.trees, config.seed)
+    grown = forest(*fitted, config.trees, config.seed, config.background)
     prototypes = Prototypes.fit(*fitted.joined(calibrating), config.metric)
     screening = bare_screening(config, _delta(fitted, calibrating, config))
     if screening:
-        screening.fit(votes(grown, calibrating.features), calibrating.labels)
+        screening.fit(votes(grown, calibrating.features), calibrating.labels, config.trees)
     return Known(fitted, calibrating, grown, screening, prototypes)
 
 
 def bare_screening(config: Config, delta: float = _DELTA) -> Screening | None:
     """The screening that is configured, not calibrated yet."""
     match config.screening:
-        case "deficit":
-            return EvtDeficit(delta, config.seed, config.window)
+        case "deficit" | "background":
+            return READINGS[config.screening](delta, config.seed, config.window)
         case "weibull":
             return WeibullVotes(delta, config.seed)
         case "threshold":
             return VoteThreshold(delta)
         case "none":
             return None
-        case other:
-            raise UsageError(f"there is no screening {other!r}; there are deficit, weibull, threshold and none")
 
 
 def _delta(fitted: Labelled, calibrating: Labelled, config: Config) -> float:
     if config.delta is not None:
         return config.delta
-    if config.screening != "deficit" or len(np.unique(fitted.labels)) < FEWEST_CLASSES:
+    if config.screening not in READINGS or len(np.unique(fitted.labels)) < FEWEST_CLASSES:
         return _DELTA
-    return choose_delta(*fitted, *calibrating, seed=config.seed)
+    reading = READINGS[config.screening]
+    return choose_delta(*fitted, *calibrating, reading=reading, background=config.background, seed=config.seed)

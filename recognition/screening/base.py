@@ -31,20 +31,27 @@ class Screening(ABC):
         self.classes: Whole = np.zeros(0, dtype=np.int64)
         self.trees = 0
 
-    def fit(self, votes: ArrayLike, labels: ArrayLike) -> Self:
+    def fit(self, votes: ArrayLike, labels: ArrayLike, trees: int | None = None) -> Self:
         """Calibrate on votes (n, K) of samples that the forest was not fitted on, and their true labels (n,).
 
+        Args:
+            votes, labels: of the samples.
+            trees: that vote; None where all of them vote for known classes.
+
         Raises:
-            UsageError: the labels are not of as many classes as the votes, or the rows of the votes differ in sum.
+            UsageError: the labels are not of as many classes as the votes, or the rows of the votes do not add up.
         """
         table = np.asarray(votes)
-        if table.ndim != 2 or not len(table) or (table.sum(axis=1) != table[0].sum()).any():
-            raise UsageError("votes must be a table (samples, classes) of one forest: each row adds up to its number of trees")
+        if table.ndim != 2 or not len(table):
+            raise UsageError(f"votes must be a table (samples, classes), not of shape {table.shape}")
+        cast = table.sum(axis=1)
+        if (cast != cast[0]).any() if trees is None else (cast > trees).any():
+            raise UsageError("each row of the votes must add up to the number of trees, or to less where some may vote for none")
         truth = class_labels(labels, len(table))
         self.classes = np.unique(truth)
         if len(self.classes) != table.shape[1]:
             raise UsageError(f"{table.shape[1]} classes are voted for, but calibration samples are of {len(self.classes)}")
-        self.trees = int(table[0].sum())
+        self.trees = int(cast[0]) if trees is None else trees
         self._calibrate(table, np.searchsorted(self.classes, truth))
         return self
 

@@ -50,52 +50,62 @@ class EvtDeficit(Screening):
 
     def _calibrate(self, votes: Whole, columns: Whole) -> None:
         jitter = np.random.default_rng(self.seed).random(len(votes))
-        deficits = self.trees - votes[np.arange(len(votes)), columns] + jitter
-        of_class = [np.sort(deficits[columns == column]) for column in range(len(self.classes))]
-        self.deficits = np.concatenate(of_class)
-        self.starts = np.cumsum([0, *map(len, of_class)])
-        self.limits = np.array([np.quantile(of, 1.0 - TAIL) for of in of_class])
-        tails = [tail(of[of > limit] - limit) for of, limit in zip(of_class, self.limits, strict=True)]
+        groups = self._groups(columns)
+        deficits = self._lacking(votes)[np.arange(len(votes)), groups] + jitter
+        of_group = [np.sort(deficits[groups == group]) for group in range(groups.max() + 1)]
+        self.deficits = np.concatenate(of_group)
+        self.starts = np.cumsum([0, *map(len, of_group)])
+        self.limits = np.array([np.quantile(of, 1.0 - TAIL) for of in of_group])
+        tails = [tail(of[of > limit] - limit) for of, limit in zip(of_group, self.limits, strict=True)]
         self.shapes, self.scales = np.array(tails).T
-        self.stretches = np.ones(len(self.classes))
-        self.recent = np.zeros((len(self.classes), self.window))
-        self.seen = np.zeros(len(self.classes), dtype=np.int64)
+        self.stretches = np.ones(len(of_group))
+        self.recent = np.zeros((len(of_group), self.window))
+        self.seen = np.zeros(len(of_group), dtype=np.int64)
+
+    def _lacking(self, votes: Whole) -> Whole:
+        """Votes that are lacking (n, G), for each group of classes that has a distribution; here each class is a group."""
+        return self.trees - votes
+
+    def _groups(self, columns: Whole) -> Whole:
+        """Group (n,) of the classes in these columns."""
+        return columns
 
     def recalibrate(self, votes: Whole) -> None:
         """Follow a shift of the known classes, seen in votes (n, K) of which nobody knows the classes.
 
-        The 90th percentile of the deficits of class k's latest accepted samples, over what it was at calibration, stretches
-        the class's distribution of deficits, never below what was calibrated. The share that screening cuts off is left out
+        The 90th percentile of the deficits of a group's latest accepted samples, over what it was at calibration, stretches
+        the group's distribution of deficits, never below what was calibrated. The share that screening cuts off is left out
         of the calibration's percentile too, or it would be taken for a shift.
         """
-        accepted = self.predict(votes)
-        for column, label in enumerate(self.classes):
-            lacking = self.trees - votes[accepted == label, column][-self.window :] + 0.5
-            self.recent[column, (self.seen[column] + np.arange(len(lacking))) % self.window] = lacking
-            self.seen[column] += len(lacking)
-            latest = self.recent[column, : self.seen[column]]
+        accepted = self.score(votes) <= self.threshold
+        groups, lacking = self._groups(votes.argmax(axis=1)), self._lacking(votes) + 0.5
+        for group in range(len(self.stretches)):
+            new = lacking[accepted & (groups == group), group][-self.window :]
+            self.recent[group, (self.seen[group] + np.arange(len(new))) % self.window] = new
+            self.seen[group] += len(new)
+            latest = self.recent[group, : self.seen[group]]
             if len(latest) >= _FEWEST_RECENT:
-                usual = np.quantile(self._of_class(column), _COMPARED * self.threshold)
-                self.stretches[column] = np.clip(np.quantile(latest, _COMPARED) / usual, 1.0, _STRETCH)
+                usual = np.quantile(self._of_group(group), _COMPARED * self.threshold)
+                self.stretches[group] = np.clip(np.quantile(latest, _COMPARED) / usual, 1.0, _STRETCH)
 
     def similarities(self, votes: Whole) -> Floats:
-        """s_k (n, K) in [0, 1]: share of class k's samples that lack at least as many votes."""
-        deficits = (self.trees - votes + 0.5) / self.stretches
-        return np.stack([self._survival(deficits[:, column], column) for column in range(len(self.classes))], axis=1)
+        """s_k (n, G) in [0, 1]: share of the samples of class k, or of a group of classes, that lack at least as many votes."""
+        deficits = (self._lacking(votes) + 0.5) / self.stretches
+        return np.stack([self._survival(deficits[:, group], group) for group in range(len(self.stretches))], axis=1)
 
     def _score(self, votes: Whole) -> Floats:
         return 1.0 - self.similarities(votes).max(axis=1)
 
-    def _survival(self, deficit: Floats, column: int) -> Floats:
-        of_class = self._of_class(column)
-        empirical = 1.0 - np.searchsorted(of_class, deficit) / len(of_class)
-        excess = deficit - self.limits[column]
-        beyond = TAIL * genpareto.sf(excess, self.shapes[column], scale=self.scales[column])
+    def _survival(self, deficit: Floats, group: int) -> Floats:
+        of_group = self._of_group(group)
+        empirical = 1.0 - np.searchsorted(of_group, deficit) / len(of_group)
+        excess = deficit - self.limits[group]
+        beyond = TAIL * genpareto.sf(excess, self.shapes[group], scale=self.scales[group])
         return np.where(excess <= 0.0, empirical, beyond)
 
-    def _of_class(self, column: int) -> Floats:
-        """Deficits of a class's calibration samples, ascending."""
-        return self.deficits[self.starts[column] : self.starts[column + 1]]
+    def _of_group(self, group: int) -> Floats:
+        """Deficits of a group's calibration samples, ascending."""
+        return self.deficits[self.starts[group] : self.starts[group + 1]]
 
 
 def tail(excesses: Floats) -> tuple[float, float]:

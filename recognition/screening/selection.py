@@ -22,11 +22,13 @@ def choose_delta(
     calibration: ArrayLike,
     calibration_labels: ArrayLike,
     *,
+    reading: type[EvtDeficit] = EvtDeficit,
+    background: bool = False,
     trees: int = 100,
     deltas: Sequence[float] = DELTAS,
     seed: int = 0,
 ) -> float:
-    """The δ of `EvtDeficit` with the greatest balanced accuracy, the mean over the classes left out one by one.
+    """The δ with the greatest balanced accuracy, the mean over the classes left out one by one.
 
     Balanced accuracy is the mean of two shares: known samples accepted, samples of the class left out rejected. Each time,
     half of the calibration samples calibrate and the other half are judged.
@@ -34,6 +36,8 @@ def choose_delta(
     Args:
         features, labels: samples (n, d) to fit forests on, their classes (n,).
         calibration, calibration_labels: other samples (m, d) of the same classes.
+        reading: of which δ is chosen.
+        background: whether the forests have a background class.
         trees: of each forest.
         deltas: candidates; of equally good ones the first is taken.
         seed: of forests, halves and jitter.
@@ -47,11 +51,11 @@ def choose_delta(
     half = np.random.default_rng(seed).permutation(len(held)) % 2 == 0
     gains = []
     for out in np.unique(known):
-        grown = forest(table[known != out], known[known != out], trees, seed)
+        grown = forest(table[known != out], known[known != out], trees, seed, background)
         cast = votes(grown, held)
         calibrating = half & (truth != out)
         judged = ~half | (truth == out)
-        score = EvtDeficit(seed=seed).fit(cast[calibrating], truth[calibrating]).score(cast[judged])
+        score = reading(seed=seed).fit(cast[calibrating], truth[calibrating], trees).score(cast[judged])
         gains.append([_balanced_accuracy(score > 1.0 - delta, truth[judged] == out) for delta in deltas])
     return float(deltas[int(np.mean(gains, axis=0).argmax())])
 

@@ -10,7 +10,7 @@ from scipy.stats import genpareto, weibull_min
 from sklearn.ensemble import RandomForestClassifier
 
 from recognition.samples import Features, Whole
-from recognition.screening import EvtDeficit, Screening, VoteThreshold, WeibullVotes
+from recognition.screening import EvtBackground, EvtDeficit, Screening, VoteThreshold, WeibullVotes
 from recognition.screening.evt_deficit import tail
 from recognition.screening.selection import choose_delta
 from recognition.screening.weibull import weibull
@@ -144,6 +144,47 @@ def test_scores_do_not_depend_on_what_is_scored_beside(cast: Cast) -> None:
     assert np.array_equal(screening.score(judged)[5:9], screening.score(judged[5:9]))
 
 
+def test_the_background_reading_counts_votes_for_none_of_the_classes() -> None:
+    """Of 20 trees 0, 1, …, 9 vote for the background; a sample that four vote for is beaten by 5 or 6 of 10, however torn."""
+    strays = np.arange(10)
+    table = np.stack([15 - strays, np.full(10, 5)], axis=1)
+    screening = EvtBackground().fit(np.concatenate([table, table[:, ::-1]]), np.repeat([1, 2], 10), trees=20)
+    similar = screening.similarities(np.array([[16, 0], [8, 8], [20, 0]]))
+    assert similar.shape == (3, 1)
+    assert similar[0] == similar[1]
+    assert similar[0, 0] in (0.5, 0.55, 0.6)
+    assert similar[2, 0] > 0.9
+
+
+def test_a_background_shows_what_is_beside_all_classes() -> None:
+    """Two classes differ in one direction, a third lies off it: trees that must choose are unanimous, others vote for none."""
+    random = np.random.default_rng(0)
+    centres = np.zeros((4, 8))
+    centres[1, 0], centres[2, 0] = -3.0, 3.0
+    centres[3, :2] = 3.0, 12.0
+
+    def draw(labels: list[int], each: int) -> tuple[Features, Whole]:
+        truth = np.repeat(labels, each)
+        return (centres[truth] + random.standard_normal((len(truth), 8))).astype(np.float32), truth
+
+    fitting, calibrating, (judged, truth) = draw([1, 2], 200), draw([1, 2], 200), draw([1, 2, 3], 100)
+    rejected = {}
+    for background, reading in ((False, EvtDeficit), (True, EvtDeficit), (True, EvtBackground)):
+        grown = forest(*fitting, trees=60, background=background)
+        screening = reading().fit(votes(grown, calibrating[0]), calibrating[1], 60)
+        found = screening.predict(votes(grown, judged))
+        rejected[background, reading] = np.mean(found[truth == 3] == 0)
+        assert np.mean(found[truth != 3] == truth[truth != 3]) > 0.9
+    assert rejected[False, EvtDeficit] < 0.3
+    assert rejected[True, EvtDeficit] > 0.9
+    assert rejected[True, EvtBackground] > 0.9
+
+
+def test_the_background_reading_needs_a_background(cast: Cast) -> None:
+    with pytest.raises(UsageError, match="needs a forest that was fitted with one"):
+        EvtBackground().fit(cast.table, cast.labels)
+
+
 def test_delta_is_chosen_by_leaving_classes_out() -> None:
     fitting, calibrating = (clouds([1, 2, 3, 4], 120, seed=seed, apart=2.0) for seed in (0, 1))
     delta = choose_delta(*fitting, *calibrating, trees=40)
@@ -183,7 +224,7 @@ def test_recalibration_without_a_shift_changes_little(grown: RandomForestClassif
     ("table", "labels", "message"),
     [
         ([[3, 1], [2, 2]], [1, 1], "2 classes are voted for, but calibration samples are of 1"),
-        ([[3, 1], [2, 1]], [1, 2], "each row adds up"),
+        ([[3, 1], [2, 1]], [1, 2], "each row of the votes must add up"),
         (np.zeros((0, 2), int), [], "votes must be a table"),
     ],
 )

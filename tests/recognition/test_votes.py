@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.votes import forest, votes
+from recognition.votes import background_of, forest, votes
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 
@@ -34,6 +34,30 @@ def test_a_seed_decides_the_forest() -> None:
     first, again, other = (votes(forest(features, labels, 10, seed), features) for seed in (4, 4, 5))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+def test_votes_for_the_background_are_left_out() -> None:
+    features, labels = clouds([3, 7], 60, seed=0)
+    grown = forest(features, labels, 20, background=True)
+    assert grown.classes_.tolist() == [0, 3, 7]
+    around = np.random.default_rng(0).permuted(features, axis=0)
+    for samples, most in ((features, 20), (around, 8)):
+        cast = votes(grown, samples)
+        assert cast.shape == (len(samples), 2)
+        assert np.median(cast.sum(axis=1)) == pytest.approx(most, abs=8)
+
+
+def test_the_background_is_like_the_samples_in_each_feature_but_not_together() -> None:
+    features, _ = clouds([1, 2, 3], 100, seed=0)
+    features[:, 5] = 4.0
+    around = background_of(features, seed=1)
+    assert around.shape == (600, 16)
+    assert np.allclose(np.sort(around[:300], axis=0), np.sort(features, axis=0), atol=1e-4)
+    correlation = [np.cov(samples.T)[0, 1] for samples in (features, around[:300], around[300:])]
+    assert abs(correlation[1]) < 0.2 * abs(correlation[0])
+    assert correlation[2] == pytest.approx(correlation[0], rel=0.2), "components are uncorrelated anyway"
+    assert np.isfinite(around).all()
+    assert np.array_equal(around, background_of(features, seed=1))
 
 
 def test_no_samples_have_no_votes() -> None:
