@@ -104,9 +104,12 @@ def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_
     Args:
         longest: the time above which there is no encounter, s.
     """
+    near = reach(ego.box) + reach(other.box)
+    if not _areas_meet(ego, other, near):
+        return None
     step = max(_PET_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
     mine, theirs = _ticks(ego, step), _ticks(other, step)
-    near, best = reach(ego.box) + reach(other.box), (int(longest / step) + 1, 0)
+    best = (int(longest / step) + 1, 0)
     for start in range(0, len(mine[1]), _BLOCK):
         ticks, rows = (values[start : start + _BLOCK] for values in mine)
         dx, dy = (getattr(ego, axis)[rows, None] - getattr(other, axis)[theirs[1]] for axis in ("x", "y"))
@@ -116,6 +119,12 @@ def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_
         if hits.any():
             best = min(zip(lag[own[hits], others[hits]].tolist(), rows[own[hits]].tolist(), strict=True))
     return Extreme(best[0] * step, float(ego.time[best[1]]), other.name) if best[0] <= int(longest / step) else None
+
+
+def _areas_meet(ego: Motion, other: Motion, near: float) -> bool:
+    """Whether the areas that two participants pass through come as near (m) as this."""
+    ranges = [(getattr(ego, axis), getattr(other, axis)) for axis in ("x", "y")]
+    return all(len(a) and len(b) and a.min() <= b.max() + near and b.min() <= a.max() + near for a, b in ranges)
 
 
 def _ticks(m: Motion, step: float) -> tuple[Rows, Rows]:

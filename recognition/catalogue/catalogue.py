@@ -104,6 +104,8 @@ class Catalogue:
         stage = Stage(recording, self._config.scope)
         for episode in episodes:
             self._write(_Context(source, recording, site, road, episode, stage.cut(episode.ego, episode.start, episode.end)))
+            self._write_catalogs([place for place in self._entries if place.kind == "Trajectory"])
+        self._write_catalogs([place for place in self._entries if place.part])
         for exclusion in exclusions:
             self.exclusions.append({"recording": source.name, **exclusion._asdict()})
 
@@ -127,8 +129,7 @@ class Catalogue:
 
     def close(self, **more: Any) -> list[str]:
         """Write the OpenSCENARIO catalogues and the index; the files of earlier runs that were removed."""
-        for place, entries in sorted(self._entries.items(), key=lambda item: item[0]):
-            self._catalog(place, entries)
+        self._write_catalogs(self._entries.keys())
         rows = sorted(self.rows, key=lambda row: row["file"])
         told = {"recordings": self._recordings, "exclusions": self.exclusions, **more}
         self.store.write("index.json", index.as_json(rows, told))
@@ -136,12 +137,15 @@ class Catalogue:
         self.store.write("index.parquet", index.as_parquet(rows))
         return self.store.close()
 
-    def _catalog(self, place: _Place, entries: dict[str, Any]) -> None:
-        name = f"{place.folder}/{place.directory}/{_FOLDERS[place.kind]}.xosc"
-        header = Header(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
-        ordered = [entries[key] for key in sorted(entries)]
-        document = maneuvers.catalog(self.store.root / name, header, f"{place.kind}Catalog", ordered, self._config.version)
-        self.store.write(name, to_bytes(document))
+    def _write_catalogs(self, places: Iterable[_Place]) -> None:
+        """Write catalogues that nothing more will be entered in, and forget them."""
+        for place in sorted(places):
+            entries = self._entries.pop(place)
+            name = f"{place.folder}/{place.directory}/{_FOLDERS[place.kind]}.xosc"
+            header = Header(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
+            ordered = [entries[key] for key in sorted(entries)]
+            document = maneuvers.catalog(self.store.root / name, header, f"{place.kind}Catalog", ordered, self._config.version)
+            self.store.write(name, to_bytes(document))
 
     def _enter(self, entries: Iterable[_Entry]) -> None:
         for each in entries:
