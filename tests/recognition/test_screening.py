@@ -156,28 +156,28 @@ def test_the_background_reading_counts_votes_for_none_of_the_classes() -> None:
     assert similar[2, 0] > 0.9
 
 
-def test_a_background_shows_what_is_beside_all_classes() -> None:
-    """Two classes differ in one direction, a third lies off it: trees that must choose are unanimous, others vote for none."""
+def test_a_background_shows_what_lies_beside_all_classes() -> None:
+    """Classes 1 and 2 differ in the first feature; in 3, which is like 2 in it, the others go together otherwise."""
     random = np.random.default_rng(0)
-    centres = np.zeros((4, 8))
-    centres[1, 0], centres[2, 0] = -3.0, 3.0
-    centres[3, :2] = 3.0, 12.0
 
     def draw(labels: list[int], each: int) -> tuple[Features, Whole]:
         truth = np.repeat(labels, each)
-        return (centres[truth] + random.standard_normal((len(truth), 8))).astype(np.float32), truth
+        features = 0.3 * random.standard_normal((len(truth), 5))
+        features[:, 1:3] += np.where(random.random((len(truth), 1)) < 0.5, -2.0, 2.0)
+        features[:, 0] += np.where(truth == 1, -2.0, 2.0)
+        features[truth == 3, 2] *= -1.0
+        return features.astype(np.float32), truth
 
     fitting, calibrating, (judged, truth) = draw([1, 2], 200), draw([1, 2], 200), draw([1, 2, 3], 100)
     rejected = {}
     for background, reading in ((False, EvtDeficit), (True, EvtDeficit), (True, EvtBackground)):
         grown = forest(*fitting, trees=60, background=background)
-        screening = reading().fit(votes(grown, calibrating[0]), calibrating[1], 60)
-        found = screening.predict(votes(grown, judged))
+        found = reading().fit(votes(grown, calibrating[0]), calibrating[1], 60).predict(votes(grown, judged))
         rejected[background, reading] = np.mean(found[truth == 3] == 0)
-        assert np.mean(found[truth != 3] == truth[truth != 3]) > 0.9
-    assert rejected[False, EvtDeficit] < 0.3
-    assert rejected[True, EvtDeficit] > 0.9
-    assert rejected[True, EvtBackground] > 0.9
+        assert np.mean(found[truth != 3] == truth[truth != 3]) > 0.85
+    assert rejected[False, EvtDeficit] < 0.2
+    assert rejected[True, EvtDeficit] > 0.7
+    assert rejected[True, EvtBackground] > 0.7
 
 
 def test_the_background_reading_needs_a_background(cast: Cast) -> None:
