@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -274,7 +275,9 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path: Path, processes: in
     out, journal = tmp_path / "out", tmp_path / "out" / "runs.jsonl"
     command = [sys.executable, "-m", "runner.cli", str(variation), "--world", "kinematic", "--sut", "slow:Slow"]
     command += ["--out", str(out), "--jobs", str(processes)]
-    first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # whoever runs the tests may ignore it
+    pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
+    first = subprocess.Popen(command, cwd=tmp_path, stdout=nothing, stderr=pipe, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 60
     while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
         assert time.monotonic() < deadline
