@@ -34,15 +34,23 @@ def windows_at(path: Path, cache: Path, grid: Grid, events_per_class: int | None
         InvalidFile: nothing of a known format.
         UsageError: windows of another shape than `grid`'s, or no event in the recordings.
     """
-    if (path / "windows.parquet").is_file():
+    if _is_windows(path):
         windows = Windows.load(path)
-    elif (cache / "windows.parquet").is_file():
+    elif _is_windows(cache):
         windows = Windows.load(cache)
     else:
         windows = _made(path, cache, grid, events_per_class)
     if windows.grids.shape[1:] != grid.shape:
         raise UsageError(f"windows of shape {windows.grids.shape[1:]} are not of the grid {grid.shape}", path=path)
     return windows
+
+
+def source_of(path: Path) -> str:
+    """Short digest of which recordings a folder holds, by their names and sizes; `windows` for one that holds windows."""
+    if _is_windows(path):
+        return "windows"
+    found = [(source.name, source.path.stat().st_size) for source in datasets.open(path).sources]
+    return hashlib.sha256(repr(found).encode()).hexdigest()[:16]
 
 
 def fingerprint(windows: Windows) -> str:
@@ -53,6 +61,10 @@ def fingerprint(windows: Windows) -> str:
     for names in (windows.recordings, windows.egos):
         digest.update("\0".join(names.tolist()).encode())
     return digest.hexdigest()[:16]
+
+
+def _is_windows(folder: Path) -> bool:
+    return (folder / "windows.parquet").is_file()
 
 
 def _made(path: Path, cache: Path, grid: Grid, events_per_class: int | None) -> Windows:

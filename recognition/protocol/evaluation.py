@@ -12,7 +12,7 @@ import numpy as np
 from recognition.encoder.config import preset
 from recognition.grids import Grid
 from recognition.protocol import clusterings, openset, openworld, pixels, sensitivity
-from recognition.protocol.data import fingerprint, windows_at
+from recognition.protocol.data import fingerprint, source_of, windows_at
 from recognition.protocol.rounds import Round, rounds
 from recognition.protocol.splits import Split, Unit, split
 from recognition.protocol.stage import Laboratory, Stage
@@ -63,9 +63,10 @@ class Evaluation:
     def __init__(self, path: Path, out: Path, settings: Settings) -> None:
         chosen = None if settings.preset == pixels.PRESET else preset(settings.preset)
         self.settings, self.store, self.cache = settings, Store(out), out / "cache"
-        self.store.check(asdict(settings))
+        configuration = {**asdict(settings), "recordings": source_of(path)}
+        self.store.check(configuration)
         self.windows: Windows = windows_at(path, self.cache / "windows", settings.grid, settings.events_per_class)
-        self.store.open({**asdict(settings), "windows": fingerprint(self.windows)})
+        self.store.open({**configuration, "windows": fingerprint(self.windows)})
         self._splits: dict[int, Split] = {}
         self._laboratory = Laboratory(self.windows, settings.grid, chosen, self.cache)
 

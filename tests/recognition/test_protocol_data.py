@@ -9,7 +9,7 @@ import pytest
 
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.protocol.data import fingerprint, windows_at
+from recognition.protocol.data import fingerprint, source_of, windows_at
 from recognition.protocol.pixels import pixel_features
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.traffic import Car, write_highd
@@ -37,6 +37,13 @@ def test_windows_are_made_once(recordings: Path, tmp_path: Path) -> None:
     again = windows_at(recordings, tmp_path / "cache", GRID, None)
     assert fingerprint(again) == fingerprint(first)
     assert fingerprint(again.select(slice(1, None))) != fingerprint(first)
+
+
+def test_other_recordings_have_another_digest(recordings: Path) -> None:
+    before = source_of(recordings)
+    assert source_of(recordings) == before
+    write_highd(recordings, CARS[:1], name="02")
+    assert source_of(recordings) != before
 
 
 def test_frequent_classes_are_thinned_before_they_are_rasterised(recordings: Path, tmp_path: Path) -> None:
