@@ -101,7 +101,7 @@ SITES: dict[str, Site] = {
         _motorway("motorway_two_lanes", 2, 120.0, 2400.0, 12, 3.0),
         _motorway("motorway_three_lanes", 3, 130.0, 4200.0, 12, 3.0),
         _ramp("on_ramp", partial(on_ramp, ramp=300.0), _ENTERING, 44, 5.0),
-        _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 36, 5.0),
+        _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 40, 5.0),
         _street(
             "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25, length=700.0, speed_limit=50 / 3.6),
             View(120.0, -40.0, 580.0, 40.0), 2000.0, 20, 2.0,
@@ -113,13 +113,13 @@ SITES: dict[str, Site] = {
         ),
         _street(
             "kerbside", partial(kerbside, lanes=1, kerb=300.0, speed_limit=70 / 3.6),
-            View(120.0, -40.0, 630.0, 40.0), 700.0, 420, 1.0, _KERB,
+            View(120.0, -40.0, 630.0, 40.0), 700.0, 375, 1.0, _KERB,
         ),
         _junction("roundabout", roundabout, 120.0, _evenly("1234", 350.0), 22, 2.5),
         _junction("roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, _evenly("12345", 300.0), 22, 2.5),
         _junction("crossing", four_way_intersection, 120.0, _evenly("1234", 300.0), 90, 4.0),
         _junction(
-            "t_junction", t_junction, 120.0, {"31": 700.0, "41": 350.0, "13": 200.0, "14": 60.0, "34": 60.0, "43": 60.0}, 110, 6.0
+            "t_junction", t_junction, 120.0, {"31": 700.0, "41": 350.0, "13": 200.0, "14": 60.0, "34": 60.0, "43": 60.0}, 80, 6.0
         ),
     )
 }  # fmt: skip
