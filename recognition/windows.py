@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -15,7 +15,7 @@ from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    import pyarrow as pa
 
 _GRIDS, _TABLE = "grids.npy", "windows.parquet"
 
@@ -66,15 +66,10 @@ class Windows:
         Raises:
             UsageError: the folder can't be written.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        names = [field.name for field in fields(self)][1:]
-        table = pa.table(dict(zip(names, map(pa.array, self._columns()[1:]), strict=True)))
         try:
             folder.mkdir(parents=True, exist_ok=True)
             np.save(folder / _GRIDS, self.grids)
-            pq.write_table(table, folder / _TABLE)
+            _write_table([self._table()], folder)
         except OSError as error:
             raise UsageError(f"the windows can't be written: {error.strerror or error}", path=folder) from None
 
@@ -99,6 +94,13 @@ class Windows:
             raise InvalidFile(f"{_GRIDS} and {_TABLE} do not belong together", path=folder)
         return Windows(grids, labels.astype(np.int64), recordings, egos, times.astype(np.float64))
 
+    def _table(self) -> pa.Table:
+        """All but the grids."""
+        import pyarrow as pa
+
+        names = [field.name for field in fields(self)][1:]
+        return pa.table(dict(zip(names, map(pa.array, self._columns()[1:]), strict=True)))
+
     def _columns(self) -> tuple[NDArray[Any], ...]:
         return self.grids, self.labels, self.recordings, self.egos, self.times
 
@@ -119,13 +121,40 @@ def windows_of(recording: Recording, events: Sequence[Event], grid: Grid, site: 
     )
 
 
-def joined(parts: Sequence[Windows]) -> Windows:
-    """Windows of several recordings one after the other, in memory.
+def store(parts: Iterable[Windows], count: int, grid: Grid, folder: Path) -> Windows:
+    """Write windows of several recordings one after the other into a folder, without holding all of them in memory.
+
+    Args:
+        parts: `count` windows in all.
+        grid: theirs.
 
     Raises:
-        UsageError: there are none, or their grids differ in shape.
+        UsageError: the folder can't be written, or there are more or fewer windows, or some of another grid.
     """
-    if len({part.grids.shape[1:] for part in parts}) != 1:
-        raise UsageError("windows can be joined when there are some, with grids of one shape")
-    columns: Iterator[tuple[NDArray[Any], ...]] = zip(*(part._columns() for part in parts), strict=True)
-    return Windows(*map(np.concatenate, columns))
+    tables, filled = [], 0
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        grids = np.lib.format.open_memmap(folder / _GRIDS, "w+", np.uint8, (count, *grid.shape))
+        for part in parts:
+            if part.grids.shape[1:] != grid.shape or filled + len(part) > count:
+                raise UsageError(
+                    f"{len(part)} windows of shape {part.grids.shape[1:]} do not fit after {filled} of {grids.shape}"
+                )
+            grids[filled : filled + len(part)] = part.grids
+            filled += len(part)
+            tables.append(part._table())
+        if filled != count:
+            raise UsageError(f"there are {filled} windows, not {count}")
+        grids.flush()
+        _write_table(tables, folder)
+    except OSError as error:
+        raise UsageError(f"the windows can't be written: {error.strerror or error}", path=folder) from None
+    return Windows.load(folder)
+
+
+def _write_table(tables: Sequence[pa.Table], folder: Path) -> None:
+    """Write the table last: a folder without it is not of windows."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    pq.write_table(pa.concat_tables(tables), folder / _TABLE)

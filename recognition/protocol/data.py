@@ -5,20 +5,18 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
 from recognition import datasets
-from recognition.grids import Grid
+from recognition.grids import Grid, covered
 from recognition.labels import Event, label
 from recognition.sites import Site, site_of
-from recognition.windows import Windows, joined, windows_of
+from recognition.windows import Windows, store, windows_of
 from runner.recording import Recording
 from schemas.errors import UsageError
-
-_SPARE = 2
-"""Events of each class that are rasterised for one that is wanted: splits need room to choose."""
 
 
 def windows_at(path: Path, cache: Path, grid: Grid, events_per_class: int | None) -> Windows:
@@ -69,17 +67,18 @@ def _is_windows(folder: Path) -> bool:
 
 def _made(path: Path, cache: Path, grid: Grid, events_per_class: int | None) -> Windows:
     roads = cache / "roads"
-    everything = [event for _, _, events in _labelled(path, roads) for event in events]
-    wanted = {_identity(event) for event in _thinned(everything, events_per_class)}
-    parts = []
-    for recording, site, events in _labelled(path, roads):
-        chosen = [event for event in events if _identity(event) in wanted]
-        if chosen:
-            parts.append(windows_of(recording, chosen, grid, site))
-    if not parts:
+    usable = [event for recording, _, events in _labelled(path, roads) for event in _covered(recording, events, grid)]
+    if not usable:
         raise UsageError("no rule finds an event in these recordings", path=path)
-    joined(parts).save(cache)
-    return Windows.load(cache)
+    wanted = {_identity(event) for event in _thinned(usable, events_per_class)}
+
+    def parts() -> Iterator[Windows]:
+        for recording, site, events in _labelled(path, roads):
+            chosen = [event for event in events if _identity(event) in wanted]
+            if chosen:
+                yield windows_of(recording, chosen, grid, site)
+
+    return store(parts(), len(wanted), grid, cache)
 
 
 def _labelled(path: Path, roads: Path) -> Iterator[tuple[Recording, Site, list[Event]]]:
@@ -90,19 +89,24 @@ def _labelled(path: Path, roads: Path) -> Iterator[tuple[Recording, Site, list[E
         yield recording, site, label(recording, site, source.name)
 
 
-def _identity(event: Event) -> tuple[str, str, float]:
-    return event.recording, event.ego, event.time
+def _covered(recording: Recording, events: list[Event], grid: Grid) -> list[Event]:
+    """The events whose window lies within the ego's track."""
+    return list(compress(events, covered(recording, [(event.ego, event.time) for event in events], grid)))
+
+
+def _identity(event: Event) -> tuple[str, str, float, int]:
+    return event.recording, event.ego, event.time, event.label
 
 
 def _thinned(events: Sequence[Event], most: int | None) -> list[Event]:
-    """At most twice `most` events of each class, drawn."""
+    """At most so many events of each class, drawn, in their order."""
     if most is None:
         return list(events)
     order = np.random.default_rng(0).permutation(len(events)).tolist()
     taken: Counter[int] = Counter()
     chosen = []
-    for event in (events[number] for number in order):
-        taken[event.label] += 1
-        if taken[event.label] <= _SPARE * most:
-            chosen.append(event)
-    return chosen
+    for number in order:
+        taken[events[number].label] += 1
+        if taken[events[number].label] <= most:
+            chosen.append(number)
+    return [events[number] for number in sorted(chosen)]

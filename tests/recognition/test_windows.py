@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recognition.grids import Grid
-from recognition.windows import Windows, joined, windows_of
+from recognition.windows import Windows, store, windows_of
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.scenes import Driver, recording
 
@@ -52,11 +52,21 @@ def test_selection_keeps_all_columns_together(windows):
         assert (one.grids[0] == windows.grids[2]).all()
 
 
-def test_joined_windows_follow_each_other(windows):
-    both = joined([windows.select([2]), windows])
+def test_windows_of_several_recordings_follow_each_other_in_a_folder(windows, tmp_path):
+    both = store(iter([windows.select([2]), windows]), 4, GRID, tmp_path)
     assert both.labels.tolist() == [17, 3, 0, 17]
-    with pytest.raises(UsageError, match="one shape"):
-        joined([windows, windows_of(recording([Driver("a")]), [], Grid(channels=("ego",)))])
+    assert (both.grids[0] == windows.grids[2]).all() and (both.grids[1:] == windows.grids).all()
+
+
+def test_windows_that_are_not_as_many_or_of_another_grid_are_not_stored(windows, tmp_path):
+    with pytest.raises(UsageError, match="3 windows, not 4"):
+        store([windows], 4, GRID, tmp_path)
+    with pytest.raises(UsageError, match="do not fit after 0"):
+        store([windows], 2, GRID, tmp_path)
+    with pytest.raises(UsageError, match="do not fit"):
+        store([windows], 3, Grid(channels=("ego",)), tmp_path)
+    with pytest.raises(InvalidFile):
+        Windows.load(tmp_path)
 
 
 @pytest.mark.parametrize("damage", ["no folder", "truncated grids", "no table", "other table", "other grids"])
