@@ -140,8 +140,8 @@ def run_batch(
     known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
     try:
         if processes > 1:
-            pool = Pool(processes, partial(execute, options=options, out=out, plot=plot), partial(_died, out=out))
-            yield from pool.execute(known)
+            with Pool(processes, partial(execute, options=options, out=out, plot=plot), partial(_died, out=out)) as pool:
+                yield from pool.execute(known)
         else:
             for job in known:
                 yield job if isinstance(job, Outcome) else execute(job, options, out, plot)

@@ -21,7 +21,7 @@ _Pending = tuple[Job, "Future[Outcome]"] | Outcome
 
 
 class Pool:
-    """Does jobs in several processes, each job once.
+    """Does jobs in several processes, each job once. A context manager; the processes last as long as it does.
 
     Args:
         processes: how many.
@@ -33,8 +33,14 @@ class Pool:
         self._processes, self._work, self._died = processes, work, died
         self._pool = _executor(processes)
 
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
     def execute(self, jobs: Iterator[Job | Outcome]) -> Iterator[Outcome]:
-        """Outcomes in the order of the jobs; what is an outcome already passes through."""
+        """Outcomes in the order of the jobs; what is an outcome already passes through. For one caller at a time."""
         waiting: deque[_Pending] = deque()
         try:
             while True:
@@ -52,7 +58,9 @@ class Pool:
                 waiting.popleft()
                 yield first
         finally:
-            self._pool.shutdown(wait=True, cancel_futures=True)
+            for pending in waiting:
+                if not isinstance(pending, Outcome):
+                    pending[1].cancel()
 
     def _submit(self, job: Job) -> Future[Outcome]:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
 from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
@@ -56,7 +57,7 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     """
     if name is None or name == "none":
         return None
-    known = {entry.name: entry for entry in entry_points(group=GROUP)}
+    known = _installed()
     if name not in known and not re.fullmatch(r"[\w.]+:[\w.]+", name):
         there = ", ".join(sorted({*known, "none"}))
         raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class")
@@ -68,3 +69,9 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     if not callable(factory):
         raise UsageError(f"the system under test {name!r} is not a class")
     return factory
+
+
+@cache
+def _installed() -> dict[str, EntryPoint]:
+    """The entry points by name, looked up once: that reads every installed package's list, which takes as long as a short run."""
+    return {entry.name: entry for entry in entry_points(group=GROUP)}

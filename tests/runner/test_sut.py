@@ -62,7 +62,7 @@ def test_a_class_of_any_module(tmp_path: Path) -> None:
 
 def test_an_entry_point_of_another_package(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = EntryPoint("half-speed", f"{__name__}:HalfSpeed", "xosc.sut")
-    monkeypatch.setattr("runner.sut.entry_points", lambda group: [entry] if group == "xosc.sut" else [])
+    monkeypatch.setattr("runner.sut._installed", lambda: {entry.name: entry})
     assert isinstance(load_system("half-speed"), HalfSpeed)
     with pytest.raises(UsageError, match="there are half-speed, none, and module:Class"):
         load_system("cas")
