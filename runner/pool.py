@@ -37,6 +37,10 @@ class Pool:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the processes, after the jobs that are in work."""
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def execute(self, jobs: Iterator[Job | Outcome]) -> Iterator[Outcome]:

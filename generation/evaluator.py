@@ -1,0 +1,137 @@
+"""What a scenario does at points of its parameter space: one real run of the file on SUMO for each.
+
+Workers last as long as the evaluator does. What does not change from run to run (the parsed scenario, its catalogues, the
+road, SUMO's network) each of them reads once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runner.batch import Options
+from runner.jobs import Job, Outcome, failure
+from runner.pool import Pool
+from runner.rss import parameter_set
+
+if TYPE_CHECKING:
+    from generation.parameters import Space
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """How n episodes ended; arrays of length n.
+
+    Args:
+        collision: whether the ego touched somebody.
+        r_risk: share of the time steps, up to a collision, in which somebody is nearer than both RSS distances; 0 to 1.
+        min_ttc: least time to collision with the lead, s; infinite where there never was one.
+        end_time: simulated time at the end, s.
+        status: `completed` (by the stop trigger), `timeout`, or `error`: no run took place, and the other values say nothing.
+        error: what went wrong; empty where nothing did.
+    """
+
+    collision: NDArray[np.bool_]
+    r_risk: Floats
+    min_ttc: Floats
+    end_time: Floats
+    status: NDArray[np.str_]
+    error: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def executed(self) -> NDArray[np.bool_]:
+        """The episodes that took place."""
+        return self.status != "error"
+
+
+@dataclass(eq=False)
+class Evaluator:
+    """Runs a logical scenario at points of its parameter space. A context manager, whose processes end with it.
+
+    The outcomes are the same whatever the number of processes; an episode that fails, or takes its process down, says so in
+    them and does not end the search.
+
+    Args:
+        scenario: the file.
+        space: the parameters that are searched, and the values of the others.
+        sut: name of the system under test.
+        rss: the RSS parameter set of R_risk.
+        timestep: s. The default is that of `xosc-run`, so that a generated file gives the same verdict there.
+        max_time: limit of simulated time for scenarios that may not end by themselves, s.
+        processes: how many run at a time.
+        seed: of everything random in a run, the same for all.
+
+    Raises:
+        UsageError: a setting is wrong.
+    """
+
+    scenario: Path
+    space: Space
+    _: KW_ONLY
+    sut: str = "cas"
+    rss: str = "ad-rss"
+    timestep: float = 0.05
+    max_time: float | None = None
+    processes: int = 2
+    seed: int = 0
+    calls: int = field(default=0, init=False)
+    """Runs so far: what a budget of simulator calls counts"""
+
+    def __post_init__(self) -> None:
+        options = Options(self.timestep, self.sut, seed=self.seed, max_time=self.max_time)
+        options.verify()
+        parameter_set(self.rss)
+        self._pool = Pool(self.processes, partial(_episode, options=options), _lost)
+
+    def __enter__(self) -> Evaluator:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.close()
+
+    def __call__(self, theta: Floats) -> Outcomes:
+        """The outcomes at points (n, d), in their order."""
+        jobs = (Job(str(row), self.scenario, self.scenario, {**self.space.pinned, **self.space.values(row)}) for row in theta)
+        found = list(self._pool.execute(jobs))
+        self.calls += len(found)
+        risk = f"rss_risk_{self.rss.replace('-', '_')}"
+        return Outcomes(
+            collision=np.array([one.state == "failed" for one in found], bool),
+            r_risk=np.array([one.measures.get(risk) or 0.0 for one in found], float),
+            min_ttc=np.array([_value(one.measures.get("min_ttc")) for one in found], float),
+            end_time=np.array([one.end_time or 0.0 for one in found], float),
+            status=np.array([one.status or "error" for one in found], str),
+            error=np.array([one.message if one.state == "error" else "" for one in found], str),
+        )
+
+
+def _value(extreme: Mapping[str, Any] | None) -> float:
+    return float(extreme["value"]) if extreme is not None else math.inf
+
+
+def _episode(job: Job, options: Options) -> Outcome:
+    from runner.execution import run
+
+    try:
+        result = run(job.scenario, parameters=job.parameters, **asdict(options))
+        measures = result.criticality.summary if result.criticality is not None else {}
+    except Exception as error:  # whatever it is, the search goes on
+        return failure(job, error)
+    state = "passed" if result.verdict.passed else "failed"
+    return Outcome(job, state, 0, status=result.status, end_time=result.end_time, measures=measures)
+
+
+def _lost(job: Job) -> Outcome:
+    return Outcome(job, "error", 5, "the process that ran it died")
