@@ -78,20 +78,40 @@ def _quotient(numerator: Floats, denominator: Floats, valid: Flags) -> Measure:
 
 def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> Flags:
     """Where the longitudinal gap is below RSS's safe distance; boxes side by side count."""
-    behind = replace(parameters, response=parameters.response_other)
-    following = rss.longitudinal_distance(np.maximum(seen.speed, 0.0), seen.other_speed, parameters)
-    followed = rss.longitudinal_distance(np.maximum(seen.other_speed, 0.0), seen.speed, behind)
-    needed = np.where(seen.ahead >= 0.0, following, followed)
-    return (seen.ahead == 0.0) | (np.abs(seen.ahead) < needed)
+    return (seen.ahead == 0.0) | (_longitudinal_margin(seen, parameters) < 0.0)
 
 
 def lateral_violation(seen: View, parameters: rss.RssParameters) -> Flags:
     """Where the lateral gap is below RSS's safe distance; boxes one behind the other count."""
+    return (seen.aside == 0.0) | (_lateral_margin(seen, parameters) < 0.0)
+
+
+def rss_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+    """Distance (m) left before RSS is violated, negative by what is missing where it is.
+
+    One behind the other, the longitudinal gap minus its safe distance; side by side, the lateral one; else the greater of
+    the two, since either safe distance alone is enough.
+    """
+    along, across = _longitudinal_margin(seen, parameters), _lateral_margin(seen, parameters)
+    return np.select(
+        [(seen.aside == 0.0) & (seen.ahead == 0.0), seen.aside == 0.0, seen.ahead == 0.0],
+        [np.minimum(along, across), along, across],
+        np.maximum(along, across),
+    )
+
+
+def _longitudinal_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+    behind = replace(parameters, response=parameters.response_other)
+    following = rss.longitudinal_distance(np.maximum(seen.speed, 0.0), seen.other_speed, parameters)
+    followed = rss.longitudinal_distance(np.maximum(seen.other_speed, 0.0), seen.speed, behind)
+    return np.abs(seen.ahead) - np.where(seen.ahead >= 0.0, following, followed)
+
+
+def _lateral_margin(seen: View, parameters: rss.RssParameters) -> Floats:
     own, other = parameters.response, parameters.response_other
     ego_left = rss.lateral_distance(-seen.sideways, -seen.other_sideways, own, other, parameters)
     ego_right = rss.lateral_distance(-seen.other_sideways, -seen.sideways, other, own, parameters)
-    needed = np.where(seen.aside <= 0.0, ego_left, ego_right)
-    return (seen.aside == 0.0) | (np.abs(seen.aside) < needed)
+    return np.abs(seen.aside) - np.where(seen.aside <= 0.0, ego_left, ego_right)
 
 
 def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_PET) -> Extreme | None:
@@ -148,6 +168,7 @@ class Criticality:
         distance: shortest distance of boxes to anyone.
         lead: name of the lead, empty where there is none.
         violation: by RSS parameter set, where the ego and somebody else are closer than safe in both directions.
+        margin: by RSS parameter set, the least `rss_margin` (m) to anyone.
         active: instants that count for the shares: somebody else is there, and no collision has happened before.
         pet: post-encroachment time, its least value over all others.
     """
@@ -159,6 +180,7 @@ class Criticality:
     distance: Measure
     lead: NDArray[np.object_]
     violation: dict[str, Flags]
+    margin: dict[str, Measure]
     active: Flags
     pet: Extreme | None
     nearest: NDArray[np.object_] = field(repr=False)
@@ -169,6 +191,8 @@ class Criticality:
         for name in ("ttc", "thw", "drac", "distance"):
             measure: Measure = getattr(self, name)
             columns[name], columns[f"{name}_valid"] = measure
+        for name, margin in self.margin.items():
+            columns[f"rss_margin_{_column(name)}"], columns[f"rss_margin_{_column(name)}_valid"] = margin
         columns["active"] = self.active
         return columns | {f"rss_violation_{_column(name)}": flags for name, flags in self.violation.items()}
 
@@ -209,11 +233,13 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
     distance, collided = np.full(count, np.inf), np.zeros(count, bool)
     lead, nearest = np.full(count, "", object), np.full(count, "", object)
     violation = {name: np.zeros(count, bool) for name in rss.PARAMETERS}
+    margin = {name: np.full(count, np.inf) for name in rss.PARAMETERS}
     for other in others:
         rows, apart, view = relation(ego, other)
         collided[rows] |= apart == 0.0
         for name, parameters in rss.PARAMETERS.items():
             violation[name][rows] |= longitudinal_violation(view, parameters) & lateral_violation(view, parameters)
+            margin[name][rows] = np.minimum(margin[name][rows], rss_margin(view, parameters))
         nearer = apart < distance[rows]
         distance[rows[nearer]], nearest[rows[nearer]] = apart[nearer], other.name
         ahead = (view.aside == 0.0) & ((view.ahead > 0.0) | (apart == 0.0)) & (view.ahead < gap[rows])
@@ -230,6 +256,7 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
         distance=Measure(np.where(present, distance, 0.0), present),
         lead=lead,
         violation=violation,
+        margin={name: Measure(np.where(present, least, 0.0), present) for name, least in margin.items()},
         active=present & ~_earlier(collided),
         pet=min(encounters, default=None),
         nearest=nearest,

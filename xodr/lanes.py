@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from operator import attrgetter
 
 from lxml import etree
 
-from xodr.elements import ascending, coefficients, invalid, profile, speed, whole
-from xodr.model import Lane, LaneSection
+from xodr.elements import ascending, coefficients, invalid, number, optional, profile, speed, whole
+from xodr.model import Lane, LaneSection, RoadMark
 from xodr.profiles import ZERO, Cubic, Profile
 
 
@@ -35,7 +36,9 @@ def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
 
 def _section(element: etree._Element, start: float, end: float, offset: Profile) -> LaneSection:
     center = offset.within(start, end)
-    lanes = {0: Lane(0, "none", False, None, None, ZERO, center, center, center)}
+    middle = element.find("center/lane")
+    marks = _marks(middle, start) if middle is not None else ()
+    lanes = {0: Lane(0, "none", False, None, None, ZERO, center, center, center, marks=marks)}
     for side, sign in (("left", 1), ("right", -1)):
         items = {whole(item, "id"): item for item in element.iterfind(f"{side}/lane")}
         inner = center
@@ -71,6 +74,7 @@ def _lane(element: etree._Element, lane_id: int, start: float, inner: Profile, c
         center=inner.plus(width, 0.5 * sign),
         direction=_direction(element),
         speeds=_speeds(element, start),
+        marks=_marks(element, start),
     )
 
 
@@ -101,6 +105,17 @@ def _direction(element: etree._Element) -> str:
 def _speeds(element: etree._Element, start: float) -> tuple[tuple[float, float | None], ...]:
     records = element.findall("speed")
     return tuple((start + offset, speed(record)) for offset, record in zip(ascending(records, "sOffset"), records, strict=True))
+
+
+def _marks(element: etree._Element, start: float) -> tuple[RoadMark, ...]:
+    marks = [
+        RoadMark(
+            start + number(record, "sOffset", 0.0), record.get("type") or "none", record.get("color") or "standard",
+            optional(record, "width"),
+        )
+        for record in element.iterfind("roadMark")
+    ]  # fmt: skip
+    return tuple(sorted(marks, key=attrgetter("s")))
 
 
 def _continue_other_side(before: LaneSection, section: LaneSection) -> None:

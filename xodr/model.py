@@ -49,12 +49,25 @@ class LaneLink(NamedTuple):
     at_start: bool
 
 
+class RoadMark(NamedTuple):
+    """The marking on a lane's outer border (of lane 0: on the centre line) from s on, up to the next one.
+
+    type: as in the file: "none", "solid", "broken", "solid broken" (inside, outside), "curb", … color: "standard" is white.
+    width [m]: None where the file does not say.
+    """
+
+    s: float
+    type: str
+    color: str
+    width: float | None
+
+
 @dataclass(slots=True)
 class Lane:
     """One lane within one lane section. All profiles are functions of the road's s.
 
     direction: "standard" (by lane id and traffic rule), "reversed" or "both" (OpenDRIVE 1.8).
-    speeds: (s, limit [m/s] or None for none) in ascending s.
+    speeds: (s, limit [m/s] or None for none) in ascending s. marks: in ascending s.
     """
 
     id: int
@@ -68,6 +81,7 @@ class Lane:
     center: Profile
     direction: str = "standard"
     speeds: tuple[tuple[float, float | None], ...] = ()
+    marks: tuple[RoadMark, ...] = ()
 
 
 @dataclass(slots=True)

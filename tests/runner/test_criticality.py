@@ -17,6 +17,7 @@ from runner.criticality import (
     lateral_violation,
     longitudinal_violation,
     post_encroachment_time,
+    rss_margin,
     time_headway,
     time_to_collision,
 )
@@ -149,6 +150,26 @@ def test_the_lateral_safe_distance_is_that_of_the_formula_on_both_sides() -> Non
 def test_boxes_side_by_side_are_too_close_lengthwise_and_the_other_way_round() -> None:
     assert longitudinal_violation(view(0.0, other=50.0), R157)[0]
     assert lateral_violation(view(aside=0.0, other_lateral=5.0), R157)[0]
+
+
+def test_the_rss_margin_is_what_is_left_of_the_safe_distance() -> None:
+    needed = 20.0 * 0.75 + 0.5 * 3.0 * 0.75**2 + (20.0 + 0.75 * 3.0) ** 2 / 12.0 - 15.0**2 / 12.0
+    assert rss_margin(view(needed + 3.0, v=20.0, other=15.0), R157)[0] == pytest.approx(3.0)
+    assert rss_margin(view(needed - 3.0, v=20.0, other=15.0), R157)[0] == pytest.approx(-3.0)
+    across = 0.3 + 2 * (0.75 / 2 * 0.75 + 0.75**2 / 2.0)
+    assert rss_margin(view(aside=2.0), R157)[0] == pytest.approx(2.0 - across)
+    assert rss_margin(view(needed - 3.0, 2.0, v=20.0, other=15.0), R157)[0] == pytest.approx(2.0 - across)
+
+
+@given(
+    *[st.floats(-60.0, 60.0) for _ in range(2)],
+    *[st.floats(-30.0, 30.0) for _ in range(2)],
+    st.sampled_from(["x", "y", "xy", ""]),
+)
+def test_a_negative_rss_margin_is_a_violation(ahead: float, aside: float, v: float, other: float, zero: str) -> None:
+    seen = view(0.0 if "x" in zero else ahead, 0.0 if "y" in zero else aside, v=v, other=other)
+    violated = longitudinal_violation(seen, AD_RSS)[0] and lateral_violation(seen, AD_RSS)[0]
+    assert (rss_margin(seen, AD_RSS)[0] < 0.0) == violated
 
 
 def test_risk_is_the_share_of_steps_before_the_collision() -> None:

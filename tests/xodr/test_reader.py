@@ -9,6 +9,7 @@ import pytest
 
 import xodr
 from schemas.errors import InvalidFile
+from xodr.model import RoadMark
 from xodr.reader import load
 
 
@@ -42,6 +43,22 @@ def test_elements_of_no_length_are_left_out(files) -> None:
     road = files.load(files.road(geometry=geometry)).road("1")
     assert len(road.line.segments) == 2
     assert road.pose(100.0).x == pytest.approx(100.0)
+
+
+def test_marks_hold_from_their_place_on(files) -> None:
+    center = '<roadMark sOffset="0" type="solid solid" color="yellow" width="0.12"/>'
+    lane = '<roadMark sOffset="50" type="solid"/><roadMark sOffset="0" type="broken" color="standard" width=""/>'
+    path = files.write(files.road())
+    text = path.read_text()
+    for lane_id, marks in (("0", center), ("-1", lane)):
+        before, found, after = text.partition(f'<lane id="{lane_id}"')
+        head, close, rest = after.partition(">")
+        text = before + found + (head[:-1] + f">{marks}</lane>" + rest if head.endswith("/") else head + close + marks + rest)
+    path.write_text(text)
+    lanes = load(path).road("1").section(0.0).lanes
+    assert lanes[0].marks == (RoadMark(0.0, "solid solid", "yellow", 0.12),)
+    assert lanes[-1].marks == (RoadMark(0.0, "broken", "standard", None), RoadMark(50.0, "solid", "standard", None))
+    assert lanes[1].marks == ()
 
 
 def test_signals_keep_what_a_traffic_light_needs(files) -> None:
