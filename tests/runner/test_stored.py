@@ -1,0 +1,87 @@
+"""Results of runs read back from their folders."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import runner
+from runner.batch import Options, execute
+from runner.jobs import Job
+from runner.outputs.report import summary
+from runner.stored import EVENTS, RESULT, TRAJECTORIES, load_run
+from schemas.errors import InvalidFile
+from tests.runner.files import place, scenario, speed_action, story
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a finished run."""
+    out = tmp_path_factory.mktemp("done")
+    path = scenario(
+        out / "files", init=place("Ego", 100, 20) + place("Lead", 110, 5), stories=story("Ego", [(0.5, speed_action(5))])
+    )
+    assert execute(Job("run", path, path), Options(sut=None, world="kinematic"), out).state == "failed"
+    return out / "run"
+
+
+@pytest.fixture
+def copy(done: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(done, tmp_path / "copy"))
+
+
+def test_a_run_comes_back_as_it_was(done: Path) -> None:
+    path = done.parent / "files" / "scenario.xosc"
+    original, back = runner.run(path, sut=None, world="kinematic"), load_run(done)
+    assert back.trajectories.equals(original.trajectories)
+    assert back.events == original.events
+    assert (back.verdict, back.ego, back.sut, back.status) == (original.verdict, original.ego, original.sut, original.status)
+    assert summary(back) == summary(original)
+    assert [(track.kind, track.category, track.box) for track in back.recording.tracks.values()] == [
+        (track.kind, track.category, track.box) for track in original.recording.tracks.values()
+    ]
+
+
+def test_the_road_may_have_moved(copy: Path) -> None:
+    values = json.loads((copy / RESULT).read_text())
+    road, values["files"]["road"] = Path(values["files"]["road"]), "/absent/road.xodr"
+    (copy / RESULT).write_text(json.dumps(values))
+    with pytest.raises(InvalidFile, match="not there any more; name it by --road"):
+        load_run(copy)
+    network = load_run(copy, road).recording.network
+    assert network is not None and network.path == road
+
+
+def without(name: str) -> Callable[[str], str]:
+    return lambda text: json.dumps({key: value for key, value in json.loads(text).items() if key != name})
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "complaint"),
+    [
+        (RESULT, lambda _: "{", "not readable as JSON"),
+        (RESULT, lambda _: "[]", "a JSON object is expected"),
+        (RESULT, without("verdict"), "not the result of a run: KeyError: 'verdict'"),
+        (RESULT, without("settings"), "'settings'"),
+        (RESULT, lambda text: text.replace('"Lead": {', '"Leader": {'), "'Lead' is not among the entities"),
+        (EVENTS, lambda text: text + '{"time": 1}\n', "not of an event log"),
+        (EVENTS, lambda text: text + "end\n", "not readable as JSON"),
+        (TRAJECTORIES, lambda _: "PAR1", "the trajectories can't be read"),
+    ],
+)
+def test_damaged_results_are_refused(copy: Path, file: str, change: Callable[[str], str], complaint: str) -> None:
+    text = "" if file == TRAJECTORIES else (copy / file).read_text()
+    (copy / file).write_text(change(text))
+    with pytest.raises(InvalidFile, match=complaint):
+        load_run(copy).trajectories
+
+
+@pytest.mark.parametrize("file", [RESULT, EVENTS, TRAJECTORIES])
+def test_missing_files_are_named(copy: Path, file: str) -> None:
+    (copy / file).unlink()
+    with pytest.raises(InvalidFile, match=file):
+        load_run(copy)
