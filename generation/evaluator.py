@@ -34,7 +34,7 @@ class Outcomes:
     Args:
         collision: whether the ego touched somebody.
         r_risk: share of the time steps, up to a collision, in which somebody is nearer than both RSS distances; 0 to 1.
-        min_ttc: least time to collision with the lead, s; infinite where there never was one.
+        min_ttc: least time to collision with the lead, s; 0 with a collision, infinite where there never was a lead.
         end_time: simulated time at the end, s.
         status: `completed` (by the stop trigger), `timeout`, or `error`: no run took place, and the other values say nothing.
         error: what went wrong; empty where nothing did.
@@ -106,11 +106,13 @@ class Evaluator:
         jobs = (Job(str(row), self.scenario, self.scenario, {**self.space.pinned, **self.space.values(row)}) for row in theta)
         found = list(self._pool.execute(jobs))
         self.calls += len(found)
+        collision = np.array([one.state == "failed" for one in found], bool)
+        times = np.array([_value(one.measures.get("min_ttc")) for one in found], float)
         risk = f"rss_risk_{self.rss.replace('-', '_')}"
         return Outcomes(
-            collision=np.array([one.state == "failed" for one in found], bool),
+            collision=collision,
             r_risk=np.array([one.measures.get(risk) or 0.0 for one in found], float),
-            min_ttc=np.array([_value(one.measures.get("min_ttc")) for one in found], float),
+            min_ttc=np.where(collision, 0.0, times),  # a side touched is no lead's rear
             end_time=np.array([one.end_time or 0.0 for one in found], float),
             status=np.array([one.status or "error" for one in found], str),
             error=np.array([one.message if one.state == "error" else "" for one in found], str),

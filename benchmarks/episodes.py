@@ -1,0 +1,110 @@
+"""Cost of an episode of the search: as many as a search has, in several processes, and where the time of one goes.
+
+    python benchmarks/episodes.py [SCENARIO] [--episodes N] [--processes N] [--timestep S]
+
+Points are drawn uniformly from the scenario's parameter space. The parts are measured in one process by a clock around each
+of them; the clock itself costs a little, which is in the rest.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import xosc
+from generation.evaluator import Evaluator
+from generation.parameters import Space
+from runner import criticality, execution
+from runner.recording import Recorder
+from runner.simulation import Simulation
+from runner.sumo import SumoWorld
+
+SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc"
+PARTS: tuple[tuple[Any, str, str], ...] = (
+    (xosc, "resolve", "resolve (a copy of the parsed file, its parameters, catalogues)"),
+    (execution, "compile_scenario", "compile"),
+    (SumoWorld, "open", "SUMO start"),
+    (SumoWorld, "close", "SUMO end"),
+    (Simulation, "tick", "steps"),
+    (Recorder, "record", "recording, each step"),
+    (criticality, "of_run", "criticality"),
+)
+WITHIN = {"recording, each step": "steps"}
+"""Parts of other parts"""
+
+
+class Clock:
+    """Adds up the time spent in functions, by name."""
+
+    def __init__(self) -> None:
+        self.total: dict[str, float] = defaultdict(float)
+
+    def around(self, owner: Any, function: str, name: str) -> None:
+        """Replace a function by one that is timed."""
+        original: Callable[..., Any] = getattr(owner, function)
+
+        def timed(*args: Any, **settings: Any) -> Any:
+            start = perf_counter()
+            try:
+                return original(*args, **settings)
+            finally:
+                self.total[name] += perf_counter() - start
+
+        setattr(owner, function, timed)
+
+
+def whole(scenario: Path, space: Space, theta: np.ndarray, timestep: float, processes: int) -> None:
+    """Run all episodes as a search does."""
+    start = perf_counter()
+    with Evaluator(scenario, space, timestep=timestep, processes=processes) as evaluator:
+        found = evaluator(theta)
+    seconds = perf_counter() - start
+    rate = len(theta) / seconds
+    print(f"{len(theta)} episodes, {processes} processes, {timestep} s a step: {seconds:.1f} s, {rate:.0f} a second")
+    print(
+        f"    {found.end_time.mean():.1f} simulated s each, {(~found.executed).sum()} errors, {found.collision.sum()} collisions"
+    )
+    print(f"    mean R_risk {found.r_risk.mean():.3f}")
+
+
+def parts(scenario: Path, space: Space, theta: np.ndarray, timestep: float) -> None:
+    """Print where the time of an episode goes."""
+    clock = Clock()
+    for owner, function, name in PARTS:
+        clock.around(owner, function, name)
+    execution.run(scenario, parameters={**space.pinned, **space.values(theta[0])}, timestep=timestep)  # fills the caches
+    clock.total.clear()
+    start = perf_counter()
+    for row in theta:
+        result = execution.run(scenario, parameters={**space.pinned, **space.values(row)}, timestep=timestep)
+        assert result.criticality is not None
+    seconds = (perf_counter() - start) / len(theta)
+    print(f"one episode, one process: {seconds * 1e3:.1f} ms")
+    for name, spent in clock.total.items():
+        print(f"    {spent / len(theta) * 1e3:6.2f} ms  {name}")
+    outer = sum(spent for name, spent in clock.total.items() if name not in WITHIN)
+    print(f"    {(seconds - outer / len(theta)) * 1e3:6.2f} ms  rest")
+
+
+def main() -> None:
+    """Print the cost of a search's episodes."""
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments.add_argument("scenario", type=Path, nargs="?", default=SCENARIO)
+    arguments.add_argument("--episodes", type=int, default=3000)
+    arguments.add_argument("--processes", type=int, default=2)
+    arguments.add_argument("--timestep", type=float, default=0.05, help="s")
+    options = arguments.parse_args()
+    space = Space.of(options.scenario)
+    theta = space.draw(options.episodes, np.random.default_rng(0))
+    whole(options.scenario, space, theta, options.timestep, options.processes)
+    parts(options.scenario, space, theta[:100], options.timestep)
+
+
+if __name__ == "__main__":
+    main()
