@@ -1,0 +1,199 @@
+"""The parameters of a logical scenario that a search may choose, as a box with a name on each side.
+
+Source: METHOD.md §3, Table 1. A scenario declares its parameters with constraint groups; the box is read from there, so that a
+scenario with other or more parameters (an ego's speed, a jerk, a second adversary) needs no change of the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+
+import numpy as np
+from numpy.typing import NDArray
+
+import xosc
+from schemas.errors import UsageError
+from xosc.node import Node
+from xosc.parameters import Scope, nearest
+
+Floats = NDArray[np.float64]
+
+DIGITS = 6
+"""Decimal digits of values in files."""
+_STEP = 10.0**-DIGITS
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A side of the box.
+
+    Attributes:
+        name: of its ParameterDeclaration; in `SEVEN` without the participant's name in front.
+        low, high: least and greatest value, both allowed.
+        unit: m, mps, s, ...; empty where the name does not say.
+        meaning: one line for people; empty where it is not one of the seven.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str = ""
+    meaning: str = ""
+
+
+SEVEN: Mapping[str, Parameter] = {
+    "gap": Parameter("Gap_m", 5.0, 80.0, "m", "gap to the lead when the manoeuvre begins"),
+    "start_speed": Parameter("StartSpeed_mps", 10.0, 40.0, "mps", "speed when the manoeuvre begins"),
+    "start_time": Parameter("StartTime_s", 0.0, 10.0, "s", "from the scene's start to the manoeuvre's"),
+    "end_speed": Parameter("EndSpeed_mps", 10.0, 40.0, "mps", "speed when the manoeuvre ends"),
+    "duration": Parameter("Duration_s", 1.0, 8.0, "s", "of the manoeuvre"),
+    "final_speed": Parameter("FinalSpeed_mps", 10.0, 40.0, "mps", "speed when the scene ends"),
+    "rest": Parameter("RestTime_s", 0.0, 10.0, "s", "from the manoeuvre's end to the scene's"),
+}
+"""The parameters of a manoeuvre by role (Table 1). A declaration's name is the participant's name, `_` and the name here."""
+
+
+def declared_name(participant: str, role: str) -> str:
+    """Name of the declaration of one of the seven, `CutIn_Gap_m` for example."""
+    return f"{participant}_{SEVEN[role].name}"
+
+
+@dataclass(frozen=True)
+class Space:
+    """The box that a search moves in.
+
+    Attributes:
+        parameters: its sides, in the order of the columns of every array theta (n, d).
+        pinned: what else the scenario declares as literals, with the values that hold in all runs: they decide as much as the
+            searched ones do, and belong beside every result.
+    """
+
+    parameters: tuple[Parameter, ...]
+    pinned: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the declarations."""
+        return tuple(each.name for each in self.parameters)
+
+    @property
+    def low(self) -> Floats:
+        """Least values (d,)."""
+        return np.array([each.low for each in self.parameters])
+
+    @property
+    def high(self) -> Floats:
+        """Greatest values (d,)."""
+        return np.array([each.high for each in self.parameters])
+
+    def clip(self, theta: Floats) -> Floats:
+        """The nearest points of the box."""
+        return np.clip(theta, self.low, self.high)
+
+    def unit(self, theta: Floats) -> Floats:
+        """Points in the unit cube, 0 for least and 1 for greatest values."""
+        return (np.asarray(theta) - self.low) / (self.high - self.low)
+
+    def scaled(self, unit: Floats) -> Floats:
+        """Points of the box from those of the unit cube: the inverse of `unit`."""
+        return self.low + np.asarray(unit) * (self.high - self.low)
+
+    def draw(self, n: int, rng: np.random.Generator) -> Floats:
+        """Uniform points (n, d)."""
+        return rng.uniform(self.low, self.high, (n, len(self.parameters)))
+
+    def values(self, row: Sequence[float] | Floats) -> dict[str, str]:
+        """A point (d,) as the scenario's parameters take it, rounded to `DIGITS`."""
+        if len(row) != len(self.parameters):
+            raise UsageError(f"{len(row)} values for {len(self.parameters)} parameters")
+        return {name: repr(round(float(value), DIGITS)) for name, value in zip(self.names, row, strict=True)}
+
+    @classmethod
+    def of(
+        cls,
+        scenario: str | PathLike[str],
+        pinned: Mapping[str, str] | None = None,
+        free: Sequence[str] = (),
+        ego: str = "Ego",
+    ) -> Space:
+        """The space of a logical scenario: its double parameters that have a lower and an upper limit.
+
+        Of those, the ones of the actors are searched, participants that have one of the seven; where nobody has, all but
+        the ego's. A parameter is a participant's where its name begins with the participant's.
+
+        Args:
+            scenario: the file.
+            pinned: values of parameters that are not to be searched, or that are to differ from their defaults.
+            free: names of parameters to search besides.
+            ego: name of the ego.
+
+        Raises:
+            UsageError: a name is not declared, a free one has no limits or is pinned as well, or nothing is left to search.
+            Unsupported: the values allowed to a searched parameter are not one interval.
+            InvalidFile: the file is malformed.
+        """
+        node = xosc.load(scenario).node
+        declared = {each.get("name"): each for each in _declarations(node)}
+        scope = Scope(declared.values())
+        pinned = dict(pinned or {})
+        for name in (*pinned, *free):
+            if name not in declared:
+                raise UsageError(f"there is no parameter {name!r}; {nearest(name, declared)}", path=scenario)
+        bounded = [name for name, each in declared.items() if _bounded(each, scope)]
+        wanted = _by_default(bounded, ego) | set(free)
+        for name in free:
+            if name not in bounded or name in pinned:
+                reason = "is pinned" if name in pinned else "has no lower and upper limit"
+                raise UsageError(f"the parameter {name} can't be searched: it {reason}", path=scenario)
+        searched = [name for name in bounded if name in wanted and name not in pinned]
+        if not searched:
+            raise UsageError("no parameter with a lower and an upper limit is left to search", path=scenario)
+        literals = {name: scope.own[name].text for name, each in declared.items() if "$" not in each.get("value")}
+        rest = {name: value for name, value in (literals | pinned).items() if name not in searched}
+        return cls(tuple(_parameter(declared[name], scope) for name in searched), rest)
+
+
+def _declarations(root: Node) -> list[Node]:
+    holder = root.find("ParameterDeclarations")
+    return holder.children("ParameterDeclaration") if holder is not None else []
+
+
+def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
+    """Names of the actors' parameters, or of all but the ego's where there is no actor."""
+    seven = {each.name for each in SEVEN.values()}
+    actors = tuple(f"{prefix}_" for prefix, _, rest in (name.partition("_") for name in bounded) if rest in seven)
+    if actors:
+        return {name for name in bounded if name.startswith(actors)}
+    return {name for name in bounded if not name.startswith(f"{ego}_")}
+
+
+def _bounded(declaration: Node, scope: Scope) -> bool:
+    """Whether it is a double with limits on both sides in each of its constraint groups."""
+    if scope.own[declaration.get("name")].type != "double":
+        return False
+    groups = declaration.children("ConstraintGroup")
+    return bool(groups) and all({"l", "g"} <= {each.get("rule")[0] for each in group.children()} for group in groups)
+
+
+def _parameter(declaration: Node, scope: Scope) -> Parameter:
+    """A side of the box from its declaration."""
+    name = declaration.get("name")
+    groups = declaration.children("ConstraintGroup")
+    if len(groups) > 1:
+        raise declaration.unsupported(f"the parameter {name} may have values in several intervals, which can't be searched")
+    low, high = -np.inf, np.inf
+    for each in groups[0].children():
+        rule, value = each.get("rule"), float(scope.literal(each.get("value")))
+        if rule in ("greaterOrEqual", "greaterThan"):
+            low = max(low, value + (_STEP if rule == "greaterThan" else 0.0))
+        elif rule in ("lessOrEqual", "lessThan"):
+            high = min(high, value - (_STEP if rule == "lessThan" else 0.0))
+        else:
+            raise each.unsupported(f"the parameter {name} is constrained by {rule}, which is no interval")
+    if not low < high:
+        raise declaration.invalid(f"no value of the parameter {name} keeps its constraints")
+    short = name.partition("_")[2]
+    meaning = next((each.meaning for each in SEVEN.values() if each.name == short), "")
+    return Parameter(name, low, high, name.rpartition("_")[2] if "_" in name else "", meaning)
