@@ -1,0 +1,1 @@
+"""How likely manoeuvre parameters are: one file a model, one contract (`base.Density`), compared by `selection`."""

@@ -1,0 +1,142 @@
+"""What every density model is: fitted on rows of parameters, it gives their log-density and draws new ones."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from recognition.samples import Floats, Whole
+from schemas.errors import UsageError
+
+FOLDS = 5
+"""Of a cross-validation."""
+_INDEPENDENT = 1e-9
+"""Least share of a column's variance that the columns before it must not explain."""
+
+
+class Density(ABC):
+    """A probability density over parameters θ, in the units of θ."""
+
+    def fit(self, theta: ArrayLike, groups: ArrayLike | None = None) -> Self:
+        """Learn from samples.
+
+        Args:
+            theta: rows (n, d), finite.
+            groups: recording (n,) of each row; what is chosen by cross-validation never tests on the recording that it was
+                fitted on. Without them every row is one of its own.
+
+        Raises:
+            UsageError: no table of finite numbers, too few rows, or columns that are constant or depend on each other.
+        """
+        rows = samples(theta)
+        numbers = np.arange(len(rows)) if groups is None else np.unique(np.asarray(groups), return_inverse=True)[1]
+        if numbers.shape != (len(rows),):
+            raise UsageError(f"{len(rows)} samples need as many recordings, not {numbers.shape}")
+        self._learn(rows, numbers)
+        return self
+
+    @abstractmethod
+    def _learn(self, theta: Floats, groups: Whole) -> None:
+        """Learn from rows (n, d), n > d, of recordings that are numbered from 0."""
+
+    @abstractmethod
+    def log_density(self, theta: Floats) -> Floats:
+        """log p of rows (n, d): (n,)."""
+
+    @abstractmethod
+    def sample(self, n: int, generator: np.random.Generator) -> Floats:
+        """Draws (n, d)."""
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """z = L⁻¹(θ − μ) with Σ = LLᵀ, so that z of the samples has mean 0 and covariance 1.
+
+    Attributes:
+        mean: μ (d,). factor: L (d, d), lower triangular.
+    """
+
+    mean: Floats
+    factor: Floats
+
+    @classmethod
+    def of(cls, theta: Floats) -> Whitening:
+        """That of samples (n, d), with the unbiased covariance.
+
+        Raises:
+            UsageError: a column is constant, or follows from those before it.
+        """
+        covariance = np.atleast_2d(np.cov(theta, rowvar=False))
+        spread = np.sqrt(np.diag(covariance))
+        constant = np.flatnonzero(spread <= 1e-12 * np.maximum(np.abs(theta).max(axis=0), 1.0))
+        if len(constant):
+            raise UsageError(f"parameter {constant[0] + 1} is the same in all samples: a density can't hold it, pin it")
+        try:
+            factor = np.linalg.cholesky(covariance / np.outer(spread, spread))
+        except np.linalg.LinAlgError:
+            factor = np.zeros_like(covariance)
+        if np.square(np.diag(factor)).min() < _INDEPENDENT:
+            raise UsageError("one parameter follows exactly from others in all samples: a density can't hold it, pin it")
+        return cls(theta.mean(axis=0), spread[:, None] * factor)
+
+    @property
+    def log_jacobian(self) -> float:
+        """log |dz/dθ|, to be added to log-densities of z."""
+        return -float(np.log(np.diag(self.factor)).sum())
+
+    def forward(self, theta: Floats) -> Floats:
+        """z (n, d) of θ (n, d)."""
+        from scipy.linalg import solve_triangular
+
+        whitened: Floats = solve_triangular(self.factor, (theta - self.mean).T, lower=True).T
+        return whitened
+
+    def back(self, white: Floats) -> Floats:
+        """θ (n, d) of z (n, d)."""
+        restored: Floats = self.mean + white @ self.factor.T
+        return restored
+
+
+def samples(theta: ArrayLike) -> Floats:
+    """Rows as a table of floats.
+
+    Raises:
+        UsageError: it is none, holds what is not finite, or has no more rows than columns.
+    """
+    rows = np.asarray(theta, dtype=np.float64)
+    if rows.ndim != 2 or not rows.shape[1]:
+        raise UsageError(f"samples must be a table (samples, parameters), not of shape {rows.shape}")
+    if not np.isfinite(rows).all():
+        raise UsageError(f"sample {np.flatnonzero(~np.isfinite(rows).all(axis=1))[0] + 1} is not finite")
+    if len(rows) <= rows.shape[1] + 1:
+        raise UsageError(f"{len(rows)} samples are too few for a density of {rows.shape[1]} parameters")
+    return rows
+
+
+def folds(groups: NDArray[Any], most: int = FOLDS) -> Iterator[tuple[Whole, Whole]]:
+    """Rows to fit and rows to test, so that every row is tested once, and never beside a fitted row of its own group.
+
+    Groups are dealt out by their size to the fold that has fewest rows; there are no more folds than groups.
+
+    Args:
+        groups: (n,), any labels.
+
+    Raises:
+        UsageError: all rows are of one group.
+    """
+    _, numbers, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+    count = min(most, len(sizes))
+    if count < 2:
+        raise UsageError("cross-validation by recording needs two recordings at least")
+    fold_of, filled = np.empty(len(sizes), dtype=np.int64), np.zeros(count, dtype=np.int64)
+    for group in np.argsort(-sizes, kind="stable"):
+        fold_of[group] = filled.argmin()
+        filled[fold_of[group]] += sizes[group]
+    tested = fold_of[numbers]
+    for fold in range(count):
+        yield np.flatnonzero(tested != fold), np.flatnonzero(tested == fold)

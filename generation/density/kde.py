@@ -1,0 +1,74 @@
+"""Kernel density estimate with full covariance: the realism prior of MCSG (METHOD §3)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from generation.density.base import Density, Whitening, folds
+from recognition.samples import Floats, Whole
+
+FACTORS = np.geomspace(0.2, 2.0, 19)
+"""Multiples of Scott's bandwidth that cross-validation chooses from."""
+_CHUNK = 2_000_000
+"""Most distances held at once."""
+
+
+def scott(n: int, d: int) -> float:
+    """Scott's bandwidth n^(−1/(d+4)) in units of the standard deviation."""
+    return float(n ** (-1.0 / (d + 4)))
+
+
+class KDE(Density):
+    """Gaussian kernels with covariance H = h²Σ̂, Σ̂ that of the samples.
+
+    h is Scott's times the factor of 0.2 … 2 with the greatest log-likelihood in a 5-fold cross-validation by recording.
+    D. W. Scott, Multivariate Density Estimation, 1992, §6.3.
+
+    Args:
+        factor: multiple of Scott's bandwidth; chosen by cross-validation where it is None.
+
+    Attributes:
+        bandwidth: h after `fit`.
+    """
+
+    def __init__(self, factor: float | None = None) -> None:
+        self.factor = factor
+
+    def _learn(self, theta: Floats, groups: Whole) -> None:
+        factor = self.factor if self.factor is not None else _best_factor(theta, groups)
+        self._whitening = Whitening.of(theta)
+        self._centres = self._whitening.forward(theta)
+        self.bandwidth = factor * scott(*theta.shape)
+
+    def log_density(self, theta: Floats) -> Floats:
+        """log p of rows (n, d): (n,)."""
+        white = self._whitening.forward(theta)
+        chunks = np.array_split(white, max(1, -(-len(white) * len(self._centres) // _CHUNK)))
+        parts = [_log_kernels(chunk, self._centres, np.array([self.bandwidth]))[0] for chunk in chunks]
+        return np.concatenate(parts) + self._whitening.log_jacobian
+
+    def sample(self, n: int, generator: np.random.Generator) -> Floats:
+        """Draws (n, d): a sample each, moved by its kernel."""
+        chosen = self._centres[generator.integers(len(self._centres), size=n)]
+        return self._whitening.back(chosen + self.bandwidth * generator.standard_normal(chosen.shape))
+
+
+def _best_factor(theta: Floats, groups: Whole) -> float:
+    total = np.zeros(len(FACTORS))
+    for fitted, tested in folds(groups):
+        whitening = Whitening.of(theta[fitted])
+        bandwidths = FACTORS * scott(len(fitted), theta.shape[1])
+        centres, white = whitening.forward(theta[fitted]), whitening.forward(theta[tested])
+        total += _log_kernels(white, centres, bandwidths).sum(axis=1) + len(tested) * whitening.log_jacobian
+    return float(FACTORS[total.argmax()])
+
+
+def _log_kernels(white: Floats, centres: Floats, bandwidths: Floats) -> Floats:
+    """log of the mean of round Gaussian kernels around the centres, at white (n, d), for each bandwidth: (bandwidths, n)."""
+    from scipy.spatial.distance import cdist
+    from scipy.special import logsumexp
+
+    d, squares = white.shape[1], cdist(white, centres, "sqeuclidean")
+    scale = np.log(len(centres)) + 0.5 * d * np.log(2.0 * np.pi) + d * np.log(bandwidths)
+    exponents = [logsumexp(-0.5 * squares / h**2, axis=1) for h in bandwidths]
+    return np.array(exponents) - scale[:, None]

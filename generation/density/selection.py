@@ -1,0 +1,62 @@
+"""Which density model says most of recordings that it has not seen: held-out log-likelihoods (METHOD §3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from generation.density.base import Density, folds
+from recognition.protocol.tables import Table, spread
+from recognition.samples import Floats
+from schemas.errors import UsageError
+
+MODELS = {
+    "kde": ("KDE", "KDE, full covariance"),
+    "independent": ("Independent", "independent 1-D KDEs"),
+    "gaussian": ("Gaussian", "one Gaussian"),
+    "mixture": ("Mixture", "Gaussian mixture (BIC)"),
+    "flow": ("Flow", "normalizing flow (RealNVP)"),
+}
+"""Class and title of each model, by the name of its module."""
+
+
+def model(name: str) -> Density:
+    """A new model with its defaults.
+
+    Raises:
+        UsageError: there is none of that name.
+    """
+    if name not in MODELS:
+        raise UsageError(f"there is no density {name!r}; densities: {', '.join(MODELS)}")
+    make: Callable[[], Density] = getattr(import_module(f"generation.density.{name}"), MODELS[name][0])
+    return make()
+
+
+def held_out(name: str, theta: Floats, recordings: NDArray[Any]) -> list[float]:
+    """Mean log-density of held-out rows, for each fold of recordings; nothing is chosen on them."""
+    return [
+        float(model(name).fit(theta[fitted], recordings[fitted]).log_density(theta[tested]).mean())
+        for fitted, tested in folds(recordings)
+    ]
+
+
+def comparison(theta: Floats, recordings: NDArray[Any], names: Sequence[str] = tuple(MODELS)) -> Table:
+    """Table of the models' held-out log-likelihoods, best first.
+
+    Args:
+        theta: rows (n, d). recordings: of each row (n,).
+    """
+    found = {name: held_out(name, theta, recordings) for name in names}
+    rows: list[tuple[str, ...]] = [
+        (MODELS[name][1], spread(found[name])) for name in sorted(names, key=lambda name: -np.mean(found[name]))
+    ]
+    groups = len(np.unique(recordings))
+    note = (
+        f"{len(theta)} samples of {theta.shape[1]} parameters from {groups} recordings; mean ± standard deviation over the "
+        "folds of log p (natural, in the parameters' units) of rows from recordings that were not fitted."
+    )
+    return Table("density", "Held-out log-likelihood", note, ("density", "log-likelihood per sample"), rows)

@@ -1,0 +1,155 @@
+"""Densities: against closed forms, and what holds for every one of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import gaussian_kde, multivariate_normal
+
+from generation.density.base import Density, Whitening, folds
+from generation.density.flow import Couplings, Flow
+from generation.density.gaussian import Gaussian
+from generation.density.independent import Independent
+from generation.density.kde import KDE, scott
+from generation.density.mixture import Mixture
+from generation.density.selection import MODELS, comparison, model
+from recognition.samples import Floats
+from schemas.errors import UsageError
+
+MEAN = np.array([30.0, 25.0, 2.0])
+COVARIANCE = np.array([[25.0, 12.0, 0.5], [12.0, 16.0, 0.2], [0.5, 0.2, 0.25]])
+QUICK = replace(Couplings(), epochs=25)
+EVERY = [KDE, Independent, Gaussian, Mixture, lambda: Flow(QUICK)]
+TITLES = ["kde", "independent", "gaussian", "mixture", "flow"]
+
+
+def normal(n: int, seed: int = 0) -> Floats:
+    return np.random.default_rng(seed).multivariate_normal(MEAN, COVARIANCE, size=n)
+
+
+def recordings(n: int, groups: int = 8) -> np.ndarray:
+    return np.array([f"r{number % groups}" for number in range(n)])
+
+
+@pytest.mark.parametrize("make", EVERY, ids=TITLES)
+def test_on_normal_samples_the_mean_log_density_is_that_of_the_truth_or_of_its_marginals(make: type[Density]) -> None:
+    fitted, fresh = make().fit(normal(700), recordings(700)), normal(1000, seed=1)
+    truth = multivariate_normal(MEAN, COVARIANCE).logpdf(fresh).mean()
+    if make is Independent:
+        truth = sum(multivariate_normal(MEAN[j], COVARIANCE[j, j]).logpdf(fresh[:, j]).mean() for j in range(3))
+    assert truth - 0.2 < fitted.log_density(fresh).mean() < truth + 0.02
+
+
+@pytest.mark.parametrize("make", EVERY, ids=TITLES)
+def test_samples_have_the_moments_of_what_was_fitted_and_depend_on_the_seed_alone(make: type[Density]) -> None:
+    fitted = make().fit(normal(300), recordings(300))
+    drawn = fitted.sample(5_000, np.random.default_rng(2))
+    deviation = np.sqrt(np.diag(COVARIANCE))
+    assert (np.abs(drawn.mean(axis=0) - MEAN) < 0.2 * deviation).all()
+    assert (np.abs(drawn.std(axis=0) / deviation - 1.0) < 0.25).all()
+    assert np.array_equal(drawn, fitted.sample(5_000, np.random.default_rng(2)))
+    again = make().fit(normal(300), recordings(300))
+    assert np.array_equal(again.log_density(drawn[:50]), fitted.log_density(drawn[:50]))
+
+
+@pytest.mark.parametrize("make", EVERY, ids=TITLES)
+def test_units_move_log_densities_by_the_jacobian(make: type[Density]) -> None:
+    rows, fresh, factor = normal(300), normal(50, seed=3), np.array([3.6, 0.5, 1000.0])
+    one = make().fit(rows, recordings(300)).log_density(fresh)
+    other = make().fit(rows * factor, recordings(300)).log_density(fresh * factor)
+    assert np.allclose(one, other + np.log(factor).sum(), atol=1e-6)
+
+
+def test_densities_integrate_to_one() -> None:
+    rows = normal(200)[:, :2]
+    axes = [np.linspace(mean - 9 * deviation, mean + 9 * deviation, 241) for mean, deviation in ((30, 5), (25, 4))]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    cell = np.prod([axis[1] - axis[0] for axis in axes])
+    for make in EVERY:
+        assert np.exp(make().fit(rows).log_density(grid)).sum() * cell == pytest.approx(1.0, abs=2e-3)
+
+
+@given(st.integers(5, 60), st.integers(1, 3), st.floats(0.3, 2.0), st.integers(0, 1000))
+@settings(max_examples=30)
+def test_kde_is_scipys_with_the_same_bandwidth(n: int, d: int, factor: float, seed: int) -> None:
+    rows = normal(n, seed)[:, :d]
+    own = KDE(factor).fit(rows)
+    assert own.bandwidth == pytest.approx(factor * n ** (-1 / (d + 4)))
+    assert np.allclose(own.log_density(rows[:9] + 1.0), gaussian_kde(rows.T, own.bandwidth).logpdf(rows[:9].T + 1.0))
+
+
+def test_cross_validation_narrows_kernels_where_samples_are_clustered() -> None:
+    generator = np.random.default_rng(0)
+    clustered = np.concatenate([generator.normal(centre, 0.1, (150, 2)) for centre in (-5.0, 0.0, 5.0)])
+    assert KDE().fit(clustered, np.tile(np.arange(10), 45)).bandwidth < 0.5 * scott(450, 2)
+    assert KDE().fit(normal(450), recordings(450)).bandwidth > 0.7 * scott(450, 3)
+
+
+def test_cross_validation_does_not_trust_repetitions_within_a_recording() -> None:
+    rows = np.repeat(normal(60), 5, axis=0) + np.random.default_rng(0).normal(0, 1e-3, (300, 3))
+    of_rows = np.repeat(np.arange(60), 5)
+    assert KDE().fit(rows).bandwidth < 0.5 * KDE().fit(rows, of_rows).bandwidth
+
+
+def test_mixture_finds_how_many_clusters_there_are() -> None:
+    generator = np.random.default_rng(0)
+    clustered = np.concatenate([generator.normal(centre, 0.5, (100, 2)) for centre in ((-5, 0), (5, -5), (5, 5))])
+    assert len(Mixture().fit(clustered)._model.weights_) == 3
+    assert len(Mixture().fit(normal(300))._model.weights_) == 1
+    assert len(Mixture(2).fit(normal(300))._model.weights_) == 2
+
+
+def test_whitening_is_undone() -> None:
+    rows = normal(100)
+    whitening = Whitening.of(rows)
+    white = whitening.forward(rows)
+    assert np.allclose(np.cov(white, rowvar=False), np.eye(3))
+    assert np.allclose(whitening.back(white), rows)
+    assert whitening.log_jacobian == pytest.approx(-0.5 * np.log(np.linalg.det(np.cov(rows, rowvar=False))))
+
+
+@given(st.lists(st.integers(0, 6), min_size=2, max_size=60).filter(lambda groups: len(set(groups)) > 1))
+def test_folds_test_every_row_once_and_divide_no_group(groups: list[int]) -> None:
+    labels = np.array(groups)
+    parts = list(folds(labels))
+    assert np.array_equal(np.sort(np.concatenate([tested for _, tested in parts])), np.arange(len(labels)))
+    for fitted, tested in parts:
+        assert len(fitted) and len(tested)
+        assert not set(labels[fitted].tolist()) & set(labels[tested].tolist())
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (np.ones((9, 2)), "parameter 1 is the same"),
+        (np.arange(20.0).reshape(10, 2), "follows exactly"),
+        (np.full((9, 2), np.nan), "not finite"),
+        (np.zeros(9), "must be a table"),
+        (np.eye(3), "too few"),
+    ],
+    ids=["constant", "dependent", "nan", "flat", "few"],
+)
+@pytest.mark.parametrize("make", [KDE, Gaussian, Mixture, Flow])
+def test_samples_that_hold_no_density_are_refused(make: type[Density], rows: Floats, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        make().fit(rows)
+
+
+def test_other_mistakes_are_refused() -> None:
+    with pytest.raises(UsageError, match="as many recordings"):
+        KDE().fit(normal(20), recordings(19))
+    with pytest.raises(UsageError, match="two recordings"):
+        KDE().fit(normal(20), np.zeros(20))
+    with pytest.raises(UsageError, match="there is no density 'spline'; densities: kde"):
+        model("spline")
+
+
+def test_the_comparison_puts_the_truth_before_what_ignores_correlation() -> None:
+    table = comparison(normal(200), recordings(200), [name for name in MODELS if name != "flow"])
+    assert table.rows[0][0] == "one Gaussian" or table.rows[0][0].startswith("Gaussian mixture")
+    assert table.rows[-1][0] == "independent 1-D KDEs"
+    assert "8 recordings" in table.note
