@@ -75,6 +75,7 @@ def test_every_action_is_valid_where_the_version_has_it(action: Any, version: tu
 TRIGGERS = {
     "simulation_time": m.simulation_time(3),
     "element_state": m.element_state("event", "first"),
+    "collision": m.collision("Ego", "Target"),
     "relative_distance": m.relative_distance("Ego", "Target", 20, edge="rising"),
     "time_headway": m.time_headway("Ego", "Target", 1.5),
     "time_to_collision": m.time_to_collision("Ego", "Target", "$Ttc"),

@@ -30,6 +30,7 @@ from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario
 from xosc.maneuvers.triggers import (
     Condition,
     Conditions,
+    collision,
     element_state,
     relative_distance,
     simulation_time,
@@ -48,6 +49,7 @@ __all__ = [
     "add_entity",
     "assign_route",
     "catalog",
+    "collision",
     "controller",
     "delete_entity",
     "element_state",

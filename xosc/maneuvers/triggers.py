@@ -76,6 +76,11 @@ def element_state(kind: str, name: str, state: str = "endTransition", *, edge: s
     return Condition(f"{name} {state}", sg.StoryboardElementStateCondition(*element), edge)
 
 
+def collision(entity: str, other: str, *, edge: str = "none") -> Condition:
+    """`CollisionCondition`: `entity` touches `other`."""
+    return Condition(f"collision with {other}", sg.CollisionCondition(other), edge, entity)
+
+
 def relative_distance(
     entity: str,
     other: str,
