@@ -1,0 +1,8 @@
+"""The logical scenarios of the library, made from a table of manoeuvres and one of road geometries.
+
+`python -m generation.logical` writes them into `xosc/library` and `xodr/library`.
+"""
+
+from generation.logical.library import plots, write
+
+__all__ = ["plots", "write"]

@@ -1,0 +1,196 @@
+"""How a manoeuvre on a road becomes a scenario with the seven parameters.
+
+Everyone keeps its speed until the manoeuvre begins. The gap wanted then and the time until then over-determine the start, so
+the gap at the start follows: gap − (speed of the leader − speed of the ego) · time (METHOD.md §3). Where both are in one lane
+and the leader is faster, the time is cut to what leaves a gap between them at the start.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from generation.logical.geometries import Geometry, Limits
+from generation.logical.maneuvers import EGO, Maneuver
+from generation.parameters import SEVEN, declared_name
+from xosc import maneuvers
+from xosc.document import Document
+from xosc.maneuvers import Conditions, Dynamics, Header
+
+SHAPE = "sinusoidal"
+"""Shape of lane changes over time."""
+
+_DATE, _AUTHOR = datetime(2026, 11, 21), "xosc-toolchain"
+_BOXES = 4.5
+"""Distance (m) of the reference points of two catalogue cars that touch bumper to bumper"""
+_APART = 2.0
+"""Gap (m) at the start between two in one lane, at least"""
+_REACHED = 0.5
+"""How much longer than wanted the gap (m) may be when the manoeuvre begins: it is looked at once a step"""
+_ANY = 1000.0
+"""A gap (m) that nobody exceeds"""
+_EVADED = 10.0
+"""Gap (m) to the vehicle in front of which the leader left its lane, when it has left"""
+_PATIENCE = 10.0
+"""Time (s) after which a scenario ends whose gap never came, beyond the time that it would have taken"""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A manoeuvre on a geometry.
+
+    Attributes:
+        maneuver, geometry: what and where.
+    """
+
+    maneuver: Maneuver
+    geometry: Geometry
+
+    def document(self, path: Path, road: str, catalog: str) -> Document:
+        """The scenario.
+
+        Args:
+            path: the file that it is to become.
+            road, catalog: the road file and the folder of the vehicle catalogue, relative to it.
+        """
+        names = [EGO, *self._others()]
+        return maneuvers.scenario(
+            path,
+            header(f"{self.maneuver.words}, {self.geometry.words}"),
+            road=road,
+            entities={name: maneuvers.reference("vehicle_catalog", "car") for name in names},
+            init={name: self._init(name) for name in names},
+            maneuvers=[(actor, self._maneuver(actor, target)) for actor, target in self._changes()],
+            parameters=self._parameters(),
+            catalogs={"Vehicle": catalog},
+            stop=self._stop(),
+        )
+
+    def defaults(self) -> dict[str, float]:
+        """Values of the seven, by the names of their declarations."""
+        place, braking = self.geometry, self.maneuver.braking
+        start = self._kept if self.maneuver.actor != EGO else place.ego_speed
+        end = braking[0] if braking else round(0.95 * start, 1)
+        values = (place.gap, start, 3.0, end, 4.0, end, 5.0)
+        return {declared_name(self.maneuver.actor, role): value for role, value in zip(SEVEN, values, strict=True)}
+
+    @property
+    def _kept(self) -> float:
+        """Speed of slower vehicles by default, m/s."""
+        return round(0.85 * self.geometry.ego_speed, 1)
+
+    def _others(self) -> list[str]:
+        maneuver = self.maneuver
+        return [name for name in (maneuver.leader, maneuver.ahead, maneuver.beside) if name is not None]
+
+    def _parameters(self) -> list[Any]:
+        """The seven of the actor, and the speeds of those who keep theirs."""
+        limits: dict[str, Limits] = {each.name: (each.low, each.high) for each in SEVEN.values()}
+        slow, place = self.maneuver.braking or self.geometry.speeds, self.geometry
+        limits |= {"Gap_m": place.gaps, "StartSpeed_mps": place.speeds, "EndSpeed_mps": slow, "FinalSpeed_mps": slow}
+        actor = self.maneuver.actor
+        declared = [(name, value, limits[name.removeprefix(f"{actor}_")]) for name, value in self.defaults().items()]
+        if actor != EGO:
+            declared.append((f"{EGO}_Speed_mps", place.ego_speed, place.speeds))
+        else:
+            declared.append((f"{self.maneuver.leader}_Speed_mps", self._kept, place.speeds))
+        if self.maneuver.ahead:
+            declared.append((f"{self.maneuver.ahead}_Speed_mps", round(0.6 * place.ego_speed, 1), (0.0, place.speeds[1])))
+        return [
+            maneuvers.parameter(name, "double", value, [[("greaterOrEqual", low), ("lessOrEqual", high)]])
+            for name, value, (low, high) in declared
+        ]
+
+    # expressions: names of parameters, and terms of them, without the ${ } around
+
+    def _role(self, role: str) -> str:
+        return f"${declared_name(self.maneuver.actor, role)}"
+
+    def _speed(self, name: str) -> str:
+        """The speed that someone keeps until the manoeuvre begins."""
+        if name == self.maneuver.beside:
+            name = self.maneuver.leader
+        return self._role("start_speed") if name == self.maneuver.actor else f"${name}_Speed_mps"
+
+    @property
+    def _opening(self) -> str:
+        """Speed by which leader and ego move apart."""
+        return f"({self._speed(self.maneuver.leader)} - {self._speed(EGO)})"
+
+    @property
+    def _delay(self) -> str:
+        """Time until the manoeuvre begins."""
+        if self.maneuver.ego_lane != self.maneuver.leader_lane:
+            return self._role("start_time")
+        return f"min({self._role('start_time')}, max({self._role('gap')} - {_APART}, 0) / max({self._opening}, 0.001))"
+
+    @property
+    def _way(self) -> str:
+        """Way of the actor during the manoeuvre."""
+        return f"({self._role('start_speed')} + {self._role('end_speed')}) / 2 * {self._role('duration')}"
+
+    # parts of the scenario
+
+    def _init(self, name: str) -> list[Any]:
+        return [maneuvers.teleport(self._place(name)), maneuvers.speed(self._speed(name))]
+
+    def _place(self, name: str) -> Any:
+        place, side = self.geometry, self.geometry.side
+        lanes = {"left": place.left, "right": place.right}
+        own, leaders = (lanes[lane] for lane in (self.maneuver.ego_lane, self.maneuver.leader_lane))
+        if name == EGO:
+            behind = f"{self._role('gap')} + {_BOXES} + {self._speed(EGO)} * ({self._delay})"
+            end = f" + {self._way}" if place.ends_there else ""
+            return maneuvers.lane_position(place.road, own, f"${{{place.spot}{end} {'-' if side > 0 else '+'} ({behind})}}")
+        ahead = f"{self._role('gap')} + {_BOXES} - {self._opening} * ({self._delay})"
+        if name == self.maneuver.ahead:
+            ahead += f" + {_BOXES} + {self._clearance(name)}"
+        lane = next(each for each in lanes.values() if each != leaders) if name == self.maneuver.beside else leaders
+        return maneuvers.relative_lane_position(EGO, lane - own, f"${{{'' if side > 0 else '-'}({ahead})}}")
+
+    def _clearance(self, name: str) -> str:
+        """Initial gap to the one ahead that the leader evades at the last moment."""
+        speed = self._speed(name)
+        during = f"max({self._way} - {speed} * {self._role('duration')}, 0)"
+        return f"{_EVADED} + {during} + max({self._speed(self.maneuver.leader)} - {speed}, 0) * ({self._delay})"
+
+    def _changes(self) -> list[tuple[str, int]]:
+        """Who changes its speed, and by how many lanes to the left besides."""
+        changes = [(self.maneuver.actor, self.maneuver.change)]
+        return changes + ([(self.maneuver.beside, 0)] if self.maneuver.beside else [])
+
+    def _maneuver(self, actor: str, lanes: int) -> Any:
+        over_time = Dynamics("linear", "time", self._role("duration"))
+        change = [maneuvers.speed(self._role("end_speed"), over_time)]
+        if lanes:
+            change.append(maneuvers.lane_change(lanes, over_time._replace(shape=SHAPE), relative_to=actor))
+        settle = maneuvers.speed(self._role("final_speed"), over_time._replace(value=self._role("rest")))
+        changed = maneuvers.element_state("event", f"{actor} changes", "completeState")
+        events = [
+            maneuvers.event(f"{actor} changes", change, self._start()),
+            maneuvers.event(f"{actor} settles", [settle], changed),
+        ]
+        return maneuvers.maneuver(f"{actor} maneuver", events)
+
+    def _start(self) -> list[Any]:
+        """When the time is over and the gap reached; a gap that grows has been reached if the ego was late."""
+        gap = f"${{{self._role('gap')} + {_REACHED} + {_ANY} * max(sign({self._opening}), 0)}}"
+        return [
+            replace(maneuvers.simulation_time(0.0, "greaterOrEqual"), delay=f"${{{self._delay}}}"),
+            maneuvers.relative_distance(EGO, self.maneuver.leader, gap, "lessOrEqual", coordinates="lane"),
+        ]
+
+    def _stop(self) -> Conditions:
+        """At a collision of the ego, at the scene's end, or when the gap never came."""
+        done = maneuvers.element_state("event", f"{self.maneuver.actor} changes", "completeState")
+        times = " + ".join(self._role(role) for role in ("start_time", "duration", "rest"))
+        limit = f"${{{times} + {_PATIENCE}}}"
+        collisions = [[maneuvers.collision(EGO, name)] for name in self._others()]
+        return [*collisions, [replace(done, delay=self._role("rest"))], [maneuvers.simulation_time(limit)]]
+
+
+def header(description: str) -> Header:
+    """What a file of the library says about itself."""
+    return Header(description, _AUTHOR, _DATE)

@@ -1,0 +1,149 @@
+"""What the logical scenarios script happens, seen from the trajectories of runs without a system under test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+import runner
+from generation.logical.library import SCENARIOS, plots
+from generation.logical.plot import Plot
+from generation.parameters import SEVEN, declared_name
+from runner.recording import Track
+from runner.relations import Motion, relation
+
+PLOTS = dict(plots())
+STEP = 0.05
+CLOSING, OPENING = -1.0, 1.5
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run with what was asked for, by role, and the tracks of the actor, the ego and its leader."""
+
+    asked: dict[str, float]
+    kept: float
+    end: float
+    tracks: dict[str, Track]
+    plot: Plot
+
+    def row(self, time: float) -> int:
+        return round(time / STEP)
+
+    def actor(self, column: str, time: float) -> Any:
+        return self.tracks[self.plot.maneuver.actor].columns[column][self.row(time)]
+
+    def gap(self, time: float) -> float:
+        ego, leader = (self.tracks[name] for name in ("Ego", self.plot.maneuver.leader))
+        _, _, view = relation(*(Motion.from_columns(each.name, each.box, each.columns) for each in (ego, leader)))
+        return float(view.ahead[self.row(time)])
+
+
+def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0) -> Run:
+    """A run in which leader and ego move apart with `opening` m/s before the manoeuvre."""
+    plot = PLOTS[name]
+    slow = plot.geometry.speeds[0] + 2.0
+    actor_is_ego = plot.maneuver.actor == "Ego"
+    start = slow - opening if actor_is_ego else slow + opening
+    end = min(slow, plot.maneuver.braking[1] if plot.maneuver.braking else slow)
+    values = (gap, start, time, end, 3.0, min(end + 1.0, 10.0) if plot.maneuver.braking else end + 1.0, 2.0)
+    asked = dict(zip(SEVEN, values, strict=True))
+    given = {declared_name(plot.maneuver.actor, role): str(value) for role, value in asked.items()}
+    given[f"{plot.maneuver.leader if actor_is_ego else 'Ego'}_Speed_mps"] = str(slow)
+    done = runner.run(SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP)
+    assert done.verdict.passed, done.verdict.reasons
+    return Run(asked, slow, done.end_time, done.recording.locate().tracks, plot)
+
+
+@pytest.mark.parametrize("opening", [CLOSING, OPENING])
+@pytest.mark.parametrize("name", PLOTS)
+def test_the_gap_is_the_one_asked_for_when_the_manoeuvre_begins(name: str, opening: float) -> None:
+    done = run(name, opening)
+    assert done.gap(done.asked["start_time"]) == pytest.approx(done.asked["gap"], abs=0.01)
+    assert done.gap(0.0) == pytest.approx(done.asked["gap"] - opening * done.asked["start_time"], abs=0.01)
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_speeds_and_times_are_those_asked_for(name: str) -> None:
+    done = run(name, OPENING)
+    asked = done.asked
+    start, end = asked["start_time"], asked["start_time"] + asked["duration"]
+    assert done.actor("speed", 0.0) == done.actor("speed", start) == pytest.approx(asked["start_speed"])
+    assert done.actor("speed", end) == pytest.approx(asked["end_speed"], abs=0.05)
+    assert done.end == pytest.approx(end + asked["rest"], abs=2 * STEP)
+    assert done.actor("speed", done.end) == pytest.approx(asked["final_speed"], abs=0.05)
+    halfway = (asked["start_speed"] + asked["end_speed"]) / 2
+    assert done.actor("speed", (start + end) / 2) == pytest.approx(halfway, abs=0.05)
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_the_lane_changes_between_start_and_end_and_at_no_other_time(name: str) -> None:
+    done = run(name, OPENING)
+    plot, start = done.plot, done.asked["start_time"]
+    columns = done.tracks[plot.maneuver.actor].columns
+    rows = slice(0, done.row(start + done.asked["duration"]) + 1)
+    lanes, offset = columns["lane_id"][rows], columns["lane_offset"][rows]
+    before, after = (plot.geometry.left, plot.geometry.right)[:: -1 if plot.maneuver.change > 0 else 1]
+    if plot.maneuver.change == 0:
+        assert set(lanes) == {plot.geometry.right}
+        assert np.abs(offset).max() < 1e-6
+        return
+    assert set(lanes[: done.row(start)]) == {before}
+    assert lanes[-1] == after
+    assert np.abs(offset[: done.row(start) + 1]).max() < 1e-6
+    assert abs(offset[-1]) < 0.05
+    assert lanes[done.row(start + done.asked["duration"] / 2 + 0.1)] == after
+
+
+def leads_in_lane(plot: Plot) -> bool:
+    return plot.maneuver.actor == plot.maneuver.leader and plot.maneuver.ego_lane == plot.maneuver.leader_lane
+
+
+@pytest.mark.parametrize("name", [name for name, plot in PLOTS.items() if leads_in_lane(plot)])
+def test_a_faster_leader_begins_with_a_gap_and_sooner(name: str) -> None:
+    opening, gap = 6.0, 20.0
+    done = run(name, opening, gap, time=9.0)
+    assert done.gap(0.0) == pytest.approx(2.0, abs=0.01)
+    assert done.gap(18.0 / opening) == pytest.approx(gap, abs=0.01)
+    assert done.actor("speed", 18.0 / opening + 1.0) < done.actor("speed", 18.0 / opening)
+
+
+def test_the_gap_is_waited_for_when_the_ego_is_late() -> None:
+    values = {"CutIn_Gap_m": "10", "CutIn_StartTime_s": "2", "Ego_Speed_mps": "30", "CutIn_StartSpeed_mps": "20"}
+    name = "cut_in_highway"
+    late = runner.run(SCENARIOS / f"{name}.xosc", parameters=values, sut=Late(), world="kinematic", timestep=STEP)
+    columns = late.recording.locate().tracks["CutIn"].columns
+    begun = float(columns["time"][np.flatnonzero(np.abs(columns["lane_offset"]) > 0.001)[0]])
+    ego = late.recording.tracks["Ego"].columns
+    row = round(begun / STEP)
+    assert begun > 3.0
+    assert columns["s"][row] - ego["s"][row] - 4.5 == pytest.approx(10.5, abs=1.0)
+
+
+class Late:
+    """Brakes in the first second."""
+
+    def reset(self, ego: object, timestep: float, seed: int) -> None:
+        """Nothing to forget."""
+
+    def control(self, observation: Any, dt: float) -> Any:
+        """Full braking, then nothing."""
+        from runner.sut import Control
+
+        return Control(acceleration=-8.0) if observation.time < 1.0 else Control()
+
+
+@pytest.mark.parametrize("name", [name for name, plot in PLOTS.items() if plot.maneuver.ahead])
+def test_the_leader_that_cuts_out_just_evades_the_slower_one(name: str) -> None:
+    plot = PLOTS[name]
+    speed = plot.geometry.speeds[0] + 4.0
+    given = {"CutOut_StartSpeed_mps": speed, "CutOut_EndSpeed_mps": speed, "CutOut_FinalSpeed_mps": speed, "Slow_Speed_mps": 2.0}
+    given |= {"CutOut_Duration_s": 3.0, "CutOut_StartTime_s": 2.0, "Ego_Speed_mps": speed}
+    parameters = {name: str(value) for name, value in given.items()}
+    done = runner.run(SCENARIOS / f"{name}.xosc", parameters=parameters, sut=None, world="kinematic", timestep=STEP)
+    tracks = done.recording.locate().tracks
+    motions = [Motion.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("CutOut", "Slow")]
+    assert float(relation(*motions)[2].ahead[round(5.0 / STEP)]) == pytest.approx(10.0, abs=0.7)
