@@ -1,0 +1,124 @@
+// Curves over time, for one run or two.
+
+/** Bounds of the axes: values beyond a cap run out of the picture. `worst` says which extreme matters. */
+const AXES = {
+  speed: { low: 0, worst: Math.max }, acceleration: { zero: true, worst: Math.min }, ttc: { low: 0, cap: 10, worst: Math.min },
+  thw: { low: 0, cap: 6, worst: Math.min }, rss_margin_ad_rss: { zero: true, cap: 20, worst: Math.min, forbidden: true },
+  distance: { low: 0, cap: 60, worst: Math.min }, drac: { low: 0, cap: 10, worst: Math.max },
+};
+const LEFT = 34, RIGHT = 6, TOP = 6, BOTTOM = 4;
+
+class Chart {
+  /** curves: the same measure of each run, undefined where a run has none. */
+  constructor(curves, runs, end, seek) {
+    const first = curves.find(Boolean);
+    Object.assign(this, { curves, runs, end, axis: AXES[first.id], unit: first.unit });
+    this.now = curves.map((_, index) => el("span", { class: `now run${index}` }));
+    this.extremes = curves.map((curve, index) => curve && this.extreme(curve, runs[index].sample));
+    this.canvas = el("canvas", { role: "img", "aria-label": `${first.label} over time. ${this.summary()}` });
+    this.cursor = el("div", { class: "cursor" });
+    const jumps = this.extremes.map(extreme => extreme && el("button", { class: "extreme", click: () => seek(extreme.time) }, this.told(extreme)));
+    this.node = el("div", { class: "chart" }, el("h3", null, first.label, el("span", null, ...this.now)),
+      el("div", { class: "plot" }, this.canvas, this.cursor), el("div", null, ...jumps));
+    this.range = this.bounds();
+    const go = event => {
+      const { left, width } = this.canvas.getBoundingClientRect();
+      seek((event.clientX - left - LEFT) / (width - LEFT - RIGHT) * this.end);
+    };
+    this.canvas.addEventListener("pointerdown", event => { this.canvas.setPointerCapture(event.pointerId); go(event); });
+    this.canvas.addEventListener("pointermove", event => { if (event.buttons) go(event); });
+  }
+
+  extreme(curve, sample) {
+    let best = null;
+    for (const { start, values } of curve.parts) values.forEach((value, i) => {
+      if (best === null || (value !== best.value && this.axis.worst(value, best.value) === value)) best = { value, time: (start + i) * sample };
+    });
+    return best;
+  }
+
+  told(extreme) {
+    return `${this.axis.worst === Math.min ? "least" : "greatest"} ${extreme.value.toFixed(2)} ${this.unit} at ${seconds(extreme.time)}`;
+  }
+
+  summary() {
+    return this.extremes.map((extreme, i) => (this.runs.length > 1 ? `${"AB"[i]}: ` : "") + (extreme ? this.told(extreme) : "not defined")).join("; ");
+  }
+
+  bounds() {
+    const all = this.curves.filter(Boolean).flatMap(curve => curve.parts.map(part => part.values));
+    let low = this.axis.zero ? 0 : Infinity, high = this.axis.zero ? 0 : -Infinity;
+    for (const values of all) for (const value of values) { low = Math.min(low, value); high = Math.max(high, value); }
+    if (low > high) [low, high] = [0, 1];
+    high = Math.min(high, this.axis.cap ?? Infinity);
+    low = this.axis.low ?? Math.max(low, -40);
+    if (high - low < 1) high = low + 1;
+    return [low, high + (high - low) * 0.05];
+  }
+
+  draw(colour) {
+    const { ctx, width, height } = fitted(this.canvas), [low, high] = this.range;
+    const x = time => LEFT + time / this.end * (width - LEFT - RIGHT), y = value => TOP + (high - value) / (high - low) * (height - TOP - BOTTOM);
+    ctx.clearRect(0, 0, width, height);
+    if (this.axis.forbidden && low < 0) {
+      ctx.fillStyle = colour("bad-soft");
+      ctx.fillRect(LEFT, y(Math.min(0, high)), width - LEFT - RIGHT, y(low) - y(Math.min(0, high)));
+    }
+    ctx.font = "11px system-ui, sans-serif";
+    ctx.textAlign = "right";
+    ctx.textBaseline = "middle";
+    ctx.lineWidth = 1;
+    for (const value of ticks(low, high, 3)) {
+      ctx.strokeStyle = colour("line");
+      ctx.beginPath();
+      ctx.moveTo(LEFT, y(value));
+      ctx.lineTo(width - RIGHT, y(value));
+      ctx.stroke();
+      ctx.fillStyle = colour("muted");
+      ctx.fillText(String(Number(value.toPrecision(3))), LEFT - 5, y(value));
+    }
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(LEFT, 0, width - LEFT, height);
+    ctx.clip();
+    this.curves.forEach((curve, index) => curve && this.drawCurve(ctx, curve, index, colour, x, y));
+    ctx.restore();
+    this.place = x;
+  }
+
+  drawCurve(ctx, curve, index, colour, x, y) {
+    ctx.strokeStyle = ctx.fillStyle = colour(index ? "second" : "accent");
+    ctx.lineWidth = 2;
+    ctx.setLineDash(index ? [5, 3] : []);
+    const { sample } = this.runs[index];
+    for (const { start, values } of curve.parts) {
+      ctx.beginPath();
+      values.forEach((value, i) => ctx.lineTo(x((start + i) * sample), y(value)));
+      if (values.length === 1) ctx.lineTo(x(start * sample) + 2, y(values[0]));
+      ctx.stroke();
+    }
+    ctx.setLineDash([]);
+    const extreme = this.extremes[index];
+    if (extreme) {
+      ctx.beginPath();
+      ctx.arc(x(extreme.time), y(extreme.value), 3.5, 0, 7);
+      ctx.fill();
+    }
+  }
+
+  show(time) {
+    if (this.place) this.cursor.style.transform = `translateX(${this.place(time) - 1}px)`;
+    this.curves.forEach((curve, i) => {
+      const value = curve && time <= this.runs[i].end + 1e-6 ? valueAt(curve, time, this.runs[i].sample) : null;
+      this.now[i].textContent = `${this.runs.length > 1 ? `${"AB"[i]} ` : ""}${value === null ? "–" : value.toFixed(2) + " " + this.unit} `;
+    });
+  }
+}
+
+/** A chart for each measure that any run has. */
+function charts(runs, end, seek) {
+  return Object.keys(AXES).flatMap(id => {
+    const curves = runs.map(run => run.curves.find(curve => curve.id === id));
+    return curves.some(curve => curve && curve.parts.length) ? [new Chart(curves, runs, end, seek)] : [];
+  });
+}

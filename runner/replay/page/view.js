@@ -1,0 +1,166 @@
+// One run from above. All views share one camera, so that two runs are seen alike.
+
+const NEAREST = 200, FARTHEST = 0.02; // px per m
+
+/** Where everybody looks: at a participant (plus an offset), or at a place; m, and px per m. */
+const camera = { follow: null, x: 0, y: 0, dx: 0, dy: 0, scale: 6 };
+
+function zoom(factor) {
+  camera.scale = Math.min(NEAREST, Math.max(FARTHEST, camera.scale * factor));
+}
+
+function follow(name) {
+  Object.assign(camera, { follow: name, dx: 0, dy: 0 });
+}
+
+class View {
+  constructor(run, road, index, changed) {
+    Object.assign(this, { run, road, index, changed, labels: true, colour: palette(), middle: [0, 0] });
+    this.canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `${run.name} from above, zoom by + and -, drag to move` });
+    this.told = el("div", { class: "told" });
+    this.pointers = new Map();
+    this.canvas.addEventListener("pointerdown", event => this.press(event));
+    this.canvas.addEventListener("pointermove", event => this.move(event));
+    for (const name of ["pointerup", "pointercancel"]) this.canvas.addEventListener(name, event => this.release(event));
+    this.canvas.addEventListener("wheel", event => this.wheel(event), { passive: false });
+    this.canvas.addEventListener("dblclick", () => { this.fit(); changed(); });
+  }
+
+  /** Names of those followed: the camera's choice, where this run has it. */
+  get followed() {
+    if (camera.follow === null) return null;
+    return this.run.tracks.find(track => track.name === (camera.follow === "" ? this.run.ego : camera.follow)) || null;
+  }
+
+  /** The whole of everybody's way. */
+  fit() {
+    let [west, east, south, north] = [Infinity, -Infinity, Infinity, -Infinity];
+    for (const { parts } of this.run.tracks) for (const { x, y } of parts) for (let i = 0; i < x.length; i++) {
+      west = Math.min(west, x[i]); east = Math.max(east, x[i]); south = Math.min(south, y[i]); north = Math.max(north, y[i]);
+    }
+    if (west > east) [west, east, south, north] = [-50, 50, -50, 50];
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    camera.scale = Math.min(width / (east - west + 20), height / (north - south + 20), 12);
+    Object.assign(camera, { follow: null, x: (west + east) / 2, y: (south + north) / 2 });
+  }
+
+  draw(time) {
+    const { ctx, width, height, ratio } = fitted(this.canvas), { scale } = camera, { run, colour } = this;
+    const at = Math.min(time, run.end), states = run.tracks.map(track => stateAt(track, at, run.sample));
+    const followed = this.followed, target = followed && states[run.tracks.indexOf(followed)];
+    if (target) this.middle = [target.x + camera.dx, target.y + camera.dy];
+    else if (!followed) this.middle = [camera.x, camera.y];
+    const [x, y] = this.middle;
+    ctx.clearRect(0, 0, width, height);
+    ctx.save();
+    ctx.setTransform(scale * ratio, 0, 0, -scale * ratio, (width / 2 - x * scale) * ratio, (height / 2 + y * scale) * ratio);
+    if (this.road) drawRoad(ctx, this.road, colour, scale);
+    this.drawWays(ctx, scale);
+    const touching = new Set(run.collisions.filter(c => c.from <= at && at <= c.to).flatMap(c => c.who));
+    run.tracks.forEach((track, i) => {
+      const marked = touching.has(track.name) ? colour("bad") : track === followed ? colour("halo") : null;
+      if (states[i]) drawParticipant(ctx, track, states[i], colour, look(track, run.ego), scale, marked);
+    });
+    ctx.restore();
+    this.states = states;
+    if (this.labels) this.drawLabels(ctx, width, height, scale);
+    drawScale(ctx, scale, height, colour);
+    this.tell(at, time > run.end + 1e-6);
+  }
+
+  drawWays(ctx, scale) {
+    for (const track of this.run.tracks) {
+      const ego = track.name === this.run.ego;
+      ctx.strokeStyle = ego ? this.colour("ego") : this.colour("way");
+      ctx.globalAlpha = ego ? 0.45 : 1;
+      ctx.lineWidth = (ego ? 2 : 1) / scale;
+      ctx.stroke(track.way);
+    }
+    ctx.globalAlpha = 1;
+  }
+
+  drawLabels(ctx, width, height, scale) {
+    const crowded = scale < 3 && this.run.tracks.length > 8;
+    this.run.tracks.forEach((track, i) => {
+      const state = this.states[i], own = track.name === this.run.ego || track === this.followed;
+      if (!state || (crowded && !own)) return;
+      const [x, y] = this.toScreen(state.x, state.y, width, height);
+      const above = Math.max(10, Math.hypot(track.box[2], track.box[3]) / 2 * scale * 0.6 + 6);
+      const text = own ? `${track.name} ${state.v.toFixed(1)} m/s` : track.name;
+      if (x > -50 && x < width + 50 && y > -20 && y < height + 20) drawLabel(ctx, text, x, y - above, this.colour, own);
+    });
+  }
+
+  tell(at, over) {
+    const touching = this.run.collisions.filter(c => c.from <= at && at <= c.to).map(c => `collision: ${c.who.join(" and ")}`);
+    const text = [...touching, ...(over ? [`ended at ${seconds(this.run.end)}`] : [])].join(", ");
+    if (this.told.textContent !== text) this.told.textContent = text;
+  }
+
+  toScreen(x, y, width, height) {
+    return [width / 2 + (x - this.middle[0]) * camera.scale, height / 2 - (y - this.middle[1]) * camera.scale];
+  }
+
+  // pointers ----------------------------------------------------------------------------------
+
+  press(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    this.moved = 0;
+    this.canvas.classList.add("dragged");
+  }
+
+  move(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.clientX, event.clientY], dx = now[0] - before[0], dy = now[1] - before[1];
+    if (this.pointers.size === 2) {
+      const other = [...this.pointers].find(([id]) => id !== event.pointerId)[1];
+      const apart = p => Math.hypot(p[0] - other[0], p[1] - other[1]);
+      zoom(apart(now) / Math.max(apart(before), 1));
+    }
+    this.pan(-dx / this.pointers.size, dy / this.pointers.size);
+    this.moved += Math.abs(dx) + Math.abs(dy);
+    this.pointers.set(event.pointerId, now);
+    this.changed();
+  }
+
+  release(event) {
+    this.pointers.delete(event.pointerId);
+    this.canvas.classList.remove("dragged");
+    if (event.type === "pointerup" && this.moved < 4) this.pick(event);
+  }
+
+  /** Move the camera by pixels, to the right and up. */
+  pan(right, up) {
+    const [x, y] = camera.follow === null ? ["x", "y"] : ["dx", "dy"];
+    camera[x] += right / camera.scale;
+    camera[y] += up / camera.scale;
+  }
+
+  /** Follow whom the pointer is at. */
+  pick(event) {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    let best = 20, found = null;
+    this.run.tracks.forEach((track, i) => {
+      if (!this.states[i]) return;
+      const [x, y] = this.toScreen(this.states[i].x, this.states[i].y, width, height);
+      const away = Math.hypot(x - event.clientX + left, y - event.clientY + top) - track.box[2] / 2 * camera.scale;
+      if (away < best) [best, found] = [away, track.name];
+    });
+    if (found !== null) {
+      follow(found === this.run.ego ? "" : found);
+      this.changed();
+    }
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const x = event.clientX - left - width / 2, y = height / 2 - event.clientY + top, before = camera.scale;
+    zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)));
+    const shift = 1 / before - 1 / camera.scale; // what is under the pointer stays there
+    this.pan(x * shift * camera.scale, y * shift * camera.scale);
+    this.changed();
+  }
+}

@@ -1,0 +1,27 @@
+"""Runs as a page that plays them: one HTML file that needs no network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runner.replay.page import page, write_page
+from runner.replay.scene import scene
+
+if TYPE_CHECKING:
+    from runner.result import RunResult
+
+_STYLES = ("base.css", "replay.css")
+_SCRIPTS = ("dom.js", "data.js", "drawing.js", "view.js", "charts.js", "timeline.js", "player.js")
+
+
+def replay_page(results: Sequence[RunResult]) -> str:
+    """The page of one run, or of two side by side: the same runs give the same text."""
+    title = " and ".join(result.scenario.stem for result in results)
+    return page(f"{title} – replay", _STYLES, _SCRIPTS, scene(results))
+
+
+def write_replay(results: Sequence[RunResult], path: Path) -> None:
+    """Write the page of one run, or of two side by side."""
+    write_page(path, replay_page(results))

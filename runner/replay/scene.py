@@ -1,0 +1,167 @@
+"""What a page needs to play runs, as JSON-able values: roads, participants, timeline, curves.
+
+World coordinates are counted from an origin near the runs, in cm; times in samples of a fixed length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from runner.replay import timeline
+from runner.replay.packing import pack, pack_lines
+from runner.replay.roads import Area, marks, surfaces
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from runner.criticality import Criticality
+    from runner.recording import Recording, Track
+    from runner.result import RunResult
+    from xodr.network import RoadNetwork
+
+LENGTH_STEP, ANGLE_STEP, SPEED_STEP = 0.01, 0.002, 0.01
+"""What positions (m), headings (rad) and speeds (m/s) are rounded to"""
+_SAMPLE = 0.05
+"""Least time between samples, s"""
+_SURROUNDINGS = 200.0
+"""How far around the participants' ways roads are drawn, m"""
+_GREATEST = 1000.0
+"""Values of curves beyond this are cut off there"""
+
+
+def scene(results: Sequence[RunResult]) -> dict[str, Any]:
+    """One run, or two to be compared: roads that both are on are there once."""
+    area = union(extent(result.recording) for result in results)
+    origin = (round((area.west + area.east) / 2), round((area.south + area.north) / 2))
+    networks = {network.path: network for result in results if (network := result.recording.network) is not None}
+    places = {path: index for index, path in enumerate(networks)}
+    return {
+        "origin": origin,
+        "steps": {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP},
+        "roads": [_road(network, area.wider(_SURROUNDINGS), origin) for network in networks.values()],
+        "runs": [
+            _run(result, origin) | {"road": places[network.path] if (network := result.recording.network) is not None else None}
+            for result in results
+        ],
+    }
+
+
+def extent(recording: Recording) -> Area:
+    """The rectangle that all ways lie in; around the origin where nobody was there."""
+    columns = [track.columns for track in recording.tracks.values() if len(track.columns["time"])]
+    if not columns:
+        return Area(0.0, 0.0, 0.0, 0.0)
+    x, y = (np.concatenate([each[axis] for each in columns]) for axis in ("x", "y"))
+    return Area(float(x.min()), float(y.min()), float(x.max()), float(y.max()))
+
+
+def union(areas: Iterable[Area]) -> Area:
+    """The rectangle around several ones."""
+    west, south, east, north = zip(*areas, strict=True)
+    return Area(min(west), min(south), max(east), max(north))
+
+
+def _road(network: RoadNetwork, area: Area, origin: tuple[int, int]) -> dict[str, Any]:
+    return {
+        "surfaces": [
+            {"look": look, "lines": pack_lines([ring - origin for ring in rings], LENGTH_STEP)}
+            for look, rings in surfaces(network, area).items()
+        ],
+        "marks": [
+            look._asdict() | {"lines": pack_lines([line - origin for line in lines], LENGTH_STEP)}
+            for look, lines in marks(network, area).items()
+        ],
+    }
+
+
+def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
+    dt = result.settings["timestep"]
+    stride = max(1, round(_SAMPLE / dt))
+    ego = result.recording.tracks.get(result.ego) if result.ego is not None else None
+    return {
+        "name": result.scenario.stem,
+        "passed": result.verdict.passed,
+        "reasons": [*result.verdict.reasons, *result.remarks],
+        "status": result.status,
+        "end": result.end_time,
+        "sut": result.sut,
+        "ego": result.ego,
+        "parameters": result.parameters,
+        "settings": {name: str(value) for name, value in result.settings.items()},
+        "sample": stride * dt,
+        "tracks": [_track(track, dt, stride, origin) for track in result.recording.tracks.values()],
+        "rows": [[row.level, row.label, row.subject, row.bars] for row in timeline.rows(result.events)],
+        "events": [list(entry) for entry in result.events if timeline.is_shown(entry)],
+        "curves": [] if ego is None else _curves(ego, result.criticality, dt, stride),
+    }
+
+
+# participants -------------------------------------------------------------------------------
+
+
+def _track(track: Track, dt: float, stride: int, origin: tuple[int, int]) -> dict[str, Any]:
+    columns, box = track.columns, track.box
+    heading = np.unwrap(columns["h"])
+    return {
+        "name": track.name,
+        "kind": track.kind,
+        "category": track.category,
+        "box": [round(value, 3) for value in (box.x, box.y, box.length, box.width)],
+        "parts": [
+            {
+                "start": start,
+                "x": pack(columns["x"][rows] - origin[0], LENGTH_STEP, 2),
+                "y": pack(columns["y"][rows] - origin[1], LENGTH_STEP, 2),
+                "h": pack(heading[rows], ANGLE_STEP, 2),
+                "v": pack(columns["speed"][rows], SPEED_STEP, 2),
+            }
+            for start, rows in _parts(columns["time"], np.ones(len(heading), bool), dt, stride)
+        ],
+    }
+
+
+def _parts(time: NDArray[np.float64], there: NDArray[np.bool_], dt: float, stride: int) -> list[tuple[int, NDArray[np.int64]]]:
+    """Stretches of consecutive samples at which something is there: number of the first sample, and rows."""
+    ticks = np.rint(time / dt).astype(np.int64)
+    rows = np.flatnonzero(there & (ticks % stride == 0))
+    samples = ticks[rows] // stride
+    stretches = np.split(np.arange(len(rows)), np.flatnonzero(np.diff(samples) != 1) + 1)
+    return [(int(samples[stretch[0]]), rows[stretch]) for stretch in stretches if len(stretch)]
+
+
+# curves -------------------------------------------------------------------------------------
+
+_MEASURES = (
+    ("ttc", "Time to collision", "s"),
+    ("thw", "Time headway", "s"),
+    ("rss_margin_ad_rss", "RSS margin", "m"),
+    ("distance", "Distance to the nearest", "m"),
+    ("drac", "Deceleration to avoid a crash", "m/s²"),
+)
+
+
+def _curves(ego: Track, criticality: Criticality | None, dt: float, stride: int) -> list[dict[str, Any]]:
+    columns = ego.columns
+    always = np.ones(len(columns["time"]), bool)
+    found = [
+        ("speed", "Ego speed", "m/s", columns["speed"], always),
+        ("acceleration", "Ego acceleration", "m/s²", columns["acceleration"], always),
+    ]
+    if criticality is not None:
+        table = criticality.table()
+        found += [(name, label, unit, table[name], table[f"{name}_valid"]) for name, label, unit in _MEASURES]
+    return [
+        {
+            "id": name,
+            "label": label,
+            "unit": unit,
+            "parts": [
+                {"start": start, "values": pack(np.clip(values[rows], -_GREATEST, _GREATEST), SPEED_STEP)}
+                for start, rows in _parts(columns["time"], valid, dt, stride)
+            ],
+        }
+        for name, label, unit, values, valid in found
+    ]
