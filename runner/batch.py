@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,8 @@ from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.result import RunResult
+
+Also = Callable[["RunResult"], None]
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,10 @@ def rehearse_batch(jobs: Iterable[Job | Outcome], options: Options) -> Generator
         yield outcome
 
 
-def execute(job: Job, options: Options, out: Path | None = None, plot: bool = False) -> Outcome:
+def execute(job: Job, options: Options, out: Path | None = None, plot: bool = False, also: Also | None = None) -> Outcome:
     """Do one run, write its results and enter it in the journal; errors become outcomes."""
     try:
-        outcome = _run(job, options, out, plot)
+        outcome = _run(job, options, out, plot, also)
         if out is not None:
             journal.enter(out, outcome)
         return outcome
@@ -72,12 +74,14 @@ def execute(job: Job, options: Options, out: Path | None = None, plot: bool = Fa
         return failure(job, error)
 
 
-def _run(job: Job, options: Options, out: Path | None, plot: bool) -> Outcome:
+def _run(job: Job, options: Options, out: Path | None, plot: bool, also: Also | None) -> Outcome:
     from runner.execution import run
 
     try:
         result = run(job.scenario, parameters=job.parameters, **asdict(options))
         measures = _write(result, out / job.name, plot) if out is not None else {}
+        if also is not None:
+            also(result)
     except OSError:
         raise
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
@@ -127,11 +131,13 @@ def run_batch(
     plot: bool = False,
     processes: int = 1,
     resume: bool = False,
+    also: Also | None = None,
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
     With an output folder every finished run is entered in a journal at once; `resume` takes finished runs from there
-    instead of repeating them. `plot` adds a picture to the results of each.
+    instead of repeating them. `plot` adds a picture to the results of each. `also` gets the result of every run that is done,
+    in the process that has done it.
 
     Raises:
         UsageError: the folder holds results already (and `resume` is not set), or those of another batch.
@@ -140,11 +146,13 @@ def run_batch(
     known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
     try:
         if processes > 1:
-            with Pool(processes, partial(execute, options=options, out=out, plot=plot), partial(_died, out=out)) as pool:
+            with Pool(
+                processes, partial(execute, options=options, out=out, plot=plot, also=also), partial(_died, out=out)
+            ) as pool:
                 yield from pool.execute(known)
         else:
             for job in known:
-                yield job if isinstance(job, Outcome) else execute(job, options, out, plot)
+                yield job if isinstance(job, Outcome) else execute(job, options, out, plot, also)
     finally:
         if out is not None:
             journal.clear_drafts(out)

@@ -6,12 +6,13 @@ import os
 import sys
 from collections.abc import Generator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.command_line import guarded, interruptible
+from runner.command_line import guarded, interruptible, parameters_of
 from schemas.errors import UsageError
 from schemas.version import version as toolchain_version
 
@@ -62,6 +63,9 @@ def xosc_run(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for trajectories, event log and result of each run.")
     ] = None,
+    osi: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
+    ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
@@ -85,11 +89,16 @@ def xosc_run(
     if junit is not None:
         junit.parent.mkdir(parents=True, exist_ok=True)
         junit.open("a").close()  # what can't be written is better known before the runs than after them
-    source = jobs_of(files, _parameters(param or []), constraints)
+    source = jobs_of(files, parameters_of(param or []), constraints)
+    also = None
+    if osi is not None:
+        from runner.exports.osi import alone, write_trace
+
+        source, also = alone(source, osi), partial(write_trace, path=osi)
     if dry_run:
         outcomes = rehearse_batch(source, options)
     else:
-        outcomes = run_batch(source, options, out=out, plot=plot, processes=jobs, resume=resume)
+        outcomes = run_batch(source, options, out=out, plot=plot, processes=jobs, resume=resume, also=also)
     kept: list[Outcome] | None = [] if junit is not None else None
     try:
         code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)
@@ -113,16 +122,6 @@ def _follow(outcomes: Generator[Outcome], table: Table, kept: list[Outcome] | No
                 table.show(outcome)
         table.close()
     return code
-
-
-def _parameters(pairs: list[str]) -> dict[str, str]:
-    values: dict[str, str] = {}
-    for pair in pairs:
-        name, equals, value = pair.partition("=")
-        if not (name and equals):
-            raise UsageError(f"--param {pair!r}: NAME=VALUE is expected")
-        values[name] = value
-    return values
 
 
 def main() -> None:

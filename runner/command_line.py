@@ -6,12 +6,12 @@ import io
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import typer
 
-from schemas.errors import ToolchainError
+from schemas.errors import ToolchainError, UsageError
 
 INTERRUPTED, PIPE_CLOSED = 130, 141
 """Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
@@ -45,3 +45,18 @@ def interruptible(name: str, hint: str = "") -> Iterator[None]:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter complains when it ends
         raise typer.Exit(PIPE_CLOSED) from None
+
+
+def parameters_of(pairs: Iterable[str]) -> dict[str, str]:
+    """Values of parameters by name, from the texts of `--param`.
+
+    Raises:
+        UsageError: one is not of the form NAME=VALUE.
+    """
+    values: dict[str, str] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not (name and equals):
+            raise UsageError(f"--param {pair!r}: NAME=VALUE is expected")
+        values[name] = value
+    return values

@@ -120,7 +120,7 @@ class Catalogs:
             directory = location.need("Directory")
             path = file_reference(directory, "path")
             try:
-                files.update(dict.fromkeys(_catalog_files(path, self._scenario)))
+                files.update(dict.fromkeys(catalog_files(path, self._scenario)))
             except (OSError, ValueError):
                 problems.append(f"the directory {path} ({directory.where}) does not exist or cannot be read")
         results = [_catalog(file, stamp(file)) for file in files]
@@ -141,7 +141,7 @@ def _expected(reference: Node) -> tuple[str, ...]:
     return EXPECTED[place]
 
 
-def _catalog_files(path: Path, scenario: Path) -> list[str]:
+def catalog_files(path: Path, scenario: Path) -> list[str]:
     """Files of a catalogue directory, sorted; a path that is a file itself, as some scenarios have it, gives that file.
 
     Libraries get moved about: a directory that does not exist is looked for by its name in the scenario's folder and in

@@ -1,0 +1,116 @@
+"""The command `xosc-export`: scenarios and their runs for other tools."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from runner.command_line import guarded, interruptible
+from runner.exports import TARGETS
+from schemas.errors import UsageError
+from schemas.version import version as toolchain_version
+
+if TYPE_CHECKING:
+    from runner.exports.exporting import Exported
+
+_EPILOG = (
+    "Exit codes: 0 all exported, 2 wrong usage, 3 invalid file, 4 a file says what the target cannot say; with several files "
+    "the gravest. What each target keeps, changes and loses is told in docs/exports.md."
+)
+_GRAVEST_FIRST = (5, 3, 4, 2, 0)
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"xosc-export {toolchain_version()}")
+        raise typer.Exit
+
+
+def _print_targets(wanted: bool) -> None:
+    if wanted:
+        for target in TARGETS.values():
+            print(f"{target.name:12}{'a run' if target.of_run else 'the file':10}{target.summary}")
+        raise typer.Exit
+
+
+@app.command(epilog=_EPILOG)
+def xosc_export(
+    paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
+    to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write into; nothing in it is overwritten.")],
+    param: Annotated[
+        list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter of the runs.")
+    ] = None,
+    sut: Annotated[str, typer.Option(help="System under test that drives the ego in the runs.")] = "cas",
+    ego: Annotated[str | None, typer.Option(metavar="NAME", help="The ego, where it is not found by itself.")] = None,
+    timestep: Annotated[float, typer.Option(metavar="SECONDS", help="Time step of the runs.")] = 0.05,
+    seed: Annotated[int, typer.Option(help="Seed of everything random in the runs.")] = 0,
+    max_time: Annotated[float | None, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")] = None,
+    world: Annotated[str, typer.Option(help="sumo, or kinematic: scripted motion without a simulator.")] = "sumo",
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print what is not exported only.")] = False,
+    _targets: Annotated[
+        bool, typer.Option("--targets", callback=_print_targets, is_eager=True, help="List all targets.")
+    ] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Export OpenSCENARIO files, or runs of them, to what other tools read."""
+    from runner.batch import Options
+    from runner.command_line import parameters_of
+    from runner.exports.exporting import export_documents, export_runs
+    from xosc.exports.folder import Folder
+
+    target = TARGETS.get(to)
+    if target is None:
+        raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
+    sources = _sources(paths)
+    if target.of_run:
+        options = Options(timestep, sut, ego, seed, max_time, world)
+        options.verify()
+        exports = export_runs(sources, target, Folder(out), options, parameters_of(param or []))
+    elif param:
+        raise UsageError(f"--param is for runs, and {to} is written without one")
+    else:
+        exports = export_documents(sources, target, Folder(out))
+    with interruptible("xosc-export"):
+        raise typer.Exit(_tell(exports, quiet))
+
+
+def _sources(paths: list[str]) -> list[Path]:
+    """The files meant; roads, which are taken along by the scenarios on them, only where they are named themselves."""
+    from schemas.files import expand
+
+    return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
+
+
+def _tell(exports: Iterator[Exported], quiet: bool) -> int:
+    """Print exports as they are done; the exit code."""
+    code, counts = 0, {True: 0, False: 0}
+    for name, exit_code, remarks in exports:
+        done = exit_code == 0
+        counts[done] += 1
+        code = min(code, exit_code, key=_GRAVEST_FIRST.index)
+        if not done:
+            print(f"xosc-export: {name}: not exported: {'; '.join(remarks)}", file=sys.stderr, flush=True)
+        elif not quiet:
+            print("\n  ".join([f"{name}: exported", *remarks]), flush=True)
+    if sum(counts.values()) > 1 and not quiet:
+        print(f"{counts[True]} exported, {counts[False]} not")
+    return code
+
+
+def main() -> None:
+    """Entry point."""
+    guarded("xosc-export", app)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Exports done one after the other: of documents as they are, of runs after running them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.jobs import Outcome, describe, jobs_of
+from schemas.errors import ToolchainError
+from xosc.document import load
+
+if TYPE_CHECKING:
+    from runner.batch import Options
+    from runner.exports import Target
+    from xosc.exports.folder import Folder
+
+
+class Exported(NamedTuple):
+    """How one export ended.
+
+    name: the file, or the name of the run. exit_code: 0 for exported, otherwise that of the error. remarks: what is
+    changed or left out; the reason where it is not exported.
+    """
+
+    name: str
+    exit_code: int
+    remarks: Sequence[str] = ()
+
+
+def export_documents(sources: Sequence[Path], target: Target, folder: Folder) -> Iterator[Exported]:
+    """Export files as they are. What is wrong with one of them is told, the others go on."""
+    module = import_module(target.module)
+    for source in sources:
+        try:
+            yield Exported(str(source), 0, module.export(source, target.name, folder))
+        except (ToolchainError, OSError) as error:
+            yield _refused(str(source), error)
+
+
+def export_runs(
+    sources: Sequence[Path], target: Target, folder: Folder, options: Options, parameters: Mapping[str, str]
+) -> Iterator[Exported]:
+    """Run files, a distribution with every set of its parameters, and export the runs. Failed verdicts are runs as well."""
+    from runner.execution import run
+
+    module = import_module(target.module)
+    for job in jobs_of(_runnable(sources), dict(parameters), options.enforce_constraints):
+        if isinstance(job, Outcome):
+            yield Exported(job.job.name, job.exit_code, [job.message])
+            continue
+        try:
+            result = run(job.scenario, parameters=job.parameters, **asdict(options))
+            yield Exported(job.name, 0, module.export(result, job.name, folder))
+        except (ToolchainError, OSError) as error:
+            yield _refused(job.name, error)
+
+
+def _runnable(sources: Sequence[Path]) -> Iterator[Path]:
+    """The sources without catalogues, whose entries are part of the scenarios that use them."""
+    for source in sources:
+        try:
+            if load(source).kind == "catalog":
+                continue
+        except ToolchainError:
+            pass  # it is told when it is to be run
+        yield source
+
+
+def _refused(name: str, error: Exception) -> Exported:
+    message, code = describe(error)
+    return Exported(name, code, [message])

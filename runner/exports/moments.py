@@ -1,0 +1,52 @@
+"""What exports of a run share: points fixed to a participant in the world, their rates, and the run moment by moment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from runner.recording import Recording, Track
+
+Floats = np.ndarray
+Moment = tuple[float, list[tuple[int, int]]]
+"""A time (s), and for everyone who is there then the number of the track and of its row."""
+
+
+def fixed_point(track: Track, x: float, y: float, z: float) -> Floats:
+    """World positions (n, 3) in m of a point of a participant's own frame (m from its reference point) at every row.
+
+    The frame is turned by heading, then pitch, then roll about the axes turned with it (ISO 8855).
+    """
+    columns = track.columns
+    (ch, cp, cr), (sh, sp, sr) = (
+        [turn(columns[name].astype(float)) for name in ("h", "pitch", "roll")] for turn in (np.cos, np.sin)
+    )
+    return np.column_stack(
+        [
+            columns["x"] + x * ch * cp + y * (ch * sp * sr - sh * cr) + z * (ch * sp * cr + sh * sr),
+            columns["y"] + x * sh * cp + y * (sh * sp * sr + ch * cr) + z * (sh * sp * cr - ch * sr),
+            columns["z"] - x * sp + y * cp * sr + z * cp * cr,
+        ]
+    )
+
+
+def box_centre(track: Track) -> Floats:
+    """World positions (n, 3) in m of the centre of a participant's bounding box."""
+    return fixed_point(track, track.box.x, track.box.y, track.box.z)
+
+
+def rate(values: Floats, time: Floats) -> Floats:
+    """Derivative of the rows of `values` by time (s), zero where there is one row only."""
+    return np.gradient(values, time, axis=0) if len(time) > 1 else np.zeros_like(values)
+
+
+def moments(recording: Recording) -> Iterator[Moment]:
+    """The times of a recording in order, with everyone who is there."""
+    there: dict[float, list[tuple[int, int]]] = {}
+    for number, track in enumerate(recording.tracks.values()):
+        for row, time in enumerate(track.columns["time"].tolist()):
+            there.setdefault(time, []).append((number, row))
+    yield from sorted(there.items())

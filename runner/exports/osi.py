@@ -1,0 +1,204 @@
+"""Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, one channel, in the `.osi` and `.mcap` formats.
+
+Source: ASAM OSI 3.8, GroundTruth and "trace file formats". Positions are those of the bounding box's centre, angles and
+rates those of the world frame, as OSI asks for; the OpenSCENARIO reference point is in `bbcenter_to_rear`. The road is in
+the file that `map_reference` names; lanes are not repeated in the messages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from runner.exports.moments import box_centre, moments, rate
+from schemas.errors import UsageError
+from schemas.version import version
+from xosc.document import load
+
+if TYPE_CHECKING:
+    from runner.jobs import Job, Outcome
+    from runner.recording import Track
+    from runner.result import RunResult
+    from xosc.exports.folder import Folder
+
+FORMATS = (".osi", ".mcap")
+_TYPES = {
+    "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",
+    "semitrailer": "TYPE_SEMITRAILER", "bus": "TYPE_BUS", "motorbike": "TYPE_MOTORBIKE", "bicycle": "TYPE_BICYCLE",
+    "train": "TYPE_TRAIN", "tram": "TYPE_TRAM",
+}  # fmt: skip
+"""OSI's vehicle types by OpenSCENARIO category."""
+_KINDS = {"vehicle": "TYPE_VEHICLE", "pedestrian": "TYPE_PEDESTRIAN"}
+_NANO = 1_000_000_000
+_STILL = 1e-9
+"""An object that never gets further (m) than this from where it was first is a stationary one."""
+
+
+def export(result: RunResult, name: str, folder: Folder) -> list[str]:
+    """Write the trace of a run in both formats, named as the standard names traces.
+
+    Raises:
+        UsageError: the packages for it are not installed, or a file is in the way.
+    """
+    with TemporaryDirectory(prefix="xosc-osi-") as scratch:
+        for suffix in FORMATS:
+            path = Path(scratch) / trace_name(result, name, suffix)
+            write_trace(result, path)
+            folder.write(path.name, path.read_bytes())
+    return []
+
+
+def trace_name(result: RunResult, name: str, suffix: str) -> str:
+    """A trace's name as OSI wants it: start, message type, versions of OSI and protobuf, number of frames, own name.
+
+    The start is the date of the scenario's FileHeader, so that the same run always gives the same name.
+    """
+    osi = _Osi()
+    own = "".join(c if c.isalnum() or c in "-~" else "-" for c in name)
+    frames = sum(1 for _ in moments(result.recording))
+    when = "".join(c for c in _date(result) if c not in "-:")
+    numbers = [".".join(text.split(".")[:3]) for text in (osi.osi_version, osi.protobuf_version)]
+    return f"{when}Z_gt_{numbers[0]}_{numbers[1]}_{frames}_{own}{suffix}"
+
+
+def write_trace(result: RunResult, path: Path) -> None:
+    """Write the trace of a run into a file, `.osi` or `.mcap`.
+
+    Raises:
+        UsageError: the packages for it are not installed, or the file can't be written.
+    """
+    osi = _Osi()
+    writer = osi.single() if path.suffix == ".osi" else osi.multi()
+    metadata = {
+        "version": version(),
+        **dict.fromkeys(("min_osi_version", "max_osi_version"), osi.osi_version),
+        **dict.fromkeys(("min_protobuf_version", "max_protobuf_version"), osi.protobuf_version),
+        **dict.fromkeys(("zero_time", "creation_time"), f"{_date(result)}Z"),
+        "description": result.scenario.name,
+        "authors": "xosc-toolchain",
+        "data_sources": "simulation",
+    }
+    if not writer.open(path, metadata=metadata):
+        raise UsageError("the trace cannot be written", path=path)
+    channel = {
+        "net.asam.osi.trace.channel.osi_version": osi.osi_version,
+        "net.asam.osi.trace.channel.protobuf_version": osi.protobuf_version,
+        "net.asam.osi.trace.channel.description": "ground truth of the run",
+    }
+    try:
+        if path.suffix == ".mcap":
+            writer.add_channel("ground_truth", osi.groundtruth.GroundTruth, channel)
+        for message in ground_truths(result):
+            writer.write_message(message, "ground_truth")
+    finally:
+        writer.close()
+
+
+def alone(jobs: Iterable[Job | Outcome], path: Path) -> Iterator[Job | Outcome]:
+    """The jobs, of which only one may be: all would write their trace into the same file.
+
+    Raises:
+        UsageError: there are more; the file is of another format; the packages for it are not installed.
+    """
+    _Osi()
+    if path.suffix not in FORMATS:
+        raise UsageError(f"an OSI trace ends in {' or '.join(FORMATS)}", path=path)
+    for number, job in enumerate(jobs):
+        if number:
+            raise UsageError("one trace is of one run; xosc-export --to osi writes those of many", path=path)
+        yield job
+
+
+def ground_truths(result: RunResult) -> Iterator[Any]:
+    """The run as GroundTruth messages, one for each of its times."""
+    osi = _Osi()
+    tracks = list(result.recording.tracks.values())
+    tables = [_table(track) for track in tracks]
+    standing = [track.kind == "miscellaneous" and bool(np.ptp(box_centre(track), axis=0).max() < _STILL) for track in tracks]
+    network = result.recording.network
+    for time, there in moments(result.recording):
+        message = osi.groundtruth.GroundTruth()
+        message.version.CopyFrom(osi.interface_version)
+        nanoseconds = round(time * _NANO)
+        message.timestamp.seconds, message.timestamp.nanos = divmod(nanoseconds, _NANO)
+        if network is not None:
+            message.map_reference = network.path.name
+            message.proj_string = network.geo_reference or ""
+        for number, row in there:
+            track = tracks[number]
+            each = message.stationary_object.add() if standing[number] else message.moving_object.add()
+            each.id.value = number
+            source = each.source_reference.add()
+            source.type, source.reference = "net.asam.openscenario", result.scenario.name
+            source.identifier.append(track.name)
+            _fill_base(each.base, track, tables[number][row], not standing[number])
+            if standing[number]:
+                each.classification.type = osi.objects.StationaryObject.Classification.TYPE_OTHER
+            else:
+                _fill_type(each, track, osi)
+            if track.name == result.ego:
+                message.host_vehicle_id.value = number
+        yield message
+
+
+_AXES = (("position", "xyz"), ("orientation", ("yaw", "pitch", "roll")), ("velocity", "xyz"), ("acceleration", "xyz"))
+
+
+def _table(track: Track) -> list[list[float]]:
+    """One row for each of the track's: position, yaw, pitch, roll, velocity, acceleration, yaw, pitch and roll rate."""
+    columns, time, centre = track.columns, track.columns["time"], box_centre(track)
+    angles = np.column_stack([np.unwrap(columns[name].astype(float)) for name in ("h", "pitch", "roll")])
+    velocity = rate(centre, time)
+    wrapped = np.arctan2(np.sin(angles), np.cos(angles))
+    return np.hstack([centre, wrapped, velocity, rate(velocity, time), rate(angles, time)]).tolist()
+
+
+def _fill_base(base: Any, track: Track, values: list[float], moves: bool) -> None:
+    base.dimension.length, base.dimension.width, base.dimension.height = track.box.length, track.box.width, track.box.height
+    for (field, axes), start in zip(_AXES if moves else _AXES[:2], range(0, 12, 3), strict=False):
+        for axis, value in zip(axes, values[start : start + 3], strict=True):
+            setattr(getattr(base, field), axis, value)
+    if moves:
+        for axis, value in zip(("yaw", "pitch", "roll"), values[12:], strict=True):
+            setattr(base.orientation_rate, axis, value)
+
+
+def _fill_type(each: Any, track: Track, osi: _Osi) -> None:
+    moving = osi.objects.MovingObject
+    each.type = moving.Type.Value(_KINDS.get(track.kind, "TYPE_OTHER"))
+    if track.kind == "vehicle":
+        each.vehicle_classification.type = moving.VehicleClassification.Type.Value(_TYPES.get(track.category, "TYPE_OTHER"))
+        rear = each.vehicle_attributes.bbcenter_to_rear
+        rear.x, rear.y, rear.z = -track.box.x, -track.box.y, -track.box.z
+
+
+def _date(result: RunResult) -> str:
+    """Date and time of the scenario's FileHeader, without fractions and zone."""
+    return str(load(result.scenario).node.need("FileHeader").get("date"))[:19]
+
+
+class _Osi:
+    """What is used of the OSI packages, which are an optional extra.
+
+    Raises:
+        UsageError: they are not installed.
+    """
+
+    def __init__(self) -> None:
+        try:
+            import google.protobuf
+            from osi3 import osi_groundtruth_pb2, osi_object_pb2, osi_version_pb2
+            from osi_utilities import MultiTraceWriter, SingleTraceWriter
+        except ImportError as error:
+            raise UsageError(f"OSI traces need the extra `osi` (pip install 'xosc-toolchain[osi]'): {error}") from None
+        self.groundtruth, self.objects = osi_groundtruth_pb2, osi_object_pb2
+        self.single, self.multi = SingleTraceWriter, MultiTraceWriter
+        options = osi_version_pb2.DESCRIPTOR.GetOptions()
+        self.interface_version = options.Extensions[osi_version_pb2.current_interface_version]
+        numbers = self.interface_version
+        self.osi_version = f"{numbers.version_major}.{numbers.version_minor}.{numbers.version_patch}"
+        self.protobuf_version = google.protobuf.__version__

@@ -1,0 +1,82 @@
+"""The shipped library in every export: exported or refused by name, and the standard's versions with the same motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runner
+import schemas
+import xosc
+from runner.batch import Options
+from runner.exports import TARGETS, Target
+from runner.exports.exporting import export_documents, export_runs
+from runner.jobs import Job, jobs_of
+from xosc.exports.folder import Folder
+
+ROOT = Path(__file__).parents[1]
+LIBRARY = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))
+KINDS = {path: xosc.load(path).kind for path in LIBRARY}
+VERSIONS = ("1.0", "1.1", "1.2", "1.3")
+QUICK = Options(timestep=0.1, sut="none", world="kinematic")
+
+
+def motion(job: Job) -> dict[str, np.ndarray]:
+    """Place, heading and speed of everyone at every step, without a simulator."""
+    result = runner.run(job.scenario, parameters=job.parameters, world="kinematic", sut="none", timestep=0.1)
+    columns = ("time", "x", "y", "z", "h", "speed")
+    return {name: np.column_stack([track.columns[c] for c in columns]) for name, track in result.recording.tracks.items()}
+
+
+def jobs(path: Path) -> list[Job]:
+    found = list(jobs_of([path], {}, True))
+    assert all(isinstance(job, Job) for job in found), found
+    return [job for job in found if isinstance(job, Job)]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: str, tmp_path: Path) -> None:
+    exported = 0
+    for path in LIBRARY:
+        folder = Folder(tmp_path / path.stem)
+        (done,) = export_documents([path], TARGETS[version], folder)
+        if done.exit_code:
+            assert version != "1.3", done
+            continue
+        exported += 1
+        assert [problem for file in folder.path.rglob("*.xosc") for problem in schemas.check(file)] == []
+        if KINDS[path] == "catalog":
+            continue
+        whole = folder.path / path.name
+        files = [whole] if whole.exists() else sorted(folder.path.glob(f"{path.stem}~*.xosc"))
+        assert all(f"{xosc.load(file).version}" == f"({version.replace('.', ', ')})" for file in files)
+        originals, copies = jobs(path), [job for file in files for job in jobs(file)]
+        assert len(originals) == len(copies)
+        for original, copy in zip(originals, copies, strict=True):
+            expected, got = motion(original), motion(copy)
+            assert expected.keys() == got.keys()
+            for name, rows in expected.items():
+                assert np.allclose(rows, got[name], rtol=0.0, atol=1e-6), (path, version, name)
+    assert exported
+
+
+@pytest.mark.parametrize("target", [target for target in TARGETS.values() if not target.of_run], ids=lambda target: target.name)
+def test_a_document_is_exported_or_refused_with_file_line_and_reason(target: Target, tmp_path: Path) -> None:
+    done = list(export_documents(LIBRARY, target, Folder(tmp_path)))
+    check(done)
+    assert len(done) == len(LIBRARY)
+
+
+@pytest.mark.parametrize("target", [target for target in TARGETS.values() if target.of_run], ids=lambda target: target.name)
+def test_a_run_is_exported_or_refused_with_file_and_reason(target: Target, tmp_path: Path) -> None:
+    done = list(export_runs(LIBRARY, target, Folder(tmp_path), QUICK, {}))
+    check(done)
+    assert len(done) == sum(len(jobs(path)) for path in LIBRARY if KINDS[path] != "catalog")
+
+
+def check(done: list) -> None:
+    assert {each.exit_code for each in done} <= {0, 4}, [each for each in done if each.exit_code not in (0, 4)]
+    assert all(".xosc:" in each.remarks[0] or ".xodr:" in each.remarks[0] for each in done if each.exit_code)
+    assert any(each.exit_code == 0 for each in done)

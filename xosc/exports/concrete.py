@@ -1,0 +1,59 @@
+"""Scenarios with everything worked out: for targets that know no expressions, no parameters or no catalogues."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from xosc.distributions import variations
+from xosc.document import Document, load
+from xosc.resolve import Argument, resolve
+
+_REFERENCES = ("parameterRef",)
+"""Attributes by which an element names a parameter when the scenario runs."""
+
+
+def concrete(document: Document, parameters: Mapping[str, Argument] | None = None) -> Document:
+    """A scenario whose attributes are literals, with catalogue entries in the place of the references to them.
+
+    Declarations stay only of parameters that conditions and actions name; what then is left out is not used any more.
+
+    Raises:
+        UsageError, InvalidFile: as in `xosc.resolve`.
+    """
+    resolved = resolve(document, parameters)
+    named = {element.get(name) for element in resolved.root.iter() for name in _REFERENCES if element.get(name)}
+    for declarations in list(resolved.root.iter("ParameterDeclarations")):
+        for declaration in list(declarations):
+            if declaration.get("name") not in named:
+                declarations.remove(declaration)
+        parent = declarations.getparent()
+        if len(declarations) == 0 and parent is not None:
+            parent.remove(declarations)
+    for locations in resolved.root.findall("CatalogLocations"):
+        for location in list(locations):
+            locations.remove(location)
+    return Document(resolved.path, resolved.root, resolved.version, resolved.kind)
+
+
+def concrete_scenarios(path: Path) -> Iterator[tuple[str, Document]]:
+    """Name (without ending) and worked-out document of each scenario that a file stands for.
+
+    A scenario stands for itself, a distribution for its scenario with every set of parameters, numbered as by `xosc-run`.
+
+    Raises:
+        UsageError, InvalidFile, Unsupported: as in `xosc.variations` and `xosc.resolve`.
+    """
+    document = load(path)
+    if document.kind == "scenario":
+        yield path.stem, concrete(document)
+        return
+    for number, (scenario, parameters) in enumerate(variations(path)):
+        yield f"{path.stem}~{number:06d}", concrete(load(scenario), parameters)
+
+
+def copied(document: Document) -> Document:
+    """A document that may be changed."""
+    root = copy.deepcopy(document.root.getroottree()).getroot()
+    return Document(document.path, root, document.version, document.kind)

@@ -1,0 +1,69 @@
+"""The folder that an export writes into: nothing outside it, nothing in it overwritten, one name for one source."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path, PurePosixPath
+
+from schemas.errors import InvalidFile, UsageError
+
+
+class Folder:
+    """An output folder.
+
+    A file that is there already stays as it is: writing the same content again is no matter, other content is refused.
+
+    Args:
+        path: the folder; it is made when the first file is written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self._names: dict[tuple[str, str], str] = {}
+
+    def name(self, source: str | os.PathLike[str], wanted: str) -> str:
+        """The name, relative to the folder, of what a source becomes: as wanted, or numbered where another source has that.
+
+        Args:
+            source: the file or folder that it is made from.
+            wanted: a relative path with `/`, the same whenever the source is named again.
+        """
+        key = (os.path.abspath(source), wanted)
+        if key not in self._names:
+            path, taken, number = PurePosixPath(wanted), {name.casefold() for name in self._names.values()}, 1
+            while (name := wanted if number == 1 else str(path.with_stem(f"{path.stem}~{number}"))).casefold() in taken:
+                number += 1
+            self._names[key] = name
+        return self._names[key]
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file under a name that is relative to the folder.
+
+        Raises:
+            UsageError: another file is in the way, or the file can't be written.
+        """
+        path = self.path / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as file:
+                file.write(content)
+        except FileExistsError:
+            if not path.is_file() or path.read_bytes() != content:
+                raise UsageError("this is in the way of an export, which overwrites nothing", path=path) from None
+        except OSError as error:
+            raise UsageError(f"the file cannot be written: {error.strerror or error}", path=path) from None
+
+    def copy(self, source: Path, wanted: str) -> str:
+        """Copy a file that an exported one refers to; the name that it got.
+
+        Raises:
+            InvalidFile: the source can't be read.
+            UsageError: as in `write`.
+        """
+        try:
+            content = source.read_bytes()
+        except (OSError, ValueError) as error:
+            raise InvalidFile(f"the file cannot be read: {error}", path=source) from None
+        name = self.name(source, wanted)
+        self.write(name, content)
+        return name
