@@ -82,10 +82,10 @@ def marks(network: RoadNetwork, area: Area) -> dict[Marks, list[Line]]:
 
 
 def _marks_of(road: Road, section: LaneSection, lane_id: int, everywhere: Line) -> Iterator[tuple[Marks, Line]]:
-    lane = section.lanes[lane_id]
-    if not lane.marks and road.junction_id is None:
+    declared = section.lanes[lane_id].marks
+    if not declared and road.junction_id is None:
         yield Marks(_UNMARKED, "standard", _WIDTH), _along(road, lane_id, section.s, section.end, everywhere, 0.0)
-    for mark, end in zip(lane.marks, [*(mark.s for mark in lane.marks[1:]), section.end], strict=True):
+    for mark, end in zip(declared, [*(mark.s for mark in declared), section.end][1:], strict=True):
         start, end = max(mark.s, section.s), min(end, section.end)
         if start < end and mark.type != "none":
             for look, aside in _strokes(mark):

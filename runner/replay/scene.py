@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runner.replay import timeline
+from runner.replay import furniture, timeline
 from runner.replay.packing import pack, pack_lines
 from runner.replay.roads import Area, marks, surfaces
 
@@ -74,6 +74,14 @@ def _road(network: RoadNetwork, area: Area, origin: tuple[int, int]) -> dict[str
             look._asdict() | {"lines": pack_lines([line - origin for line in lines], LENGTH_STEP)}
             for look, lines in marks(network, area).items()
         ],
+        "objects": [
+            {"look": look, "lines": pack_lines([ring - origin for ring in rings], LENGTH_STEP)}
+            for look, rings in furniture.objects(network, area).items()
+        ],
+        "signals": [
+            signal | {"x": round(signal["x"] - origin[0], 2), "y": round(signal["y"] - origin[1], 2)}
+            for signal in furniture.signals(network, area)
+        ],
     }
 
 
@@ -95,6 +103,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         "tracks": [_track(track, dt, stride, origin) for track in result.recording.tracks.values()],
         "rows": [[row.level, row.label, row.subject, row.bars] for row in timeline.rows(result.events)],
         "events": [list(entry) for entry in result.events if timeline.is_shown(entry)],
+        "signals": furniture.signal_states(result.events),
         "curves": [] if ego is None else _curves(ego, result.criticality, dt, stride),
     }
 

@@ -17,9 +17,9 @@ class Chart {
     this.extremes = curves.map((curve, index) => curve && this.extreme(curve, runs[index].sample));
     this.canvas = el("canvas", { role: "img", "aria-label": `${first.label} over time. ${this.summary()}` });
     this.cursor = el("div", { class: "cursor" });
-    const jumps = this.extremes.map(extreme => extreme && el("button", { class: "extreme", click: () => seek(extreme.time) }, this.told(extreme)));
+    const jumps = this.extremes.map((extreme, i) => extreme && el("button", { class: `extreme run${i}`, click: () => seek(extreme.time) }, this.letter(i) + this.told(extreme)));
     this.node = el("div", { class: "chart" }, el("h3", null, first.label, el("span", null, ...this.now)),
-      el("div", { class: "plot" }, this.canvas, this.cursor), el("div", null, ...jumps));
+      el("div", { class: "plot" }, this.canvas, this.cursor), el("div", { class: "extremes" }, ...jumps.filter(Boolean)));
     this.range = this.bounds();
     const go = event => {
       const { left, width } = this.canvas.getBoundingClientRect();
@@ -37,12 +37,16 @@ class Chart {
     return best;
   }
 
+  letter(index) {
+    return this.runs.length > 1 ? `${"AB"[index]} ` : "";
+  }
+
   told(extreme) {
     return `${this.axis.worst === Math.min ? "least" : "greatest"} ${extreme.value.toFixed(2)} ${this.unit} at ${seconds(extreme.time)}`;
   }
 
   summary() {
-    return this.extremes.map((extreme, i) => (this.runs.length > 1 ? `${"AB"[i]}: ` : "") + (extreme ? this.told(extreme) : "not defined")).join("; ");
+    return this.extremes.map((extreme, i) => this.letter(i) + (extreme ? this.told(extreme) : "not defined")).join("; ");
   }
 
   bounds() {
@@ -51,7 +55,7 @@ class Chart {
     for (const values of all) for (const value of values) { low = Math.min(low, value); high = Math.max(high, value); }
     if (low > high) [low, high] = [0, 1];
     high = Math.min(high, this.axis.cap ?? Infinity);
-    low = this.axis.low ?? Math.max(low, -40);
+    low = this.axis.low ?? Math.max(low, -120);
     if (high - low < 1) high = low + 1;
     return [low, high + (high - low) * 0.05];
   }
@@ -110,7 +114,7 @@ class Chart {
     if (this.place) this.cursor.style.transform = `translateX(${this.place(time) - 1}px)`;
     this.curves.forEach((curve, i) => {
       const value = curve && time <= this.runs[i].end + 1e-6 ? valueAt(curve, time, this.runs[i].sample) : null;
-      this.now[i].textContent = `${this.runs.length > 1 ? `${"AB"[i]} ` : ""}${value === null ? "–" : value.toFixed(2) + " " + this.unit} `;
+      this.now[i].textContent = `${this.letter(i)}${value === null ? "–" : value.toFixed(2) + " " + this.unit} `;
     });
   }
 }

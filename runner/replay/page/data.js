@@ -76,6 +76,8 @@ function unpackRun(run, data) {
 
 function unpackRoad(road, steps) {
   return {
+    signals: road.signals,
+    objects: road.objects.map(each => ({ ...each, path: unpackPath(each.lines, steps.length, true) })),
     surfaces: road.surfaces.map(each => ({ ...each, path: unpackPath(each.lines, steps.length, true) })),
     marks: road.marks.map(each => ({ ...each, path: unpackPath(each.lines, steps.length, false) })),
   };

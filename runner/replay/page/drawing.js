@@ -39,8 +39,40 @@ function drawRoad(ctx, road, colour, scale) {
     ctx.globalAlpha = Math.min(1, 0.25 + scale / 4);
     ctx.stroke(path);
   }
-  ctx.globalAlpha = 1;
   ctx.setLineDash([]);
+  for (const { look, path } of road.objects) {
+    ctx.globalAlpha = 0.45;
+    ctx.fillStyle = ctx.strokeStyle = colour(look === "crosswalk" ? "mark" : "thing");
+    ctx.lineWidth = 1 / scale;
+    ctx.fill(path);
+    ctx.stroke(path);
+  }
+  ctx.globalAlpha = 1;
+}
+
+/** Signals of a road: lights in the colour that they show, all else as small squares. */
+function drawSignals(ctx, road, states, time, colour, scale) {
+  const r = Math.max(0.6, 4 / scale);
+  for (const { id, x, y, dynamic } of road.signals) {
+    if (!dynamic && scale < 3) continue;
+    const shown = (states[id] || []).findLast(([since]) => since <= time + 1e-6);
+    ctx.fillStyle = dynamic ? lamp(shown ? shown[1] : "") : colour("thing");
+    ctx.strokeStyle = colour("outline");
+    ctx.lineWidth = 1 / scale;
+    ctx.beginPath();
+    if (dynamic) ctx.arc(x, y, r, 0, 7);
+    else ctx.rect(x - r / 2, y - r / 2, r, r);
+    ctx.fill();
+    ctx.stroke();
+  }
+}
+
+/** Colour of a light's state: one that is named in it, or of "on;off;off" (red, yellow, green) those that are on. */
+function lamp(state) {
+  const lamps = state.toLowerCase().split(";"), names = ["red", "yellow", "green"];
+  const lit = lamps.length === 3 ? names.filter((_, i) => lamps[i].startsWith("on")) : names.filter(name => lamps[0].includes(name));
+  const found = lit.length > 1 ? "yellow" : lit[0];
+  return { red: "#e5322d", yellow: "#f5b800", green: "#1fae54" }[found] || "#9aa3ad";
 }
 
 /** A participant in its own frame: x ahead, y to the left, the reference point at the origin. */

@@ -56,9 +56,18 @@ function choose(value) {
   changed();
 }
 
+/** What a run is given that the other one is given differently. */
+function differing(index) {
+  if (runs.length < 2) return [];
+  const given = run => ({ ...run.parameters, "system under test": run.sut, ...run.settings });
+  const [own, other] = [given(runs[index]), given(runs[1 - index])];
+  const found = Object.keys(own).filter(name => own[name] !== other[name]).map(name => `${name} ${own[name]}`);
+  return found.length ? [el("small", null, ` ${found.join(", ")}`)] : [];
+}
+
 function figure(run, i) {
   const values = Object.entries({ ...run.parameters, "system under test": run.sut, ...run.settings });
-  const caption = el("figcaption", null, sign(i), el("strong", null, run.name), el("span", { class: `badge ${run.passed ? "passed" : "failed"}` }, run.passed ? "passed" : "failed"),
+  const caption = el("figcaption", null, sign(i), el(runs.length > 1 ? "h2" : "h1", null, run.name, ...differing(i)), el("span", { class: `badge ${run.passed ? "passed" : "failed"}` }, run.passed ? "passed" : "failed"),
     el("span", { class: "reason muted" }, [`${seconds(run.end)}, ${run.status === "timeout" ? "time limit" : "stop trigger"}`, ...run.reasons].join("; ")),
     el("details", null, el("summary", { class: "muted" }, "parameters and settings"), el("dl", null, ...values.flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)]))));
   const zooms = el("div", { class: "zoom" }, button("Zoom in", () => { zoom(1.4); changed(); }, null, "+"), button("Zoom out", () => { zoom(1 / 1.4); changed(); }, null, "−"),
@@ -76,15 +85,15 @@ const chartPanel = plots.length
   ? el("section", { class: "panel", "aria-label": "Ego and criticality" }, el("h2", null, "Ego and criticality"), el("div", { class: "charts" }, ...plots.map(plot => plot.node)))
   : el("section", { class: "panel" }, el("h2", null, "Ego and criticality"), el("p", { class: "muted" }, "There is no ego in this run."));
 
-document.body.append(el("main", { id: "page" },
-  el("h1", null, runs.length > 1 ? "Two runs" : runs[0].name),
+document.body.append(el("main", { id: "page" }, ...[
+  runs.length > 1 ? el("h1", null, "Two runs") : null,
   el("div", { class: "views" }, ...runs.map(figure)),
   el("div", { class: "panel controls", role: "group", "aria-label": "Playback" }, slider, playButton,
     button("One step back", () => step(-1), null, "◀"), button("One step ahead", () => step(1), null, "▶"), clockText,
     el("span", { class: "spacer" }), el("label", null, el("span", { class: "optional" }, "Speed"), rate), el("label", null, el("span", { class: "optional" }, "Follow"), whom), el("label", null, labels, "Labels")),
-  el("div", { class: "lower" }, el("div", { class: "column" }, each("Triggers and actions", timelines), each("Event log", logs)),
-    el("div", { class: "column" }, chartPanel, each("Participants", tables), help)),
-  announced));
+  el("div", { class: "lower" }, el("div", { class: "column" }, each("Triggers and actions", timelines), each("Event log", logs), each("Participants", tables)),
+    el("div", { class: "column" }, chartPanel, help)),
+  announced].filter(Boolean)));
 
 function step(count) {
   play(false);
@@ -165,7 +174,7 @@ function begin() {
   if (given !== null && Number.isFinite(Number(given))) seek(Number(given));
   views[0].fit();
   if (hasEgo) {
-    camera.scale = Math.max(camera.scale, Math.min(views[0].canvas.clientWidth / 120, 12));
+    camera.scale = Math.max(camera.scale, Math.min(Math.max(views[0].canvas.clientWidth / 120, 6), 12));
     follow("");
   }
   redraw();

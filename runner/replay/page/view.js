@@ -56,9 +56,10 @@ class View {
     ctx.setTransform(scale * ratio, 0, 0, -scale * ratio, (width / 2 - x * scale) * ratio, (height / 2 + y * scale) * ratio);
     if (this.road) drawRoad(ctx, this.road, colour, scale);
     this.drawWays(ctx, scale);
+    if (this.road) drawSignals(ctx, this.road, run.signals, at, colour, scale);
     const touching = new Set(run.collisions.filter(c => c.from <= at && at <= c.to).flatMap(c => c.who));
     run.tracks.forEach((track, i) => {
-      const marked = touching.has(track.name) ? colour("bad") : track === followed ? colour("halo") : null;
+      const marked = touching.has(track.name) ? colour("bad") : track === followed && track.name !== run.ego ? colour("accent") : null;
       if (states[i]) drawParticipant(ctx, track, states[i], colour, look(track, run.ego), scale, marked);
     });
     ctx.restore();
@@ -79,15 +80,23 @@ class View {
     ctx.globalAlpha = 1;
   }
 
+  /** Names, each above its participant, and above the names that are there already. */
   drawLabels(ctx, width, height, scale) {
+    const taken = [];
     const crowded = scale < 3 && this.run.tracks.length > 8;
     this.run.tracks.forEach((track, i) => {
       const state = this.states[i], own = track.name === this.run.ego || track === this.followed;
       if (!state || (crowded && !own)) return;
       const [x, y] = this.toScreen(state.x, state.y, width, height);
-      const above = Math.max(10, Math.hypot(track.box[2], track.box[3]) / 2 * scale * 0.6 + 6);
+      const [ahead, , length, broad] = track.box, [cos, sin] = [Math.cos(state.h), Math.sin(state.h)];
+      const above = Math.max(10, (ahead * sin + Math.abs(sin) * length / 2 + Math.abs(cos) * broad / 2) * scale + 6);
       const text = own ? `${track.name} ${state.v.toFixed(1)} m/s` : track.name;
-      if (x > -50 && x < width + 50 && y > -20 && y < height + 20) drawLabel(ctx, text, x, y - above, this.colour, own);
+      if (x < -50 || x > width + 50 || y < -20 || y > height + 20) return;
+      const wide = text.length * 7;
+      let line = y - above;
+      while (taken.some(([a, b, w]) => Math.abs(a - x) < (w + wide) / 2 && Math.abs(b - line) < 14)) line -= 14;
+      taken.push([x, line, wide]);
+      drawLabel(ctx, text, x, line, this.colour, own);
     });
   }
 
