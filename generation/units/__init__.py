@@ -1,0 +1,33 @@
+"""Recordings as units of manoeuvres with the seven parameters, and back.
+
+`segment` finds the units of a recording, `parameters_of` gives their parameters, `extract` both for a whole data set;
+`reconstruct` is the motion that a logical scenario makes of the parameters, `errors` how far it is from what was recorded.
+"""
+
+from generation.units.extraction import extract, extract_from, parameters_of
+from generation.units.motion import Motion, motion
+from generation.units.reconstruction import Errors, errors, reconstruct
+from generation.units.samples import Samples
+from generation.units.segmentation import Thresholds, segment
+from generation.units.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
+
+__all__ = [
+    "ACCELERATION",
+    "BRAKING",
+    "CUT_IN",
+    "CUT_OUT",
+    "KINDS",
+    "LANE_CHANGE",
+    "Errors",
+    "Motion",
+    "Samples",
+    "Thresholds",
+    "Unit",
+    "errors",
+    "extract",
+    "extract_from",
+    "motion",
+    "parameters_of",
+    "reconstruct",
+    "segment",
+]

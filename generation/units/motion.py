@@ -1,0 +1,53 @@
+"""The recorded motion of all vehicles along and across their lanes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recognition.labels.scene import Scene
+from recognition.sites.lanes import Floats, Whole
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Rows of a scene with what the units ask for.
+
+    Attributes:
+        scene: the rows.
+        way: way along the lanes, m, counted on from row to row; differences count within a course only.
+        aside: way to the left, m, likewise.
+        first, last: first and last row of each row's course, a part of a track along connected lanes without missing frames.
+    """
+
+    scene: Scene
+    way: Floats
+    aside: Floats
+    first: Whole
+    last: Whole
+
+    def gap(self, ego: int, other: int) -> float:
+        """Distance (m) from the front of one row's vehicle to the rear of another's, as the former is headed."""
+        scene = self.scene
+        dx, dy, h = scene.x[other] - scene.x[ego], scene.y[other] - scene.y[ego], scene.h[ego]
+        return float(dx * np.cos(h) + dy * np.sin(h) + scene.rear[other] - scene.front[ego])
+
+    def row(self, track: int, frame: int) -> int | None:
+        """The row of a track in a frame."""
+        lo, hi = np.searchsorted(self.scene.track, [track, track + 1])
+        place = lo + int(np.searchsorted(self.scene.frame[lo:hi], frame))
+        return place if place < hi and self.scene.frame[place] == frame else None
+
+
+def motion(scene: Scene) -> Motion:
+    """The motion along and across the lanes of all rows of a scene."""
+    changes = scene.changes
+    dx, dy = np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])
+    across = np.diff(changes.side, prepend=changes.side[:1])
+    onwards = dx * np.cos(scene.h) + dy * np.sin(scene.h)
+    along = np.copysign(np.sqrt(np.maximum(dx**2 + dy**2 - across**2, 0.0)), onwards)
+    begins = np.diff(changes.course, prepend=-1) != 0
+    starts = np.flatnonzero(begins)
+    ends = np.append(starts[1:], len(begins)) - 1
+    return Motion(scene, np.cumsum(np.where(begins, 0.0, along)), changes.side, starts[changes.course], ends[changes.course])

@@ -1,0 +1,29 @@
+"""Runs of the library's logical scenarios as recordings to be cut into units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import runner
+from generation.logical.library import ROADS, SCENARIOS
+from generation.parameters import SEVEN, declared_name
+from generation.units import Motion, motion
+from recognition.labels.rules import Rules
+from recognition.labels.scene import prepare
+from recognition.sites import site_at
+
+STEP = 0.05
+
+
+def recorded(name: str, road: str, actor: str, values: tuple[float, ...], folder: Path, **others: float) -> Motion:
+    """What a run without a system under test records.
+
+    Args:
+        values: the seven parameters of the actor, in their order.
+        others: further parameters.
+    """
+    given = {declared_name(actor, role): str(value) for role, value in zip(SEVEN, values, strict=True)}
+    given |= {key: str(value) for key, value in others.items()}
+    done = runner.run(SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP)
+    assert done.verdict.passed, done.verdict.reasons
+    return motion(prepare(done.recording.locate(), site_at(ROADS / f"{road}.xodr", folder=folder), Rules()))

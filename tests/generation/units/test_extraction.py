@@ -1,0 +1,114 @@
+"""The parameters of a run are those that it was given, and the reconstruction from them is the run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generation.units import (
+    ACCELERATION,
+    BRAKING,
+    CUT_IN,
+    CUT_OUT,
+    LANE_CHANGE,
+    Motion,
+    Samples,
+    Unit,
+    errors,
+    extract,
+    parameters_of,
+    segment,
+)
+from schemas.errors import InvalidFile
+from tests.generation.units.runs import recorded
+from tests.recognition.motorway import write_motorway
+
+VALUES = (20.0, 27.0, 4.0, 25.0, 4.6, 29.0, 6.0)
+
+
+def named(motion: Motion, kind: str, actor: str) -> Unit:
+    """The only unit of a kind and an actor."""
+    (found,) = [unit for unit in segment(motion) if unit.kind == kind and motion.scene.names[unit.actor] == actor]
+    return found
+
+
+def agrees(motion: Motion, unit: Unit, ego_speed: float) -> None:
+    """Whether extracted parameters are those that the run was given, as far as 0.2 s and a time step tell."""
+    found = parameters_of(motion, unit)
+    assert found is not None
+    np.testing.assert_allclose(found[0], VALUES, atol=0.25)
+    assert found[1] == pytest.approx(ego_speed, abs=1e-6)
+    lateral, longitudinal = errors(motion, unit, found[0])
+    assert lateral < 0.03
+    assert longitudinal < 0.1
+
+
+def test_a_cut_in_gives_its_parameters_back(tmp_path: Path) -> None:
+    motion = recorded("cut_in_highway", "highway_straight", "CutIn", VALUES, tmp_path, Ego_Speed_mps=24.0)
+    unit = named(motion, CUT_IN, "CutIn")
+    assert motion.scene.names[unit.other] == "Ego"
+    assert unit.shift == pytest.approx(-3.75, abs=0.01)
+    agrees(motion, unit, 24.0)
+
+
+def test_a_cut_out_gives_its_parameters_back(tmp_path: Path) -> None:
+    motion = recorded("cut_out_highway", "highway_straight", "CutOut", VALUES, tmp_path, Ego_Speed_mps=24.0, Slow_Speed_mps=24.0)
+    agrees(motion, named(motion, CUT_OUT, "CutOut"), 24.0)
+
+
+def test_the_egos_lane_change_gives_its_parameters_back(tmp_path: Path) -> None:
+    motion = recorded("lane_change_left_highway", "highway_straight", "Ego", VALUES, tmp_path, Lead_Speed_mps=28.0)
+    unit = named(motion, LANE_CHANGE, "Ego")
+    assert unit.shift == pytest.approx(3.75, abs=0.01)
+    agrees(motion, unit, 28.0)
+
+
+def test_braking_gives_its_parameters_back(tmp_path: Path) -> None:
+    values = (60.0, 14.0, 4.0, 8.0, 4.0, 8.0, 5.0)
+    motion = recorded("congestion_highway", "highway_straight", "Lead", values, tmp_path, Ego_Speed_mps=12.0)
+    unit = named(motion, BRAKING, "Lead")
+    found = parameters_of(motion, unit)
+    assert found is not None
+    assert (np.abs(found[0] - values) < [1.5, 0.3, 0.5, 0.3, 0.9, 0.3, 0.6]).all()
+    assert errors(motion, unit, found[0]).longitudinal < 0.2
+
+
+def test_who_accelerates_after_a_cut_in_does_so_in_a_unit_of_its_own(tmp_path: Path) -> None:
+    values = (20.0, 20.0, 3.0, 20.0, 1.0, 30.0, 8.0)
+    motion = recorded("cut_in_highway", "highway_straight", "CutIn", values, tmp_path, Ego_Speed_mps=18.0)
+    unit = named(motion, ACCELERATION, "CutIn")
+    assert unit.first >= named(motion, CUT_IN, "CutIn").end
+
+
+def test_on_a_ramp_and_in_a_curve_ways_are_those_along_the_lane(tmp_path: Path) -> None:
+    motion = recorded("merging_highway", "highway_on_ramp", "Merging", VALUES, tmp_path, Ego_Speed_mps=24.0)
+    agrees(motion, named(motion, CUT_IN, "Merging"), 24.0)
+    values = (20.0, 15.0, 4.0, 13.0, 4.6, 16.0, 5.0)
+    motion = recorded("cut_in_sharp_curve", "sharp_curve", "CutIn", values, tmp_path, Ego_Speed_mps=12.0)
+    unit = named(motion, CUT_IN, "CutIn")
+    found = parameters_of(motion, unit)
+    assert found is not None
+    assert errors(motion, unit, found[0]).longitudinal < 0.3
+
+
+def test_a_data_set_becomes_a_table_that_can_be_kept(tmp_path: Path) -> None:
+    write_motorway(tmp_path / "recordings")
+    samples = extract(tmp_path / "recordings", tmp_path)
+    chosen = samples.of_kind(CUT_IN)
+    assert list(zip(chosen.actors, chosen.others, strict=True)) == [("2", "1"), ("4", "3")]
+    assert set(samples.recordings) == {"recordings/01"}
+    samples.write(tmp_path / "samples.parquet")
+    again = Samples.read(tmp_path / "samples.parquet")
+    for name, values in vars(samples).items():
+        np.testing.assert_array_equal(getattr(again, name), values)
+    inside = samples.within(samples.theta[0], samples.theta[0])
+    np.testing.assert_array_equal(inside.theta, samples.theta[:1])
+
+
+def test_a_file_that_is_no_table_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "samples.parquet"
+    path.write_bytes(b"nothing")
+    with pytest.raises(InvalidFile, match="table of units"):
+        Samples.read(path)

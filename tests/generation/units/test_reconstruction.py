@@ -1,0 +1,41 @@
+"""The motion that seven parameters stand for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from generation.parameters import SEVEN
+from generation.units import reconstruct
+from tests.generation.units.runs import STEP, recorded
+
+Row = st.tuples(*(st.floats(each.low, each.high) for each in SEVEN.values()))
+
+
+@given(Row, st.sampled_from([-3.75, 0.0, 3.5]))
+def test_speeds_at_the_ends_of_the_phases_are_the_parameters(values: tuple[float, ...], shift: float) -> None:
+    _, start, before, end, duration, final, rest = values
+    small = 1e-4
+    edges = np.array([-before, 0.0, duration, duration + rest])
+    for edge, sign, speed in zip(edges, (1, -1, 1, -1), (start, start, end, final), strict=True):
+        if (edge == 0.0 and before < small) or (edge == edges[3] and rest < small):
+            continue
+        way, _ = reconstruct(np.array(values), shift, np.array([edge, edge + sign * small]))
+        assert (way[1] - way[0]) / (sign * small) == pytest.approx(speed, abs=small * 40 / max(min(duration, rest), small) + 1e-3)
+    _, aside = reconstruct(np.array(values), shift, edges)
+    np.testing.assert_allclose(aside, [0.0, 0.0, shift, shift], atol=1e-12)
+
+
+def test_the_reconstruction_is_what_the_scenario_scripts(tmp_path: Path) -> None:
+    values = (20.0, 27.0, 3.0, 25.0, 5.0, 30.0, 6.0)
+    motion = recorded("cut_in_highway", "highway_straight", "CutIn", values, tmp_path, Ego_Speed_mps=25.0)
+    scene = motion.scene
+    rows = np.flatnonzero(scene.track == scene.names.index("CutIn"))
+    start = rows[round(3.0 / STEP)]
+    way, aside = reconstruct(np.array(values), -3.75, scene.time[rows] - 3.0)
+    np.testing.assert_allclose(motion.way[rows] - motion.way[start], way, atol=0.25)
+    np.testing.assert_allclose(motion.aside[rows] - motion.aside[start], aside, atol=0.08)
