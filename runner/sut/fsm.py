@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from runner.entities import Entity
 from runner.sut.encounters import Encounter
-from runner.sut.reference import HARDEST, JERK, ReferenceDriver
+from runner.sut.reference import HARDEST, JERK, ROUNDING, ReferenceDriver
 
 
 def _between(value: float, safe: float, unsafe: float) -> float:
@@ -47,7 +47,7 @@ class FuzzySafety(ReferenceDriver):
         return self._in_the_way(found) and (self.critical(found, ego) > 0.0 or self.proactive(found, ego) > 0.0)
 
     def _in_the_way(self, found: Encounter) -> bool:
-        if found.aside <= 0.0:
+        if found.aside <= ROUNDING:
             return True
         if found.approach <= 0.0 or found.closing <= 0.0:
             return False

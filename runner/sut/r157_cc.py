@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from runner.entities import Entity
 from runner.sut.encounters import Encounter
-from runner.sut.reference import ReferenceDriver
+from runner.sut.reference import ROUNDING, ReferenceDriver
 
 
 @dataclass
@@ -25,4 +25,4 @@ class CarefulCompetent(ReferenceDriver):
 
     def dangerous(self, found: Encounter, ego: Entity) -> bool:
         """In the way, and reached within the critical time."""
-        return found.aside <= 0.0 and found.time_to_collision <= self.critical
+        return found.aside <= ROUNDING and found.time_to_collision <= self.critical

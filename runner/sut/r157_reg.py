@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 from runner.entities import Entity
 from runner.sut.encounters import Encounter
-from runner.sut.reference import ReferenceDriver
+from runner.sut.reference import ROUNDING, ReferenceDriver
 
 
 @dataclass
 class Regulation157(ReferenceDriver):
     """Reacts to who is less than a lateral distance away and nearer in time than the braking to its speed takes.
 
-    Danger is: lateral gap ≤ `lateral`, and TTC ≤ Δv/(2·`brake`) + `reaction` + 0.1 s.
+    Danger is: lateral gap ≤ `lateral`, and TTC ≤ Δv/(2·`brake`) + `reaction` + 0.1 s. For who is beside the ego already, the time
+    since their bumpers met counts as TTC, as in the JRC's implementation: only who has just come beside it is braked for.
 
     Args:
         reaction: time before it brakes, s.
@@ -28,7 +29,8 @@ class Regulation157(ReferenceDriver):
     def dangerous(self, found: Encounter, ego: Entity) -> bool:
         """Cutting in, too near for what the regulation grants."""
         enough = found.closing / (2.0 * self.brake) + self.reaction + 0.1
-        return found.aside <= self.lateral and found.time_to_collision <= enough
+        near = found.closing > 0.0 and abs(found.gap) <= enough * found.closing
+        return near and found.aside <= self.lateral + ROUNDING
 
     def braking(self, dangers: list[Encounter], before: float, ego: Entity, dt: float) -> float:
         """The whole deceleration at once, m/s²."""

@@ -16,7 +16,8 @@ HARDEST = 0.774 * GRAVITY
 """Braking of a careful and competent human on a dry road, m/s²."""
 JERK = 12.65
 """How fast that braking builds up, m/s³."""
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
+"""What is nearer to a limit than this has reached it: positions are sums of many steps."""
 
 
 class ReferenceDriver:
@@ -45,7 +46,7 @@ class ReferenceDriver:
         nearest = min(dangers, key=lambda found: found.gap)
         reason = f"{nearest.name} is {nearest.gap:.1f} m ahead, {nearest.closing:.1f} m/s slower, {nearest.aside:.1f} m aside"
         self._alarmed = True
-        if self._until_braking > _ROUNDING:
+        if self._until_braking > ROUNDING:
             self._until_braking -= dt
             self._deceleration = self.release
         else:

@@ -143,3 +143,27 @@ def test_each_is_found_by_name_and_avoids_what_everyone_can(name: str) -> None:
     mild = {"Ego_Speed_kmh": 50.0, "CutIn_Speed_kmh": 40.0, "CutIn_Gap_m": 30.0, "CutIn_LateralSpeed_mps": 1.0}
     assert not runner.run(CUT_IN, parameters=mild, sut=None, world="kinematic").verdict.passed
     assert runner.run(CUT_IN, parameters=mild, sut=name, world="kinematic").verdict.passed
+
+
+PUBLISHED = [
+    # ego and cut-in speed (km/h), gap (m), lateral speed (m/s), and who collides, from the JRC's implementation
+    (130, 100, 15, 1.4, {"r157-cc", "r157-reg"}),
+    (90, 40, 43, 1.1, {"r157-cc"}),
+    (90, 40, 37, 1.0, {"r157-cc"}),  # 0.5 m aside at a step: the limit itself is within
+    (90, 10, 45, 1.5, {"r157-cc", "r157-reg", "fsm"}),
+    (60, 10, 27, 0.4, {"rss"}),  # it stands, and is run into
+    (50, 10, 7, 1.1, {"rss"}),
+    (20, 10, 13, 0.2, set()),  # passes, except if it brakes beside the other
+    (70, 10, 35, 0.7, {"r157-cc", "r157-reg", "fsm"}),
+    (30, 20, 2, 0.9, {"r157-cc", "r157-reg", "fsm"}),
+    (110, 100, 1, 1.7, {"r157-cc", "r157-reg", "rss"}),
+]
+
+
+@pytest.mark.parametrize(("ego", "other", "gap", "lateral", "collide"), PUBLISHED)
+def test_who_collides_is_what_was_published(ego: int, other: int, gap: int, lateral: float, collide: set[str]) -> None:
+    values = {"Ego_Speed_kmh": ego, "CutIn_Speed_kmh": other, "CutIn_Gap_m": gap, "CutIn_LateralSpeed_mps": lateral}
+    for name in ("r157-cc", "r157-reg", "rss", "fsm"):
+        given = values | ({"Ego_AccountableTTC_s": 2} if name == "r157-cc" else {})
+        passed = runner.run(CUT_IN, parameters=given, sut=name, timestep=0.1, world="kinematic").verdict.passed
+        assert passed == (name not in collide), name
