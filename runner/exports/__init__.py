@@ -21,6 +21,7 @@ class Target(NamedTuple):
 
 _ALL = (
     *(Target(version, "xosc.exports.standard", False, f"OpenSCENARIO XML {version}") for version in ("1.0", "1.1", "1.2", "1.3")),
+    Target("commonroad", "runner.exports.commonroad", True, "CommonRoad 2020a XML: lanelets, obstacles, planning problem"),
     Target("osi", "runner.exports.osi", True, "ASAM OSI ground-truth traces, .osi and .mcap"),
 )
 

@@ -1,0 +1,158 @@
+"""Target `commonroad`: the run as a CommonRoad 2020a scenario, with lanelets, obstacles and the ego's planning problem.
+
+Source: CommonRoad "XML Format" 2020a. Positions are those of the bounding box's centre. The ego is the planning problem: it
+starts as it did, and its goal is where it ended; its own way is not in the file, everybody else's is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import count
+from typing import TYPE_CHECKING
+
+import numpy as np
+from lxml import etree
+
+from runner.exports.commonroad_map import decimal, map_elements, point
+from runner.exports.lanelets import lanelets
+from runner.exports.moments import box_centre, rate
+from runner.exports.refusals import unsupported
+from xosc.document import load
+
+if TYPE_CHECKING:
+    from runner.recording import Track
+    from runner.result import RunResult
+    from xosc.exports.folder import Folder
+
+_OBSTACLES = {
+    "car": "car", "van": "car", "truck": "truck", "trailer": "truck", "semitrailer": "truck", "bus": "bus",
+    "motorbike": "motorcycle", "bicycle": "bicycle", "train": "train", "tram": "train", "pedestrian": "pedestrian",
+}  # fmt: skip
+"""CommonRoad's types by OpenSCENARIO category; everything else is `unknown`."""
+_UNKNOWN_PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
+"""What CommonRoad scenarios say that are nowhere on earth."""
+_STILL = 1e-9
+
+
+def export(result: RunResult, name: str, folder: Folder) -> list[str]:
+    """Write the scenario of a run.
+
+    Raises:
+        Unsupported: there are no roads or no ego, or a participant appears later than at the beginning.
+        UsageError: a file is in the way.
+    """
+    root = scenario(result, name)
+    etree.indent(root)
+    folder.write(f"{name}.xml", etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n")
+    return []
+
+
+def scenario(result: RunResult, name: str) -> etree._Element:
+    """The element commonRoad of a run; arguments and errors as in `export`."""
+    network, tracks = result.recording.network, result.recording.tracks
+    if network is None:
+        raise unsupported(result, None, "CommonRoad scenarios are on lanelets, and this one has no roads")
+    if result.ego is None or result.ego not in tracks:
+        raise unsupported(result, None, "CommonRoad scenarios have a planning problem, and this one has no ego to plan for")
+    for track in tracks.values():
+        if track.columns["time"][0] > 0.0:
+            raise unsupported(
+                result, track.name, f"{track.name!r} appears at {track.columns['time'][0]:g} s, CommonRoad's at 0 s"
+            )
+    numbers = count(1)
+    root = etree.Element("commonRoad", _header(result, name))
+    location = etree.SubElement(root, "location")
+    for tag, value in _UNKNOWN_PLACE.items():
+        etree.SubElement(location, tag).text = value
+    etree.SubElement(etree.SubElement(root, "scenarioTags"), "simulated")
+    root.extend(map_elements(list(lanelets(network).values()), numbers))
+    others = [track for track in tracks.values() if track.name != result.ego]
+    standing = [track for track in others if track.kind == "miscellaneous" and not np.any(np.ptp(box_centre(track), 0) > _STILL)]
+    for track in (*standing, *(each for each in others if each not in standing)):
+        root.append(_obstacle(track, track in standing, next(numbers), result.recording.timestep))
+    root.append(_problem(tracks[result.ego], next(numbers), result.recording.timestep))
+    return root
+
+
+def _header(result: RunResult, name: str) -> dict[str, str]:
+    words = "".join(c for c in name.title() if c.isascii() and c.isalnum())
+    return {
+        "timeStepSize": decimal(result.recording.timestep), "commonRoadVersion": "2020a", "author": "xosc-toolchain",
+        "affiliation": "xosc-toolchain", "source": result.scenario.name, "benchmarkID": f"ZAM_{words or 'Run'}-1_1_T-1",
+        "date": str(load(result.scenario).node.need("FileHeader").get("date"))[:10],
+    }  # fmt: skip
+
+
+def _obstacle(track: Track, standing: bool, number: int, step: float) -> etree._Element:
+    element = etree.Element("staticObstacle" if standing else "dynamicObstacle", id=str(number))
+    etree.SubElement(element, "type").text = "unknown" if standing else _OBSTACLES.get(track.category, "unknown")
+    etree.SubElement(element, "shape").append(_rectangle(track))
+    first, *more = _states(track, step)
+    element.append(first)
+    if not standing:
+        way = etree.SubElement(element, "trajectory")
+        way.extend(more or _waiting(first))
+    return element
+
+
+def _states(track: Track, step: float) -> list[etree._Element]:
+    columns, centre = track.columns, box_centre(track)
+    times = np.rint(columns["time"] / step).astype(int)
+    turning = rate(np.unwrap(columns["h"].astype(float)), columns["time"])
+    heading = np.remainder(columns["h"].astype(float) + np.pi, 2 * np.pi) - np.pi
+    rows = zip(centre, heading, times, columns["speed"], columns["acceleration"], turning, strict=True)
+    states = []
+    for number, (place, h, time, speed, acceleration, turn) in enumerate(rows):
+        state = etree.Element("state" if number else "initialState")
+        etree.SubElement(state, "position").append(point(place))
+        _exact(state, {"orientation": h, "time": int(time), "velocity": speed, "acceleration": acceleration, "yawRate": turn})
+        states.append(state)
+    return states
+
+
+def _waiting(first: etree._Element) -> Iterable[etree._Element]:
+    """The one state of the trajectory of somebody who was there for one moment only: CommonRoad wants one after the first."""
+    second = etree.fromstring(etree.tostring(first))
+    second.tag = "state"
+    time = second.find("time/exact")
+    assert time is not None
+    time.text = "1"
+    return [second]
+
+
+def _problem(track: Track, number: int, step: float) -> etree._Element:
+    """The ego's planning problem: to come, by the end of the run, to where it came."""
+    problem = etree.Element("planningProblem", id=str(number))
+    columns, centre = track.columns, box_centre(track)
+    start = etree.SubElement(problem, "initialState")
+    etree.SubElement(start, "position").append(point(centre[0]))
+    turning = rate(np.unwrap(columns["h"].astype(float)), columns["time"])[0]
+    values = {"velocity": columns["speed"][0], "orientation": _wrapped(columns["h"][0]), "yawRate": turning, "slipAngle": 0.0}
+    _exact(start, {**values, "time": 0, "acceleration": columns["acceleration"][0]})
+    goal = etree.SubElement(problem, "goalState")
+    time = etree.SubElement(goal, "time")
+    etree.SubElement(time, "intervalStart").text = "0"
+    etree.SubElement(time, "intervalEnd").text = str(max(round(float(columns["time"][-1]) / step), 1))
+    area = _rectangle(track)
+    etree.SubElement(area, "orientation").text = decimal(_wrapped(columns["h"][-1]))
+    middle = point(centre[-1])
+    middle.tag = "center"
+    area.append(middle)
+    etree.SubElement(goal, "position").append(area)
+    return problem
+
+
+def _rectangle(track: Track) -> etree._Element:
+    rectangle = etree.Element("rectangle")
+    etree.SubElement(rectangle, "length").text = decimal(track.box.length)
+    etree.SubElement(rectangle, "width").text = decimal(track.box.width)
+    return rectangle
+
+
+def _exact(state: etree._Element, values: dict[str, float]) -> None:
+    for tag, value in values.items():
+        etree.SubElement(etree.SubElement(state, tag), "exact").text = str(value) if isinstance(value, int) else decimal(value)
+
+
+def _wrapped(angle: float) -> float:
+    return float(np.remainder(angle + np.pi, 2 * np.pi) - np.pi)

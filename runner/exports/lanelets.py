@@ -1,0 +1,130 @@
+"""OpenDRIVE roads as lanelets: each lane of each lane section with its bounds, in the direction of its traffic.
+
+This module owns the sides: left and right of a lanelet are those of its traffic, whatever the lane's sign and whether the
+traffic keeps to the right or the left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from xodr import RoadNetwork
+from xodr.model import Lane, LaneSection
+from xodr.road import NO_WIDTH, Road
+from xodr.sampling import Points, sample, stations
+from xodr.sumo_net.ways import next_lane
+
+SPACING = 2.0
+"""Greatest distance (m) of the points of a bound, along the road."""
+
+Key = tuple[str, int, int]
+"""A lane: road id, number of its section, lane id."""
+
+
+@dataclass(eq=False)
+class Lanelet:
+    """A lanelet.
+
+    Attributes:
+        key: the lane that it is.
+        left, right: its bounds in driving direction, world coordinates (n, 3) in m.
+        marks: types of the road marks on the left and right bound, as in OpenDRIVE; "none" where there are none.
+        lane_type, road_type: as in OpenDRIVE.
+        in_junction: whether its road connects others in a junction.
+        limit: speed limit in m/s, None where there is none.
+        successors, predecessors: lanelets ahead and behind.
+        beside: the lanelet to the left and the one to the right, and whether it leads the same way; None where none is.
+    """
+
+    key: Key
+    left: Points
+    right: Points
+    marks: tuple[str, str]
+    lane_type: str
+    road_type: str
+    in_junction: bool
+    limit: float | None
+    successors: list[Key] = field(default_factory=list)
+    predecessors: list[Key] = field(default_factory=list)
+    beside: tuple[tuple[Key, bool] | None, tuple[Key, bool] | None] = (None, None)
+
+
+def lanelets(network: RoadNetwork) -> dict[Key, Lanelet]:
+    """All lanes with a width and a use, and how they are joined."""
+    found = {
+        lanelet.key: lanelet
+        for road in network.roads.values()
+        for number in range(len(road.sections))
+        for lanelet in _of_section(network, road, number)
+    }
+    for lanelet in found.values():
+        lanelet.successors = [key for key in _ahead(network, lanelet.key) if key in found]
+        lanelet.beside = (_beside(network, found, lanelet.key, 1), _beside(network, found, lanelet.key, -1))
+    for lanelet in found.values():
+        for key in lanelet.successors:
+            found[key].predecessors.append(lanelet.key)
+    return found
+
+
+def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Lanelet]:
+    section = road.sections[number]
+    along = np.array([section.s, *(s for s in stations(road, SPACING).tolist() if section.s < s < section.end), section.end])
+    for lane in section.lanes.values():
+        widths = [lane.width(s) for s in along.tolist()]
+        if not lane.id or lane.type == "none" or max(widths) <= NO_WIDTH:
+            continue
+        inner, outer = (sample(road, along, [side(s) for s in along.tolist()]) for side in (lane.inner, lane.outer))
+        marks = (_mark(_inwards(section, lane)), _mark(lane))
+        towards_s = road.direction(lane.id, section.s) > 0
+        on_right = lane.id < 0
+        yield Lanelet(
+            key=(road.id, number, lane.id),
+            left=(inner if on_right == towards_s else outer)[:: 1 if towards_s else -1],
+            right=(outer if on_right == towards_s else inner)[:: 1 if towards_s else -1],
+            marks=marks if on_right == towards_s else marks[::-1],
+            lane_type=lane.type,
+            road_type=road.road_type(section.s),
+            in_junction=road.junction_id in network.junctions,
+            limit=road.speed_limit(section.s, lane.id),
+        )
+
+
+def _inwards(section: LaneSection, lane: Lane) -> Lane:
+    """The lane whose mark is on the inner border."""
+    return section.lanes.get(lane.id - 1 if lane.id > 0 else lane.id + 1, section.lanes[0])
+
+
+def _mark(lane: Lane) -> str:
+    return lane.marks[0].type if lane.marks else "none"
+
+
+def _ahead(network: RoadNetwork, key: Key) -> Iterator[Key]:
+    """The lanes that a lane's traffic goes on in."""
+    road_id, number, lane_id = key
+    road = network.roads[road_id]
+    lane = road.sections[number].lanes[lane_id]
+    forward = road.direction(lane_id, road.sections[number].s) > 0
+    following = number + (1 if forward else -1)
+    if 0 <= following < len(road.sections):
+        onward = next_lane(lane, road.sections[following], forward)
+        if onward is not None:
+            yield road_id, following, onward
+        return
+    for link in network.links(road_id, lane_id, forward):
+        other = network.roads[link.road_id]
+        entered = 0 if link.at_start else len(other.sections) - 1
+        if (other.direction(link.lane_id, other.sections[entered].s) > 0) == link.at_start:
+            yield link.road_id, entered, link.lane_id
+
+
+def _beside(network: RoadNetwork, found: dict[Key, Lanelet], key: Key, left: int) -> tuple[Key, bool] | None:
+    road_id, number, lane_id = key
+    road = network.roads[road_id]
+    s = road.sections[number].s
+    direction = road.direction(lane_id, s)
+    neighbour = road.lane_beside(s, lane_id, left * direction)
+    other = (road_id, number, neighbour or 0)
+    return (other, road.direction(other[2], s) == direction) if other in found else None

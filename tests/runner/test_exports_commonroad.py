@@ -1,0 +1,132 @@
+"""CommonRoad scenarios: read back by this project's own reader, and by commonroad-io where there is one."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runner
+import xodr
+from recognition.datasets import commonroad as reader
+from recognition.datasets.lanelets import lanelets as read_lanelets
+from runner.exports import commonroad
+from runner.exports.lanelets import lanelets
+from runner.exports.moments import box_centre
+from schemas.errors import Unsupported
+from tests.runner.files import ROADS, car, place, scenario, story
+from xosc.exports.folder import Folder
+
+LIBRARY = Path(xodr.__file__).parent / "library"
+PYTHON = os.environ.get("XOSC_COMMONROAD_PYTHON", "")
+"""A Python that has commonroad-io, which pins packages that are too old to have it beside this project."""
+
+READ = """
+import json, sys
+from pathlib import Path
+import commonroad
+from commonroad.common.file_reader import CommonRoadFileReader
+from lxml import etree
+xsd = etree.XMLSchema(etree.parse(str(Path(commonroad.__file__).parent / "common/xml_definition_files/XML_commonRoad_XSD.xsd")))
+valid = xsd.validate(etree.parse(sys.argv[1]))
+scenario, problems = CommonRoadFileReader(sys.argv[1]).open()
+obstacles = [[o.obstacle_type.value, *[[float(v) for v in (*s.position, s.orientation, s.velocity)]
+             for s in [o.initial_state, *o.prediction.trajectory.state_list]]] for o in scenario.dynamic_obstacles]
+(problem,) = problems.planning_problem_dict.values()
+start = [float(v) for v in (*problem.initial_state.position, problem.initial_state.orientation, problem.initial_state.velocity)]
+lanelets = {l.lanelet_id: [sorted(l.successor), l.adj_left, l.adj_left_same_direction] for l in scenario.lanelet_network.lanelets}
+places = [o.initial_state.position for o in scenario.dynamic_obstacles]
+on = [len(found) for found in scenario.lanelet_network.find_lanelet_by_position(places)]
+errors = [str(e) for e in xsd.error_log][:3]
+print(json.dumps({"valid": valid, "errors": errors, "dt": scenario.dt, "obstacles": obstacles, "start": start,
+                  "lanelets": lanelets, "on": on}))
+"""
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> runner.RunResult:
+    path = scenario(
+        tmp_path_factory.mktemp("commonroad"),
+        road="curve",
+        entities=[car("Ego"), car("Other")],
+        init=place("Ego", 20, 10) + place("Other", 150, 12, lane=1),
+    )
+    return runner.run(path, world="kinematic", timestep=0.1, sut="none")
+
+
+@pytest.fixture(scope="module")
+def exported(result: runner.RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("exported")
+    assert commonroad.export(result, "curve", Folder(folder)) == []
+    return folder / "curve.xml"
+
+
+def states(result: runner.RunResult, name: str) -> np.ndarray:
+    """Centre x, y, heading and speed of a participant."""
+    track = result.recording.tracks[name]
+    heading = np.arctan2(np.sin(track.columns["h"]), np.cos(track.columns["h"]))
+    return np.column_stack([box_centre(track)[:, :2], heading, track.columns["speed"]])
+
+
+def test_our_own_reader_finds_the_obstacles_where_they_were(result: runner.RunResult, exported: Path) -> None:
+    (source,) = reader.sources(exported, exported.parent)
+    recording, report = source.read()
+    assert not report.exclusions
+    (track,) = recording.tracks.values()
+    got = np.column_stack([box_centre(track)[:, :2], track.columns["h"], track.columns["speed"]])
+    assert np.allclose(got, states(result, "Other"), atol=1e-5)
+    assert (track.category, recording.timestep) == ("car", 0.1)
+
+
+def test_our_own_reader_finds_the_lanelets(exported: Path) -> None:
+    (source,) = reader.sources(exported, exported.parent)
+    expected = list(lanelets(xodr.load(ROADS / "curve.xodr")).values())
+    for read, lanelet in zip(read_lanelets(reader.document(source)), expected, strict=True):
+        assert np.allclose(read.left, lanelet.left[:, :2], atol=1e-5)
+        assert np.allclose(read.right, lanelet.right[:, :2], atol=1e-5)
+
+
+def test_commonroad_io_validates_it_and_reads_the_same(result: runner.RunResult, exported: Path) -> None:
+    if not PYTHON:
+        pytest.skip("XOSC_COMMONROAD_PYTHON names no Python that has commonroad-io")
+    answer = subprocess.run([PYTHON, "-c", READ, str(exported)], capture_output=True, text=True, check=True)
+    got = json.loads(answer.stdout)
+    assert got["valid"], got["errors"]
+    (kind, *read) = got["obstacles"][0]
+    assert (kind, got["dt"]) == ("car", 0.1)
+    assert np.allclose(read, states(result, "Other"), atol=1e-5)
+    assert np.allclose(got["start"], states(result, "Ego")[0], atol=1e-5)
+    assert got["on"] == [1]
+    beside = [lanelet.beside[0] for lanelet in lanelets(xodr.load(ROADS / "curve.xodr")).values()]
+    assert [left and same for _, left, same in got["lanelets"].values()] == [left and left[1] for left in beside]
+
+
+@pytest.mark.parametrize("name", ["highway_on_ramp", "intersection_four_way_two_lanes", "t_junction_two_lanes"])
+def test_lanelets_lie_left_to_right_and_end_where_the_next_begin(name: str) -> None:
+    found = lanelets(xodr.load(LIBRARY / f"{name}.xodr"))
+    for lanelet in found.values():
+        ahead = (lanelet.left + lanelet.right)[1:] - (lanelet.left + lanelet.right)[:-1]
+        aside = (lanelet.left - lanelet.right)[:-1]
+        assert (ahead[:, 0] * aside[:, 1] - ahead[:, 1] * aside[:, 0] >= -1e-9).all(), lanelet.key
+        for key in lanelet.successors:
+            assert np.linalg.norm(found[key].left[0] - lanelet.left[-1]) < 0.05, (lanelet.key, key)
+            assert np.linalg.norm(found[key].right[0] - lanelet.right[-1]) < 0.05, (lanelet.key, key)
+            assert lanelet.key in found[key].predecessors
+        left, _ = lanelet.beside
+        if left is not None and left[1]:
+            assert np.allclose(found[left[0]].right, lanelet.left)
+        elif left is not None:
+            assert np.allclose(found[left[0]].left[::-1], lanelet.left)
+    assert any(lanelet.in_junction for lanelet in found.values())
+
+
+def test_a_run_without_an_ego_is_refused(tmp_path: Path) -> None:
+    path = scenario(tmp_path, entities=[car("A"), car("B")], init=place("A", 20, 10) + place("B", 60, 10), stories=story("A", []))
+    other = runner.run(path, world="kinematic", sut="none", timestep=0.1)
+    with pytest.raises(Unsupported, match="no ego to plan for"):
+        commonroad.export(other, "run", Folder(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
