@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -63,7 +63,7 @@ def rehearse_batch(jobs: Iterable[Job | Outcome], options: Options) -> Generator
         yield outcome
 
 
-def execute(job: Job, options: Options, out: Path | None = None, plot: bool = False, also: Also | None = None) -> Outcome:
+def execute(job: Job, options: Options, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
     """Do one run, write its results and enter it in the journal; errors become outcomes."""
     try:
         outcome = _run(job, options, out, plot, also)
@@ -74,14 +74,15 @@ def execute(job: Job, options: Options, out: Path | None = None, plot: bool = Fa
         return failure(job, error)
 
 
-def _run(job: Job, options: Options, out: Path | None, plot: bool, also: Also | None) -> Outcome:
+def _run(job: Job, options: Options, out: Path | None, plot: bool, also: Sequence[Also]) -> Outcome:
     from runner.execution import run
 
     try:
         result = run(job.scenario, parameters=job.parameters, **asdict(options))
+        result.name = job.name
         measures = _write(result, out / job.name, plot) if out is not None else {}
-        if also is not None:
-            also(result)
+        for act in also:
+            act(result)
     except OSError:
         raise
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
@@ -131,13 +132,13 @@ def run_batch(
     plot: bool = False,
     processes: int = 1,
     resume: bool = False,
-    also: Also | None = None,
+    also: Sequence[Also] = (),
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
     With an output folder every finished run is entered in a journal at once; `resume` takes finished runs from there
-    instead of repeating them. `plot` adds a picture to the results of each. `also` gets the result of every run that is done,
-    in the process that has done it.
+    instead of repeating them. `plot` adds a picture to the results of each. Each of `also` gets the result of every run that
+    is done, in the process that has done it.
 
     Raises:
         UsageError: the folder holds results already (and `resume` is not set), or those of another batch.

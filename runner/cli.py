@@ -17,6 +17,7 @@ from schemas.errors import UsageError
 from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
+    from runner.batch import Also
     from runner.jobs import Outcome
     from runner.outputs.terminal import Table
 
@@ -67,6 +68,11 @@ def xosc_run(
         Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
+    replay: Annotated[
+        bool,
+        typer.Option("--replay", help="Write an HTML page that plays each run, to --out with a report, else to this folder."),
+    ] = False,
+    gui: Annotated[bool, typer.Option("--gui", help="Play each run in SUMO's own window.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
@@ -90,11 +96,21 @@ def xosc_run(
         junit.parent.mkdir(parents=True, exist_ok=True)
         junit.open("a").close()  # what can't be written is better known before the runs than after them
     source = jobs_of(files, parameters_of(param or []), constraints)
-    also = None
+    also: list[Also] = []
     if osi is not None:
         from runner.exports.osi import alone, write_trace
 
-        source, also = alone(source, osi), partial(write_trace, path=osi)
+        source = alone(source, osi)
+        also.append(partial(write_trace, path=osi))
+    if replay:
+        from runner.replay.player import keep_replay
+
+        also.append(partial(keep_replay, out=out))
+    if gui:
+        from runner.replay.sumo_gui import need_display, show
+
+        need_display()
+        also.append(show)
     if dry_run:
         outcomes = rehearse_batch(source, options)
     else:
@@ -107,6 +123,10 @@ def xosc_run(
             from runner.outputs.report import write_junit
 
             write_junit(kept, junit)
+    if replay and out is not None and not dry_run:
+        from runner.replay.report import write_report
+
+        write_report(out)
     raise typer.Exit(code)
 
 

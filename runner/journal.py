@@ -71,11 +71,42 @@ def _compare(manifest: Path, settings: dict[str, Any]) -> None:
         raise UsageError(f"the batch was begun with other settings ({', '.join(changed)}); resume with the same", path=manifest)
 
 
+def is_batch(out: Path) -> bool:
+    """Whether a folder is the output folder of a batch."""
+    return (out / _JOURNAL).is_file()
+
+
+def finished(out: Path) -> dict[str, Outcome]:
+    """The finished runs of a batch by name, as its output folder says.
+
+    Raises:
+        UsageError: the folder is not that of a batch, or its journal is damaged.
+    """
+    try:
+        whole = (out / _JOURNAL).read_bytes().rpartition(b"\n")[0]
+    except OSError:
+        raise UsageError("this is not the output folder of a batch: it has no journal", path=out) from None
+    return _outcomes(whole, out / _JOURNAL)
+
+
+def settings(out: Path) -> dict[str, Any]:
+    """The settings that all runs of a batch share, as its output folder says."""
+    try:
+        values = json.loads((out / _SETTINGS).read_text(encoding="utf-8"))
+        return dict(values)
+    except (OSError, ValueError, TypeError):
+        raise UsageError("the settings of the batch can't be read", path=out / _SETTINGS) from None
+
+
 def _read(journal: Path) -> dict[str, Outcome]:
     """The finished runs; a line that an interruption cut short is dropped, and with it that run."""
     whole, _, rest = journal.read_bytes().rpartition(b"\n")
     if rest:
         os.truncate(journal, len(whole) + 1 if whole else 0)
+    return _outcomes(whole, journal)
+
+
+def _outcomes(whole: bytes, journal: Path) -> dict[str, Outcome]:
     done = {}
     for number, line in enumerate(whole.splitlines(), 1):
         try:

@@ -40,6 +40,7 @@ class RunResult:
         settings: timestep, seed, world and time limit of the run.
         events: the event log.
         recording: who was where when.
+        name: its name among other runs; where it has none, the scenario file's.
     """
 
     scenario: Path
@@ -53,6 +54,10 @@ class RunResult:
     settings: dict[str, Any]
     events: list[LogEntry]
     recording: Recording = field(repr=False)
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        self.name = self.name or self.scenario.stem
 
     @cached_property
     def trajectories(self) -> pa.Table:

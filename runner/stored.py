@@ -54,6 +54,7 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
             settings=settings,
             events=_events(folder / EVENTS),
             recording=recording,
+            name=folder.resolve().name,
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InvalidFile(f"this is not the result of a run: {type(error).__name__}: {error}", path=path) from None

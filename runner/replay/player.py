@@ -12,14 +12,21 @@ from runner.replay.scene import scene
 if TYPE_CHECKING:
     from runner.result import RunResult
 
+REPLAY = "replay.html"
+"""Name of a run's page in the folder of its results"""
 _STYLES = ("base.css", "replay.css")
 _SCRIPTS = ("dom.js", "data.js", "drawing.js", "view.js", "charts.js", "timeline.js", "player.js")
 
 
 def replay_page(results: Sequence[RunResult]) -> str:
     """The page of one run, or of two side by side: the same runs give the same text."""
-    title = " and ".join(result.scenario.stem for result in results)
+    title = " and ".join(result.name for result in results)
     return page(f"{title} – replay", _STYLES, _SCRIPTS, scene(results))
+
+
+def keep_replay(result: RunResult, out: Path | None) -> None:
+    """Write the page of a run into the folder of its results below `out`, or into the working directory."""
+    write_replay([result], out / result.name / REPLAY if out is not None else Path(f"{result.name}.html"))
 
 
 def write_replay(results: Sequence[RunResult], path: Path) -> None:

@@ -90,7 +90,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
     stride = max(1, round(_SAMPLE / dt))
     ego = result.recording.tracks.get(result.ego) if result.ego is not None else None
     return {
-        "name": result.scenario.stem,
+        "name": result.name,
         "passed": result.verdict.passed,
         "reasons": [*result.verdict.reasons, *result.remarks],
         "status": result.status,

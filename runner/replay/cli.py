@@ -1,0 +1,125 @@
+"""The command `xosc-replay`: results of runs as pages that play them, pictures and animations; batches as reports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from runner.command_line import guarded, interruptible
+from schemas.errors import UsageError
+from schemas.version import version as toolchain_version
+
+if TYPE_CHECKING:
+    from runner.result import RunResult
+
+NAME = "xosc-replay"
+_EPILOG = "Exit codes: 0 written, 2 wrong usage, 3 results that are damaged or lack a file, 5 internal error."
+_SUFFIXES = (".html", ".png", ".gif")
+_MOST = 2
+"""Runs that a replay shows side by side"""
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"{NAME} {toolchain_version()}")
+        raise typer.Exit
+
+
+@app.command(epilog=_EPILOG)
+def xosc_replay(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN [RUN2]", help="Folders of runs that xosc-run --out has written, or one of a batch."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="File to write: .html, .png or .gif.  [default: replay.html in RUN; report.html in a batch]"
+        ),
+    ] = None,
+    road: Annotated[Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file, where it has moved.")] = None,
+    gui: Annotated[bool, typer.Option("--gui", help="Play in SUMO's own window instead.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Make a page that plays a run, or two side by side; a picture or an animation; of a whole batch a report with replays."""
+    from runner import journal
+    from runner.stored import load_run
+
+    with interruptible(NAME):
+        if len(folders) == 1 and journal.is_batch(folders[0]):
+            if out is not None or road is not None or gui:
+                raise UsageError("this is a whole batch: --out, --road and --gui are for its runs", path=folders[0])
+            made = [_report(folders[0])]
+        else:
+            if len(folders) > _MOST:
+                raise UsageError(f"a replay shows one run or two, not {len(folders)}")
+            if out is not None and out.suffix.lower() not in _SUFFIXES:
+                raise UsageError(f"a replay ends in {', '.join(_SUFFIXES)}", path=out)
+            results = [load_run(folder, road) for folder in folders]
+            made = _show(results) if gui else [_write(results, out or _usual(folders))]
+    for path in made if not quiet else ():
+        print(path)
+
+
+def _usual(folders: list[Path]) -> Path:
+    from runner.replay.player import REPLAY
+
+    if len(folders) > 1:
+        raise UsageError("name the --out file of the comparison")
+    return folders[0] / REPLAY
+
+
+def _write(results: list[RunResult], path: Path) -> Path:
+    if path.suffix.lower() == ".png":
+        from runner.replay.pictures import write_pictures
+
+        write_pictures(results, path)
+    elif path.suffix.lower() == ".gif":
+        from runner.replay.animation import write_animation
+
+        write_animation(results, path)
+    else:
+        from runner.replay.player import write_replay
+
+        write_replay(results, path)
+    return path
+
+
+def _show(results: list[RunResult]) -> list[Path]:
+    """One after the other in SUMO's window, which leaves no file."""
+    from runner.replay.sumo_gui import show
+
+    for result in results:
+        show(result)
+    return []
+
+
+def _report(batch: Path) -> Path:
+    """Replays of all runs of a batch that have none yet, and the report that links them."""
+    from runner import journal
+    from runner.replay.player import REPLAY, write_replay
+    from runner.replay.report import write_report
+    from runner.stored import RESULT, load_run
+
+    for name in sorted(journal.finished(batch)):
+        folder = batch / name
+        if (folder / RESULT).is_file() and not (folder / REPLAY).exists():
+            write_replay([load_run(folder)], folder / REPLAY)
+    return write_report(batch)
+
+
+def main() -> None:
+    """Entry point."""
+    guarded(NAME, app)
+
+
+if __name__ == "__main__":
+    main()
