@@ -1,0 +1,107 @@
+"""Edge cases: the critical ones among episodes, the best first, none of them much like another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from generation.density.base import Density
+from generation.evaluator import Outcomes
+from generation.parameters import Space
+from generation.problem import Episodes, Evaluate
+from recognition.samples import Floats, Whole
+
+COLLISION, VIOLATION = "collision", "violation of RSS distances"
+CAREFUL = "r157-cc"
+"""System under test that says which collisions can be avoided."""
+
+
+class Choice(NamedTuple):
+    """Which episodes become files.
+
+    Attributes:
+        most: how many.
+        apart: least distance of two in the unit cube, root mean square over the parameters.
+    """
+
+    most: int = 100
+    apart: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """Edge cases, one a row, the best first.
+
+    Attributes:
+        theta: parameters (n, d).
+        outcomes, rewards: what came of them.
+        log_likelihood: log-density (n,) of recorded parameters at theta.
+        avoidable: whether the careful and competent driver of UN R157 has no collision there (n,).
+    """
+
+    theta: Floats
+    outcomes: Outcomes
+    rewards: Floats
+    log_likelihood: Floats
+    avoidable: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.rewards)
+
+    def tags(self) -> dict[str, list[str] | list[float]]:
+        """What is told of each case, by the names of tags."""
+        return {
+            "Verdict": [COLLISION if collided else VIOLATION for collided in self.outcomes.collision],
+            "CarefulDriver": ["avoids a collision" if avoided else COLLISION for avoided in self.avoidable],
+            "Reward": _told(self.rewards),
+            "LogLikelihood": _told(self.log_likelihood),
+            "RRisk": _told(self.outcomes.r_risk),
+        }
+
+
+def critical(outcomes: Outcomes) -> NDArray[np.bool_]:
+    """Episodes (n,) with a collision or a violation of RSS distances."""
+    return outcomes.executed & (outcomes.collision | (outcomes.r_risk > 0.0))
+
+
+def choose(
+    space: Space,
+    episodes: Episodes,
+    density: Density,
+    careful: Evaluate,
+    choice: Choice = Choice(),  # noqa: B008 - frozen
+) -> Cases:
+    """The critical episodes with the greatest rewards, of equal ones the likeliest, that are far enough from each other.
+
+    Args:
+        density: of recorded parameters.
+        careful: runs scenarios with the system under test `CAREFUL`.
+    """
+    log_likelihood = density.log_density(episodes.theta)
+    order = np.lexsort((-log_likelihood, -episodes.rewards))
+    order = order[critical(episodes.outcomes)[order]]
+    chosen = order[_diverse(space.unit(episodes.theta[order]), choice)]
+    outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
+    theta = episodes.theta[chosen]
+    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], ~careful(theta).collision)
+
+
+def _diverse(unit: Floats, choice: Choice) -> Whole:
+    """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `choice.apart` to those before."""
+    kept: list[int] = []
+    for index in range(len(unit)):
+        if len(kept) == choice.most:
+            break
+        distances = np.sqrt(np.square(unit[kept] - unit[index]).mean(axis=1))
+        if (distances >= choice.apart).all():
+            kept.append(index)
+    return np.array(kept, np.int64)
+
+
+def _told(values: Floats) -> list[float]:
+    """Rounded to what says anything."""
+    found: list[float] = np.round(values, 6).tolist()
+    return found

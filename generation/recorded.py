@@ -1,0 +1,100 @@
+"""Recorded parameters of a scenario: from a table of units, or from a catalogue of scenarios that were recognised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import xosc
+from generation.parameters import SEVEN, Space
+from generation.units.samples import Samples
+from recognition.samples import Floats
+from schemas.errors import UsageError
+from xosc.node import Node
+from xosc.tags import PREFIX
+
+_SPEED = "Speed_mps"
+_RECORDING = f"{PREFIX}Recording"
+
+
+class Recorded(NamedTuple):
+    """Parameters (n, d) in the order of a space, and the recording (n,) that each row is from."""
+
+    theta: Floats
+    recordings: NDArray[np.str_]
+
+    def within(self, space: Space) -> Recorded:
+        """Those inside the box."""
+        inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
+        return Recorded(self.theta[inside], self.recordings[inside])
+
+
+class Scenario(NamedTuple):
+    """A scenario of a catalogue, and the recorded parameters of all its like."""
+
+    path: Path
+    recorded: Recorded
+
+
+def of_samples(samples: Samples, space: Space) -> Recorded:
+    """The columns of a table that belong to a space: the seven of its actor, and the speed of the one who is not.
+
+    Raises:
+        UsageError: recordings tell nothing about one of the parameters.
+    """
+    roles = [each.name for each in SEVEN.values()]
+    columns = []
+    for name in space.names:
+        short = name.partition("_")[2]
+        if short not in (*roles, _SPEED):
+            raise UsageError(f"recordings tell nothing about the parameter {name}: pin it")
+        columns.append(samples.ego_speeds if short == _SPEED else samples.theta[:, roles.index(short)])
+    return Recorded(np.stack(columns, axis=1), samples.recordings)
+
+
+def of_catalogue(path: Path) -> Iterator[Scenario]:
+    """For each folder in a catalogue the scenario in the middle of those that declare the same parameters.
+
+    The recorded parameters are the values that those scenarios declare; most of a kind win where there are several kinds.
+    """
+    for folder in (path, *sorted(each for each in path.iterdir() if each.is_dir())):
+        kinds: dict[tuple[str, ...], list[tuple[Path, Floats, str]]] = {}
+        for file in sorted(folder.glob("*.xosc")):
+            found = _declared(file)
+            if found is not None:
+                names, row, recording = found
+                kinds.setdefault(names, []).append((file, row, recording))
+        if kinds:
+            files, rows, recordings = zip(*max(kinds.values(), key=len), strict=True)
+            theta = np.array(rows)
+            yield Scenario(files[_middle(theta)], Recorded(theta, np.array(recordings, np.str_)))
+
+
+def _declared(file: Path) -> tuple[tuple[str, ...], Floats, str] | None:
+    """Names and values of a scenario's searchable parameters, and the recording that it is from; None without any."""
+    document = xosc.load(file)
+    if document.kind != "scenario":
+        return None
+    try:
+        names = Space.of(file).names
+    except UsageError:
+        return None
+    values = {each.get("name"): each.get("value") for each in document.node.need("ParameterDeclarations").children()}
+    return names, np.array([float(values[name]) for name in names]), _recording(document.node) or file.stem
+
+
+def _recording(root: Node) -> str | None:
+    properties = root.find("FileHeader", "Properties")
+    listed = properties.children("Property") if properties is not None else []
+    return next((each.get("value") for each in listed if each.get("name") == _RECORDING), None)
+
+
+def _middle(theta: Floats) -> int:
+    """The row nearest to the columns' medians, in units of their spread."""
+    spread = theta.std(axis=0)
+    scaled = (theta - np.median(theta, axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    return int(np.square(scaled).sum(axis=1).argmin())

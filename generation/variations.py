@@ -1,0 +1,158 @@
+"""Edge cases as files of the standard: a variation file, concrete scenarios, the density; with tags that tell the evidence.
+
+All files lie in one folder with copies of the scenario, its catalogues and its road, so that they run wherever it is moved to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+import xosc
+from generation.cases import Cases
+from generation.density.base import Density
+from generation.parameters import Space
+from recognition.samples import Floats
+from xosc.distributions import (
+    Deterministic,
+    DeterministicMultiParameterDistribution,
+    Histogram,
+    HistogramBin,
+    ParameterValueDistribution,
+    Range,
+    Stochastic,
+    StochasticDistribution,
+)
+from xosc.document import Document, to_bytes
+from xosc.exports import standard
+from xosc.exports.concrete import concrete
+from xosc.exports.folder import Folder
+from xosc.files import Header, new_document
+from xosc.tags import Tag, annotated
+from xosc.tags import to_bytes as as_openlabel
+
+AUTHOR = "xosc-toolchain"
+_BINS = 20
+_DRAWS = 20_000
+"""Draws from the density whose histograms are written"""
+_RUNS = 100
+"""Test runs that a stochastic file asks for"""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What holds for all cases of a file.
+
+    Attributes:
+        sut: name of the system under test.
+        method: of the search.
+        rss: name of the RSS parameter set.
+        seed: of the search.
+        calls: simulator calls of the search.
+        timestep: s.
+    """
+
+    sut: str
+    method: str
+    rss: str
+    seed: int
+    calls: int
+    timestep: float
+
+    def tags(self, pinned: Mapping[str, str]) -> list[Tag]:
+        """As tags, with the values of parameters that were not searched."""
+        return [
+            Tag("SystemUnderTest", self.sut),
+            Tag("SearchMethod", self.method),
+            Tag("RssParameterSet", self.rss),
+            Tag("Seed", float(self.seed)),
+            Tag("SimulatorCalls", float(self.calls)),
+            Tag("Timestep", self.timestep),
+            Tag("PinnedParameters", [f"{name}={value}" for name, value in pinned.items()]),
+        ]
+
+
+class Writer:
+    """Writes into a folder.
+
+    Args:
+        scenario: the logical scenario, which is copied with all that it refers to.
+        space: the parameters that were searched.
+        folder: where to; what is there already is not overwritten.
+
+    Raises:
+        UsageError: something else is in the way there.
+    """
+
+    def __init__(self, scenario: Path, space: Space, folder: Path) -> None:
+        self._document = xosc.load(scenario)
+        self._space, self._folder, self._stem = space, Folder(folder), scenario.stem
+        major, minor = self._document.version
+        standard.export(scenario, f"{major}.{minor}", self._folder)
+
+    def cases(self, cases: Cases, evidence: Evidence) -> Path:
+        """The variation file of the cases: a set of values for each, of pinned parameters too; the best first."""
+        sets = tuple(self._values(row) for row in cases.theta)
+        definition = Deterministic((DeterministicMultiParameterDistribution(sets),))
+        words = f"{len(cases)} edge cases of {self._stem} for {evidence.sut}, the best first"
+        tags = [Tag(name, values) for name, values in cases.tags().items()]
+        document = self._variation(definition, words)
+        return self._write(f"{self._stem}_edge_cases", document, [*tags, *evidence.tags(self._space.pinned)])
+
+    def concrete(self, cases: Cases, evidence: Evidence) -> list[Path]:
+        """A scenario of each case in which all values are worked out, numbered from 0 as the sets of the variation file are."""
+        scenario, told = xosc.load(self._folder.path / f"{self._stem}.xosc"), cases.tags()
+        written = []
+        for number, row in enumerate(cases.theta):
+            tags = [Tag(name, values[number]) for name, values in told.items()] + evidence.tags(self._space.pinned)
+            document = concrete(scenario, self._values(row))
+            written.append(self._write(f"{self._stem}_edge_case_{number:06d}", document, tags))
+        return written
+
+    def density(self, density: Density, seed: int) -> Path:
+        """A stochastic variation file of the density, as far as the standard can say it: each parameter on its own.
+
+        Histograms of what the density draws within the box. That parameters depend on each other is lost.
+        """
+        drawn = density.sample(_DRAWS, np.random.default_rng(seed))
+        drawn = drawn[((drawn >= self._space.low) & (drawn <= self._space.high)).all(axis=1)]
+        single = tuple(
+            StochasticDistribution(each.name, _histogram(drawn[:, column], each.low, each.high))
+            for column, each in enumerate(self._space.parameters)
+        )
+        words = (
+            f"Recorded parameters of {self._stem}, each on its own: what they have to do with each other the standard can't say"
+        )
+        document = self._variation(Stochastic(_RUNS, single, float(seed)), words)
+        return self._write(f"{self._stem}_density", document, [])
+
+    def _values(self, row: Floats) -> dict[str, str]:
+        return {**self._space.pinned, **self._space.values(row)}
+
+    def _variation(self, definition: Deterministic | Stochastic, words: str) -> Document:
+        distribution = ParameterValueDistribution(f"{self._stem}.xosc", definition)
+        return new_document(self._folder.path / "variation.xosc", self._header(words), [distribution.write()])
+
+    def _header(self, words: str) -> Header:
+        """With the scenario's date, so that the same search gives the same bytes."""
+        date = self._document.node.need("FileHeader").get("date")
+        return Header(words, AUTHOR, datetime.fromisoformat(date))
+
+    def _write(self, stem: str, document: Document, tags: list[Tag]) -> Path:
+        path = self._folder.path / f"{stem}.xosc"
+        document = replace(document, path=path)
+        if tags:
+            self._folder.write(f"{stem}.openlabel.json", as_openlabel(tags, path.name, AUTHOR))
+            document = annotated(document, tags) if document.version >= (1, 2) else document
+        self._folder.write(path.name, to_bytes(document))
+        return path
+
+
+def _histogram(values: Floats, low: float, high: float) -> Histogram:
+    counts, edges = np.histogram(values, _BINS, (low, high))
+    bins = zip(edges[:-1].tolist(), edges[1:].tolist(), counts.tolist(), strict=True)
+    return Histogram(tuple(HistogramBin(Range(round(a, 6), round(b, 6)), float(count)) for a, b, count in bins))

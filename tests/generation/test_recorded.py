@@ -1,0 +1,57 @@
+"""Recorded parameters find their way to the columns of a space."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import xosc
+from generation.logical.library import SCENARIOS
+from generation.parameters import Space
+from generation.recorded import of_catalogue, of_samples
+from generation.units import Samples
+from schemas.errors import UsageError
+from xosc.tags import Tag, annotated
+
+CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+
+
+def samples(n: int = 4) -> Samples:
+    texts = np.array(["a"] * n)
+    numbers = np.arange(7.0 * n).reshape(n, 7)
+    return Samples(numbers, texts, texts, texts, texts, np.zeros(n), np.full(n, 33.0), np.zeros((n, 2)))
+
+
+def test_columns_go_by_name_and_the_egos_speed_is_that_of_the_other() -> None:
+    space = Space.of(CUT_IN, pinned={"CutIn_StartTime_s": "1"}, free=["Ego_Speed_mps"])
+    found = of_samples(samples(), space)
+    np.testing.assert_array_equal(found.theta[0], [0.0, 1.0, 3.0, 4.0, 5.0, 6.0, 33.0])
+    assert len(found.recordings) == 4
+
+
+def test_what_recordings_do_not_tell_is_refused() -> None:
+    with pytest.raises(UsageError, match="CutIn_LaneChangeTime_s"):
+        of_samples(samples(), Space.of(SCENARIOS / "highway_cut_in.xosc", pinned={"CutIn_Gap_m": "9"}))
+
+
+def test_only_rows_inside_the_box_stay() -> None:
+    found = of_samples(samples(), Space.of(CUT_IN)).within(Space.of(CUT_IN))
+    assert len(found.theta) == 0
+
+
+def test_a_catalogue_gives_its_middle_scenario_and_what_all_declare(tmp_path: Path) -> None:
+    folder = tmp_path / "cut_in"
+    folder.mkdir()
+    for number, gap in enumerate((10.0, 30.0, 25.0)):
+        document = xosc.load(CUT_IN)
+        tagged = annotated(document, [Tag("Recording", f"site/{number}")])
+        declaration = tagged.root.find("ParameterDeclarations/ParameterDeclaration")
+        assert declaration is not None
+        declaration.set("value", str(gap))
+        xosc.write(tagged, folder / f"{number}.xosc")
+    (found,) = of_catalogue(tmp_path)
+    assert found.path.name == "2.xosc"
+    assert found.recorded.theta[:, 0].tolist() == [10.0, 30.0, 25.0]
+    assert found.recorded.recordings.tolist() == ["site/0", "site/1", "site/2"]

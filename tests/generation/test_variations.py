@@ -1,0 +1,104 @@
+"""Edge cases as files: valid, complete in themselves, and with the same verdicts when they are run again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runner
+import schemas
+import xosc
+from generation.cases import CAREFUL, Cases, Choice, choose
+from generation.density.gaussian import Gaussian
+from generation.evaluator import Evaluator
+from generation.logical.library import SCENARIOS
+from generation.parameters import Space
+from generation.problem import Episodes
+from generation.variations import Evidence, Writer
+from schemas.errors import UsageError
+from xosc.tags import read
+
+CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+SPACE = Space.of(CUT_IN, pinned={"Ego_Speed_mps": "31.5"})
+EVIDENCE = Evidence("cas", "random", "ad-rss", 3, 40, 0.05)
+
+
+@pytest.fixture(scope="module")
+def density() -> Gaussian:
+    return Gaussian().fit(SPACE.draw(500, np.random.default_rng(1)))
+
+
+@pytest.fixture(scope="module")
+def cases(density: Gaussian) -> Cases:
+    theta = SPACE.draw(40, np.random.default_rng(3))
+    with Evaluator(CUT_IN, SPACE, processes=1) as evaluate, Evaluator(CUT_IN, SPACE, sut=CAREFUL, processes=1) as careful:
+        outcomes = evaluate(theta)
+        episodes = Episodes(theta, outcomes, outcomes.r_risk + outcomes.collision)
+        return choose(SPACE, episodes, density, careful, Choice(6, 0.1))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, cases: Cases, density: Gaussian) -> Path:
+    """All files of a search, moved after they were written."""
+    made, moved = tmp_path_factory.mktemp("made") / "out", tmp_path_factory.mktemp("moved") / "out"
+    writer = Writer(CUT_IN, SPACE, made)
+    writer.cases(cases, EVIDENCE)
+    writer.concrete(cases, EVIDENCE)
+    writer.density(density, 5)
+    shutil.move(made, moved)
+    return moved
+
+
+def test_all_files_are_valid(folder: Path) -> None:
+    files = [*folder.rglob("*.xosc"), *folder.rglob("*.xodr")]
+    assert len(files) == 1 + 1 + 6 + 1 + 1 + 1  # scenario, cases, concrete ones, density, catalogue, road
+    assert [schemas.check(path) for path in files] == [[]] * len(files)
+
+
+def test_the_variation_file_leads_to_the_same_verdicts(folder: Path, cases: Cases) -> None:
+    found = []
+    for scenario, parameters in xosc.variations(folder / "cut_in_highway_edge_cases.xosc"):
+        assert parameters["Ego_Speed_mps"] == "31.5"
+        found.append(not runner.run(scenario, parameters=parameters).verdict.passed)
+    assert found == cases.outcomes.collision.tolist()
+    assert any(found)
+
+
+def test_concrete_scenarios_have_no_parameters_and_lead_to_the_same_verdicts(folder: Path, cases: Cases) -> None:
+    files = sorted(folder.glob("*_edge_case_0*.xosc"))
+    assert not any(b"$" in path.read_bytes() or b"ParameterDeclaration " in path.read_bytes() for path in files)
+    assert [not runner.run(path).verdict.passed for path in files] == cases.outcomes.collision.tolist()
+
+
+def test_tags_beside_the_files_tell_the_evidence(folder: Path, cases: Cases) -> None:
+    told = {tag.type: tag.value for tag in read(folder / "cut_in_highway_edge_cases.openlabel.json")}
+    assert told["SystemUnderTest"] == "cas"
+    assert told["Reward"] == tuple(cases.tags()["Reward"])
+    assert told["PinnedParameters"] == ("Ego_Speed_mps=31.5",)
+    one = {tag.type: tag.value for tag in read(folder / "cut_in_highway_edge_case_000001.openlabel.json")}
+    assert one["Verdict"] == cases.tags()["Verdict"][1]
+    header = xosc.load(folder / "cut_in_highway_edge_case_000001.xosc").node.need("FileHeader", "Properties")
+    assert {"openlabel.Verdict", "openlabel.CarefulDriver"} <= {each.get("name") for each in header.children()}
+
+
+def test_the_stochastic_file_draws_what_the_density_does(folder: Path, density: Gaussian) -> None:
+    drawn = [parameters for _, parameters in xosc.variations(folder / "cut_in_highway_density.xosc")]
+    assert len(drawn) == 100
+    theta = np.array([[float(values[name]) for name in SPACE.names] for values in drawn])
+    wanted = density.sample(5000, np.random.default_rng(0))
+    wanted = wanted[((wanted >= SPACE.low) & (wanted <= SPACE.high)).all(axis=1)]
+    np.testing.assert_allclose(SPACE.unit(theta).mean(axis=0), SPACE.unit(wanted).mean(axis=0), atol=0.1)
+
+
+def test_the_same_cases_give_the_same_bytes_and_others_are_not_written_over_them(folder: Path, cases: Cases) -> None:
+    path = folder / "cut_in_highway_edge_cases.xosc"
+    before = path.read_bytes()
+    Writer(CUT_IN, SPACE, folder).cases(cases, EVIDENCE)
+    assert path.read_bytes() == before
+    with pytest.raises(UsageError, match="in the way"):
+        Writer(CUT_IN, SPACE, folder).cases(cases, Evidence("aeb", "random", "ad-rss", 3, 40, 0.05))
+    assert json.loads(path.with_suffix(".openlabel.json").read_text())["openlabel"]["tags"]
