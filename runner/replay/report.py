@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 REPORT = "report.html"
 """Name of the page in the output folder of a batch"""
 _MEASURES = {
-    "min_ttc": ("Least time to collision", "s"),
-    "min_thw": ("Least time headway", "s"),
-    "min_distance": ("Least distance", "m"),
-    "max_drac": ("Greatest deceleration to avoid a crash", "m/s²"),
-    "pet": ("Post-encroachment time", "s"),
-    "rss_risk_ad_rss": ("Share of time in violation of RSS", ""),
+    "min_ttc": ("Least time to collision", "s", 10.0),
+    "min_thw": ("Least time headway", "s", 10.0),
+    "min_distance": ("Least distance", "m", 100.0),
+    "max_drac": ("Greatest deceleration to avoid a crash", "m/s²", 20.0),
+    "pet": ("Post-encroachment time", "s", 10.0),
+    "rss_risk_ad_rss": ("Share of time in violation of RSS", "", 1.0),
 }
+"""Label and unit of each measure, and the value from which on it matters no more how much it is"""
 _LEAD_IN = 2.0
 """How long before the most critical moment replays begin, s"""
 _DIGITS = 6
@@ -48,7 +49,7 @@ def report(out: Path) -> dict[str, Any]:
     return {
         "title": out.resolve().name,
         "settings": {name: str(value) for name, value in journal.settings(out).items()},
-        "measures": {name: {"label": label, "unit": unit} for name, (label, unit) in _MEASURES.items()},
+        "measures": {name: {"label": label, "unit": unit, "most": most} for name, (label, unit, most) in _MEASURES.items()},
         "parameters": varied(outcome.job.parameters for outcome in outcomes),
         "runs": [_row(outcome, out) for outcome in outcomes],
     }

@@ -4,16 +4,17 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const STATES = ["passed", "failed", "error"], PAGE = 200, BINS = 24;
 const style = getComputedStyle(document.documentElement);
 const colour = name => style.getPropertyValue("--" + name).trim();
-const short = value => (typeof value === "number" ? String(Number(value.toPrecision(4))) : value ?? "–");
+const short = value => (typeof value !== "number" ? value ?? "–" : Math.abs(value) < 1e6 ? String(Number(value.toPrecision(4))) : value.toExponential(1));
 const link = run => `${run.replay.split("/").map(encodeURIComponent).join("/")}#t=${run.moment}`;
 
-/** What a run can be placed, sorted and counted by: a name, a title, and the value of a run. */
+/** What a run can be placed, sorted and counted by: a name, a title, the value of a run, and how many runs have one. */
 const columns = [
-  ...data.parameters.map(name => ({ id: `p:${name}`, title: name, parameter: true, of: run => run.parameters[name] ?? null })),
-  ...Object.entries(data.measures).map(([name, { label, unit }]) => ({ id: name, title: unit ? `${label} (${unit})` : label, of: run => run.measures[name] })),
+  ...Object.entries(data.measures).map(([name, { label, unit, most }]) => ({ id: name, title: unit ? `${label} (${unit})` : label, most, of: run => run.measures[name] })),
   { id: "end", title: "End (s)", of: run => run.end },
+  ...data.parameters.map(name => ({ id: `p:${name}`, title: name, parameter: true, of: run => run.parameters[name] ?? null })),
 ];
-const numeric = columns.filter(column => data.runs.some(run => typeof column.of(run) === "number"));
+for (const column of columns) column.numbers = data.runs.filter(run => typeof column.of(run) === "number").length;
+const numeric = columns.filter(column => column.numbers).sort((a, b) => !a.parameter - !b.parameter || b.numbers - a.numbers);
 const redraws = [];
 
 // verdicts ------------------------------------------------------------------------------------
@@ -30,14 +31,15 @@ const verdicts = el("section", { class: "panel" }, el("h2", null, `${data.runs.l
 function histogram(column) {
   const found = data.runs.flatMap(run => (typeof column.of(run) === "number" ? [[column.of(run), run.state]] : []));
   if (!found.length) return null;
-  const values = found.map(([value]) => value), low = Math.min(...values), high = Math.max(...values), wide = (high - low) / BINS || 1;
+  const values = found.map(([value]) => value), low = least(values), high = Math.min(greatest(values), Math.max(column.most ?? Infinity, low)), wide = (high - low) / BINS || 1;
   const bins = Array.from({ length: BINS }, () => ({ passed: 0, failed: 0, error: 0 }));
   for (const [value, state] of found) bins[Math.min(BINS - 1, Math.floor((value - low) / wide))][state]++;
   const sorted = [...values].sort((a, b) => a - b), median = sorted[Math.floor(sorted.length / 2)];
-  const told = `${found.length} runs, from ${short(low)} to ${short(high)}, median ${short(median)}`;
+  const beyond = values.filter(value => value > high).length;
+  const told = `${found.length} runs, from ${short(low)} to ${short(sorted.at(-1))}, median ${short(median)}` + (beyond ? `; ${beyond} beyond ${short(high)} are in the last bar` : "");
   const canvas = el("canvas", { role: "img", "aria-label": `${column.title}: ${told}` });
   redraws.push(() => {
-    const { ctx, width, height } = fitted(canvas), most = Math.max(...bins.map(bin => bin.passed + bin.failed + bin.error));
+    const { ctx, width, height } = fitted(canvas), most = greatest(bins.map(bin => bin.passed + bin.failed + bin.error));
     const step = (width - 36) / BINS, y = count => height - 18 - count / most * (height - 26);
     ctx.clearRect(0, 0, width, height);
     bins.forEach((bin, i) => {
@@ -52,6 +54,10 @@ function histogram(column) {
   });
   return el("div", null, el("h3", null, column.title), canvas, el("p", { class: "muted" }, told));
 }
+
+/** Extremes of arrays of any length. */
+const least = values => values.reduce((a, b) => Math.min(a, b));
+const greatest = values => values.reduce((a, b) => Math.max(a, b));
 
 /** Lines and numbers along two axes; `xs`, `ys` in pixels stand for `us`, `vs`. */
 function axes(ctx, xs, ys, us, vs, height) {
@@ -77,8 +83,8 @@ const distributions = histograms.length ? el("section", { class: "panel" }, el("
 
 function scatter() {
   if (numeric.length < 2) return null;
-  const parameters = numeric.filter(column => column.parameter), first = parameters[0] || numeric[0];
-  const second = parameters[1] || numeric.find(column => column !== first);
+  const usual = numeric.filter(column => column.numbers > data.runs.length / 2);
+  const first = usual[0] || numeric[0], second = usual.find(column => column !== first && !column.parameter) || numeric.find(column => column !== first);
   const choice = (title, chosen) => {
     const select = el("select", { "aria-label": title, change: draw }, ...numeric.map(column => el("option", { value: column.id, selected: column === chosen }, column.title)));
     return [el("label", null, title, select), () => numeric.find(column => column.id === select.value)];
@@ -90,24 +96,39 @@ function scatter() {
   function draw() {
     const { ctx, width, height } = fitted(canvas), there = data.runs.filter(run => [x(), y()].every(column => typeof column.of(run) === "number"));
     const range = column => {
-      const values = there.map(column.of), low = Math.min(...values), high = Math.max(...values), room = (high - low) * 0.05 || Math.abs(high) * 0.05 || 0.5;
-      return values.length ? [low - room, high + room] : [0, 1];
+      const values = there.map(column.of);
+      if (!values.length) return [0, 1];
+      const low = least(values), high = Math.min(greatest(values), Math.max(column.most ?? Infinity, low)), room = (high - low) * 0.05 || Math.abs(high) * 0.05 || 0.5;
+      return [low - room, high + room];
     };
     const us = range(x()), vs = range(y()), xs = [46, width - 10], ys = [height - 22, 8];
     ctx.clearRect(0, 0, width, height);
     axes(ctx, xs, ys, us, vs, height);
-    places = there.map(run => ({ run, x: xs[0] + (x().of(run) - us[0]) / (us[1] - us[0]) * (xs[1] - xs[0]), y: ys[0] + (y().of(run) - vs[0]) / (vs[1] - vs[0]) * (ys[1] - ys[0]) }));
+    const at = (value, [from, to], [low, high]) => from + (Math.min(value, high) - low) / (high - low) * (to - from);
+    places = apart(there.map(run => ({ run, x: at(x().of(run), xs, us), y: at(y().of(run), ys, vs) })));
     ctx.globalAlpha = places.length > 500 ? 0.55 : 0.9;
     for (const place of places) {
       ctx.fillStyle = colour(place.run.state);
       ctx.beginPath();
-      if (place.run.state === "passed") ctx.arc(place.x, place.y, places.length > 500 ? 2.5 : 4, 0, 7);
-      else ctx.rect(place.x - 4, place.y - 4, 8, 8);
+      if (place.run.state === "passed") ctx.arc(place.x, place.y, places.length > 500 ? 2.5 : 3.5, 0, 7);
+      else ctx.rect(place.x - 3.5, place.y - 3.5, 7, 7);
       ctx.fill();
     }
     ctx.globalAlpha = 1;
     canvas.setAttribute("aria-label", `${places.length} runs, ${y().title} over ${x().title}`);
     told.textContent = `${places.length} runs; squares have failed. Point at one to see which it is, click to play it.`;
+  }
+
+  /** Runs in one place side by side, as the seeds of a sunflower. */
+  function apart(found) {
+    const taken = new Map();
+    for (const place of found) {
+      const key = `${Math.round(place.x)} ${Math.round(place.y)}`, number = taken.get(key) || 0;
+      taken.set(key, number + 1);
+      place.x += 3.4 * Math.sqrt(number) * Math.cos(number * 2.4);
+      place.y += 3.4 * Math.sqrt(number) * Math.sin(number * 2.4);
+    }
+    return found;
   }
 
   function near(event) {
@@ -175,14 +196,14 @@ function table() {
   function row(run) {
     const name = run.replay ? el("a", { href: link(run) }, run.name) : run.name;
     const why = run.message || (run.status === "timeout" ? "time limit" : run.status === "completed" ? "stop trigger" : run.status);
-    return el("tr", null, el("td", { class: "name" }, name), el("td", null, el("span", { class: `badge ${run.state}` }, run.state)),
-      ...columns.map(column => el("td", { class: "number" }, String(short(column.of(run))))), el("td", { class: "why muted" }, why));
+    return el("tr", null, el("td", { class: "name" }, name), el("td", null, el("span", { class: `badge ${run.state}` }, run.state)), el("td", { class: "why muted" }, why),
+      ...columns.map(column => el("td", { class: "number" }, String(short(column.of(run))))));
   }
 
   fill();
   return el("section", { class: "panel" }, el("h2", null, "Runs"), el("div", { class: "choices" }, search, state, told),
     el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": "Table of runs" },
-      el("table", null, el("thead", null, el("tr", null, ...heads.map(each => each.head), el("th", { scope: "col" }, "ended by"))), body)), more);
+      el("table", null, el("thead", null, el("tr", null, ...heads.slice(0, 2).map(each => each.head), el("th", { scope: "col" }, "ended by"), ...heads.slice(2).map(each => each.head))), body)), more);
 }
 
 document.body.append(el("main", { id: "page" }, ...[el("h1", null, data.title), verdicts, scatter(), distributions, table()].filter(Boolean)));
