@@ -29,6 +29,7 @@ from typing import NamedTuple
 import libsumo
 
 from runner.entities import BoundingBox, Entity, Performance
+from runner.sumo_kinds import KINDS, OBSTACLE
 from runner.sumo_lights import OFF, link_state
 from runner.sumo_routes import REACH, SumoRoutes, joined
 from runner.world import Reading, Wish
@@ -63,33 +64,6 @@ _UNFIT = re.compile(r"[^A-Za-z0-9_-]")
 """Characters of names that are left out of SUMO's ids."""
 _UNLIMITED = 1000.0
 """Speed factor with which no speed limit matters."""
-
-
-class _Kind(NamedTuple):
-    """SUMO vehicle class, and what SUMO's driver of such a vehicle uses: m/s², m/s², m/s (SUMO's own defaults)."""
-
-    vehicle_class: str
-    acceleration: float
-    deceleration: float
-    speed: float
-
-
-_KINDS = {
-    "car": _Kind("passenger", 2.6, 4.5, 55.0),
-    "van": _Kind("delivery", 2.6, 4.5, 55.0),
-    "truck": _Kind("truck", 1.3, 4.0, 36.0),
-    "semitrailer": _Kind("trailer", 1.1, 4.0, 36.0),
-    "trailer": _Kind("trailer", 1.1, 4.0, 36.0),
-    "bus": _Kind("bus", 1.2, 4.0, 28.0),
-    "motorbike": _Kind("motorcycle", 6.0, 10.0, 55.0),
-    "bicycle": _Kind("bicycle", 1.2, 3.0, 5.6),
-    "train": _Kind("rail", 0.25, 1.3, 44.0),
-    "tram": _Kind("tram", 1.0, 3.0, 22.0),
-    "pedestrian": _Kind("pedestrian", 1.5, 2.0, 1.4),
-    "wheelchair": _Kind("wheelchair", 1.5, 2.0, 1.4),
-}
-"""By OpenSCENARIO category. Everything else is an obstacle."""
-_OBSTACLE = _Kind("ignoring", 1.0, 1.0, 55.0)
 
 
 class _Arrival(NamedTuple):
@@ -194,7 +168,7 @@ class SumoWorld:
         key = (entity.category, entity.box, entity.performance)
         if key not in self._types:
             name = self._types[key] = f"type.{len(self._types)}"
-            kind, limits = _KINDS.get(entity.category, _OBSTACLE), entity.performance
+            kind, limits = KINDS.get(entity.category, OBSTACLE), entity.performance
             types = libsumo.vehicletype
             types.copy("DEFAULT_VEHTYPE", name)
             types.setVehicleClass(name, kind.vehicle_class)
@@ -281,7 +255,7 @@ class SumoWorld:
         slope = math.atan(road.lane_slope(here.s, here.lane_id))
         h = road.heading(here.s) + slope + (0.0 if road.direction(here.lane_id, here.s) > 0 else math.pi)
         allowed = libsumo.lane.getAllowed(lane)
-        fits = not allowed or _KINDS.get(entity.category, _OBSTACLE).vehicle_class in allowed
+        fits = not allowed or KINDS.get(entity.category, OBSTACLE).vehicle_class in allowed
         return _Arrival(here, h) if fits and math.cos(entity.h - h) > 0.0 else None
 
     def _hand_over(self, entity: Entity, here: RoadPoint) -> None:
@@ -365,4 +339,4 @@ class SumoWorld:
 
 def _usual_speed(entity: Entity) -> float:
     """Greatest speed (m/s) of SUMO's driver in such a vehicle."""
-    return max(min(_KINDS.get(entity.category, _OBSTACLE).speed, entity.performance.max_speed), _SMALLEST)
+    return max(min(KINDS.get(entity.category, OBSTACLE).speed, entity.performance.max_speed), _SMALLEST)

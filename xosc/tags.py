@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from lxml import etree
 
 from schemas.errors import InvalidFile, Unsupported, UsageError
-from xosc.document import Document
+from xosc.document import Document, load
 
 ASAM = "https://openlabel.asam.net/V1-0-0/ontologies/openlabel_ontology_scenario_tags.ttl"
 """Ontology of the standard's own scenario tags."""
@@ -76,6 +76,23 @@ def read(path: str | PathLike[str]) -> list[Tag]:
         return [Tag(each["type"], _value(each.get("tag_data")), named[each["ontology_uid"]]) for each in content["tags"].values()]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError) as error:
         raise InvalidFile(f"not readable as OpenLABEL tags: {type(error).__name__}: {error}", path=path) from None
+
+
+def tags_of(scenario: str | PathLike[str]) -> list[Tag]:
+    """The tags of a scenario: those of the OpenLABEL file beside it, or else those among the properties of its FileHeader.
+
+    Properties are texts and name no ontology: such tags have the text as value (none for `true`) and this project's ontology.
+
+    Raises:
+        InvalidFile: one of the two files is not readable.
+    """
+    path = Path(scenario)
+    beside = path.with_name(f"{path.stem}.openlabel.json")
+    if beside.is_file():
+        return read(beside)
+    found = {each.get("name", ""): each.get("value", "") for each in load(path).root.iterfind("FileHeader/Properties/Property")}
+    named = {name.removeprefix(PREFIX): value for name, value in found.items() if name.startswith(PREFIX)}
+    return _sorted([Tag(name, None if value == "true" else value) for name, value in named.items()])
 
 
 def properties(tags: Sequence[Tag]) -> dict[str, str]:

@@ -8,8 +8,8 @@ the file that `map_reference` names; lanes are not repeated in the messages.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,11 +44,8 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
     Raises:
         UsageError: the packages for it are not installed, or a file is in the way.
     """
-    with TemporaryDirectory(prefix="xosc-osi-") as scratch:
-        for suffix in FORMATS:
-            path = Path(scratch) / trace_name(result, name, suffix)
-            write_trace(result, path)
-            folder.write(path.name, path.read_bytes())
+    for suffix in FORMATS:
+        folder.write_by(trace_name(result, name, suffix), partial(write_trace, result))
     return []
 
 

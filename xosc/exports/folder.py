@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 
 from schemas.errors import InvalidFile, UsageError
 
@@ -52,6 +54,13 @@ class Folder:
                 raise UsageError("this is in the way of an export, which overwrites nothing", path=path) from None
         except OSError as error:
             raise UsageError(f"the file cannot be written: {error.strerror or error}", path=path) from None
+
+    def write_by(self, name: str, writer: Callable[[Path], object]) -> None:
+        """Write a file that a function writes to the path it is given; errors as in `write`."""
+        with TemporaryDirectory(prefix="xosc-export-") as scratch:
+            path = Path(scratch) / PurePosixPath(name).name
+            writer(path)
+            self.write(name, path.read_bytes())
 
     def copy(self, source: Path, wanted: str) -> str:
         """Copy a file that an exported one refers to; the name that it got.

@@ -1,0 +1,212 @@
+"""Target `sumo`: the network, everyone's route, a configuration to start from, and the run itself as FCD output.
+
+Frames: SUMO's positions are those of the middle of the front bumper, its angles degrees clockwise from north. Times and
+places of the FCD file are those of the run; a simulation of the routes moves the vehicles by SUMO's own drivers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from lxml import etree
+
+from runner.exports.moments import fixed_point, moments
+from runner.exports.refusals import unsupported
+from runner.sumo_kinds import KINDS, OBSTACLE
+from schemas.xml import parse
+from xodr import sumo_net
+from xodr.sumo_net import Track
+
+if TYPE_CHECKING:
+    from runner import recording
+    from runner.result import RunResult
+    from xodr.sumo_net import SumoNet
+    from xosc.exports.folder import Folder
+
+_UNFIT = re.compile(r"[^A-Za-z0-9_.-]")
+"""Characters that SUMO's ids can't have, or had better not."""
+
+
+class _Place(NamedTuple):
+    """Where a front bumper is on SUMO's lanes; the position (m) counts from the lane's beginning."""
+
+    lane: str
+    position: float
+
+
+_Places = Sequence[_Place | None]
+
+
+class _Roads(NamedTuple):
+    """What the network file says: length (m) and speed limit (m/s) of each lane, and which edge leads to which."""
+
+    lengths: dict[str, float]
+    limits: dict[str, float]
+    joined: set[tuple[str, str]]
+
+    @classmethod
+    def read(cls, net: SumoNet) -> _Roads:
+        root = parse(net.path).getroot()
+        lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
+        lengths, limits = (
+            {name: float(lane.get(attribute, "0")) for name, lane in lanes.items()} for attribute in ("length", "speed")
+        )
+        return cls(lengths, limits, {(each.get("from", ""), each.get("to", "")) for each in root.iter("connection")})
+
+
+def export(result: RunResult, name: str, folder: Folder) -> list[str]:
+    """Write the files of a run.
+
+    Returns:
+        Who has no route, and is in the FCD file only.
+
+    Raises:
+        Unsupported: there are no roads, or netconvert can't convert them.
+        UsageError: a file is in the way.
+    """
+    network = result.recording.network
+    if network is None:
+        raise unsupported(result, None, "SUMO's vehicles are on roads, and this scenario has none")
+    net = sumo_net.build(network.path)
+    if net.fallback is not None:
+        raise unsupported(result, None, f"SUMO's netconvert can't convert {network.path}: {net.fallback}")
+    tracks = list(result.recording.locate().tracks.values())
+    ids = _ids(tracks)
+    roads = _Roads.read(net)
+    places = [_places(track, net, roads.lengths) for track in tracks]
+    network_file = folder.copy(net.path, f"{network.path.stem}.net.xml")
+    routes, remarks = _routes(tracks, ids, places, roads)
+    files = {f"{name}.rou.xml": routes, f"{name}.fcd.xml": _fcd(result, ids, places)}
+    files[f"{name}.sumocfg"] = _configuration(network_file, f"{name}.rou.xml", result)
+    for file, root in files.items():
+        etree.indent(root)
+        folder.write(file, etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n")
+    return remarks
+
+
+def _ids(tracks: Sequence[recording.Track]) -> list[str]:
+    ids: list[str] = []
+    for number, track in enumerate(tracks):
+        plain = _UNFIT.sub("_", track.name) or "_"
+        ids.append(plain if plain not in ids else f"{plain}.{number}")
+    return ids
+
+
+# places -------------------------------------------------------------------------------------
+
+
+def _places(track: recording.Track, net: SumoNet, lengths: dict[str, float]) -> _Places:
+    """Where the front bumper is at every row; None where it is on no lane of SUMO's."""
+    columns, front = track.columns, track.box.x + track.box.length / 2
+    found: list[_Place | None] = []
+    for road, lane, s in zip(columns["road_id"], columns["lane_id"].tolist(), columns["s"].tolist(), strict=True):
+        here = _track(net, road, lane, s)
+        ahead = s + (front if here is None or here[1].end > here[1].start else -front)
+        there = _track(net, road, lane, ahead)
+        if there is None:
+            found.append(None)
+            continue
+        name, along = there
+        share = (ahead - along.start) / (along.end - along.start)
+        found.append(_Place(name, min(max(share, 0.0), 1.0) * lengths[name]))
+    return found
+
+
+def _track(net: SumoNet, road: str | None, lane: int, s: float) -> tuple[str, Track] | None:
+    """The SUMO lane of a lane at s, and what it is on the road; None where there is none."""
+    name = net.sumo_lane(road, lane, s) if road is not None else None
+    along = net.track(name) if name is not None else None
+    return (name, along) if name is not None and along is not None and along.end != along.start else None
+
+
+def _edges(places: _Places) -> list[str]:
+    """The edges passed, without those inside junctions, which routes leave out."""
+    edges = [place.lane.rpartition("_")[0] for place in places if place is not None]
+    outside = [edge for edge in edges if not edge.startswith(":")]
+    return [edge for number, edge in enumerate(outside) if number == 0 or edge != outside[number - 1]]
+
+
+# files --------------------------------------------------------------------------------------
+
+
+def _routes(
+    tracks: Sequence[recording.Track], ids: Sequence[str], places: Sequence[_Places], roads: _Roads
+) -> tuple[etree._Element, list[str]]:
+    """Vehicle types, and the vehicles in the order of departure, as SUMO wants them; who has no route."""
+    root, remarks, vehicles = etree.Element("routes"), [], []
+    for track, name, way in zip(tracks, ids, places, strict=True):
+        edges, first = _edges(way), way[0]
+        walks = KINDS.get(track.category, OBSTACLE).vehicle_class == "pedestrian"
+        if walks or first is None or first.lane.startswith(":"):
+            why = "walks" if walks else "does not start on a lane"
+            remarks.append(f"{track.name!r} {why}: it is in the FCD file, and has no route")
+            continue
+        broken = next((pair for pair in pairwise(edges) if pair not in roads.joined), None)
+        if broken is not None:
+            remarks.append(f"{track.name!r} leaves {broken[0]} for {broken[1]}, to which SUMO knows no way: its route ends there")
+            edges = edges[: edges.index(broken[0]) + 1]
+        root.append(_type(track, f"type.{name}", _hurry(track, way, roads)))
+        vehicles.append(_vehicle(track, name, first, edges))
+    root.extend(sorted(vehicles, key=lambda vehicle: float(vehicle.get("depart", "0"))))
+    return root, remarks
+
+
+def _hurry(track: recording.Track, way: _Places, roads: _Roads) -> float:
+    """By what factor, at least 1, somebody was faster than allowed; SUMO lets nobody depart faster than his."""
+    speeds = zip(track.columns["speed"].tolist(), way, strict=True)
+    return max([1.0, *(speed / roads.limits[place.lane] for speed, place in speeds if place is not None)])
+
+
+def _type(track: recording.Track, name: str, hurry: float) -> etree._Element:
+    kind = KINDS.get(track.category, OBSTACLE)
+    size = {"length": track.box.length, "width": track.box.width, "height": track.box.height}
+    limits = {"accel": kind.acceleration, "decel": kind.deceleration, "maxSpeed": kind.speed}
+    numbers = {key: _text(max(value, 0.1)) for key, value in {**size, **limits, "speedFactor": 1.001 * hurry}.items()}
+    return etree.Element("vType", {"id": name, "vClass": kind.vehicle_class, "sigma": "0", "speedDev": "0", **numbers})
+
+
+def _vehicle(track: recording.Track, name: str, first: _Place, edges: Sequence[str]) -> etree._Element:
+    vehicle = etree.Element("vehicle", id=name, type=f"type.{name}", depart=_text(track.columns["time"][0]))
+    vehicle.set("departLane", first.lane.rpartition("_")[2])
+    vehicle.set("departPos", _text(first.position))
+    vehicle.set("departSpeed", _text(max(track.columns["speed"][0], 0.0)))
+    etree.SubElement(vehicle, "route", edges=" ".join(edges))
+    return vehicle
+
+
+def _fcd(result: RunResult, ids: Sequence[str], places: Sequence[_Places]) -> etree._Element:
+    root = etree.Element("fcd-export")
+    tracks = list(result.recording.tracks.values())
+    fronts = [fixed_point(track, track.box.x + track.box.length / 2, track.box.y, 0.0) for track in tracks]
+    walks = [KINDS.get(track.category, OBSTACLE).vehicle_class == "pedestrian" for track in tracks]
+    for time, there in moments(result.recording):
+        step = etree.SubElement(root, "timestep", time=_text(time))
+        for number, row in sorted(there, key=lambda each: walks[each[0]]):  # persons come after vehicles
+            columns, place = tracks[number].columns, places[number][row]
+            each = etree.SubElement(step, "person" if walks[number] else "vehicle", id=ids[number])
+            for axis, value in zip("xyz", fronts[number][row], strict=True):
+                each.set(axis, _text(value))
+            each.set("angle", _text(float(np.mod(90.0 - np.degrees(columns["h"][row]), 360.0))))
+            each.set("speed", _text(abs(columns["speed"][row])))
+            if place is not None:
+                each.set("pos", _text(place.position))
+                each.set(*(("edge", place.lane.rpartition("_")[0]) if walks[number] else ("lane", place.lane)))
+    return root
+
+
+def _configuration(network: str, routes: str, result: RunResult) -> etree._Element:
+    root = etree.Element("configuration")
+    files, time = etree.SubElement(root, "input"), etree.SubElement(root, "time")
+    etree.SubElement(files, "net-file", value=network)
+    etree.SubElement(files, "route-files", value=routes)
+    for tag, value in (("begin", 0.0), ("end", result.end_time), ("step-length", result.recording.timestep)):
+        etree.SubElement(time, tag, value=_text(value))
+    return root
+
+
+def _text(value: float) -> str:
+    return f"{value:.6f}".rstrip("0").rstrip(".")
