@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from runner import journal
 from runner.jobs import Job, Outcome, failure, one_line
 from runner.outputs import report
+from runner.outputs.runs import write_runs
 from runner.pool import Pool
 from schemas.errors import UsageError
 
@@ -133,6 +135,7 @@ def run_batch(
     processes: int = 1,
     resume: bool = False,
     also: Sequence[Also] = (),
+    ray: str | None = None,
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
@@ -140,23 +143,44 @@ def run_batch(
     instead of repeating them. `plot` adds a picture to the results of each. Each of `also` gets the result of every run that
     is done, in the process that has done it.
 
+    At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.runs`). `ray` is the address
+    of a Ray cluster that does the runs, or `local`; see `runner.ray_pool`.
+
     Raises:
-        UsageError: the folder holds results already (and `resume` is not set), or those of another batch.
+        UsageError: the folder holds results already (and `resume` is not set), or those of another batch; there is no such
+            cluster.
     """
     done = journal.begin(out, asdict(options), resume) if out is not None else {}
     known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
+    settings: dict[str, Any] = {"options": options, "out": out, "plot": plot, "also": also}
+    errors: dict[str, Outcome] = {}
     try:
-        if processes > 1:
-            with Pool(
-                processes, partial(execute, options=options, out=out, plot=plot, also=also), partial(_died, out=out)
-            ) as pool:
-                yield from pool.execute(known)
-        else:
-            for job in known:
-                yield job if isinstance(job, Outcome) else execute(job, options, out, plot, also)
+        with closing(_outcomes(known, settings, processes, ray)) as outcomes:
+            for outcome in outcomes:
+                if outcome.state == "error":
+                    errors[outcome.job.name] = outcome
+                yield outcome
     finally:
         if out is not None:
             journal.clear_drafts(out)
+            write_runs((errors | journal.finished(out)).values(), out / "runs.parquet")
+
+
+def _outcomes(jobs: Iterator[Job | Outcome], settings: dict[str, Any], processes: int, ray: str | None) -> Generator[Outcome]:
+    """Do the runs in this process, in several or on a cluster; settings as `execute` takes them."""
+    out: Path | None = settings["out"]
+    if ray is not None:
+        from runner.ray_pool import RayPool
+
+        enter = partial(journal.enter, out) if out is not None else None
+        with RayPool(ray, processes, partial(_run, **settings), _lost, enter) as cluster:
+            yield from cluster.execute(jobs)
+    elif processes > 1:
+        with Pool(processes, partial(execute, **settings), partial(_died, out=out)) as pool:
+            yield from pool.execute(jobs)
+    else:
+        for job in jobs:
+            yield job if isinstance(job, Outcome) else execute(job, **settings)
 
 
 def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
@@ -166,8 +190,12 @@ def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
     return outcome
 
 
+def _lost(job: Job) -> Outcome:
+    return Outcome(job, "error", 5, "the process that ran it died, which is not the scenario's fault")
+
+
 def _died(job: Job, out: Path | None) -> Outcome:
-    outcome = Outcome(job, "error", 5, "the process that ran it died, which is not the scenario's fault")
+    outcome = _lost(job)
     if out is not None:
         journal.enter(out, outcome)
     return outcome

@@ -76,6 +76,10 @@ def xosc_run(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
+    ray: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
+    ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Load and compile everything, run nothing.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures and errors only.")] = False,
@@ -114,7 +118,7 @@ def xosc_run(
     if dry_run:
         outcomes = rehearse_batch(source, options)
     else:
-        outcomes = run_batch(source, options, out=out, plot=plot, processes=jobs, resume=resume, also=also)
+        outcomes = run_batch(source, options, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
     kept: list[Outcome] | None = [] if junit is not None else None
     try:
         code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)
