@@ -36,12 +36,12 @@ def model(name: str) -> Density:
     return make()
 
 
-def held_out(name: str, theta: Floats, recordings: NDArray[Any]) -> list[float]:
-    """Mean log-density of held-out rows, for each fold of recordings; nothing is chosen on them."""
-    return [
-        float(model(name).fit(theta[fitted], recordings[fitted]).log_density(theta[tested]).mean())
-        for fitted, tested in folds(recordings)
-    ]
+def held_out(name: str, theta: Floats, recordings: NDArray[Any]) -> Floats:
+    """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,)."""
+    found = np.empty(len(theta))
+    for fitted, tested in folds(recordings):
+        found[tested] = model(name).fit(theta[fitted], recordings[fitted]).log_density(theta[tested])
+    return found
 
 
 def comparison(theta: Floats, recordings: NDArray[Any], names: Sequence[str] = tuple(MODELS)) -> Table:
@@ -51,8 +51,10 @@ def comparison(theta: Floats, recordings: NDArray[Any], names: Sequence[str] = t
         theta: rows (n, d). recordings: of each row (n,).
     """
     found = {name: held_out(name, theta, recordings) for name in names}
+    parts = [tested for _, tested in folds(recordings)]
     rows: list[tuple[str, ...]] = [
-        (MODELS[name][1], spread(found[name])) for name in sorted(names, key=lambda name: -np.mean(found[name]))
+        (MODELS[name][1], spread(found[name][tested].mean() for tested in parts))
+        for name in sorted(names, key=lambda name: -found[name].mean())
     ]
     groups = len(np.unique(recordings))
     note = (
