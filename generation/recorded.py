@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import xosc
+from generation.logical.maneuvers import MANEUVERS
 from generation.parameters import SEVEN, Space
-from generation.units.samples import Samples
+from generation.units import KINDS, OWN, Samples, extract
 from recognition.samples import Floats
 from schemas.errors import UsageError
 from xosc.node import Node
@@ -38,6 +40,47 @@ class Scenario(NamedTuple):
 
     path: Path
     recorded: Recorded
+
+    def on(self, space: Space) -> Recorded:
+        """The recorded parameters of a space.
+
+        Raises:
+            UsageError: the space is not the scenario's own one: the catalogue tells nothing about another.
+        """
+        if len(space.names) != self.recorded.theta.shape[1]:
+            raise UsageError("a catalogue tells about its scenarios' own parameters only: nothing can be pinned or freed")
+        return self.recorded
+
+
+def of_recordings(path: Path | None, kind: str) -> Samples:
+    """Units of a kind.
+
+    Args:
+        path: recordings, or a table of units that `generation.units.Samples` wrote; None for those of our own recordings.
+
+    Raises:
+        UsageError: there is no such kind, or the recordings have no units.
+        InvalidFile: a file is malformed.
+    """
+    if kind not in KINDS:
+        raise UsageError(f"there are no units of the kind {kind!r}; kinds: {', '.join(KINDS)}")
+    if path is None or Samples.claims(path):
+        return Samples.read(path or OWN).of_kind(kind)
+    with tempfile.TemporaryDirectory() as roads:
+        return extract(path, roads).of_kind(kind)
+
+
+def kind_of(scenario: Path) -> str:
+    """The kind of recorded units that a scenario of the library is about, by its name.
+
+    Raises:
+        UsageError: it has none of those names.
+    """
+    found = next((each.kind for name, each in MANEUVERS.items() if scenario.stem.startswith(f"{name}_")), None)
+    if found is None:
+        names = ", ".join(MANEUVERS)
+        raise UsageError(f"its name begins with none of {names}: say by --kind which recorded units are like it", path=scenario)
+    return found
 
 
 def of_samples(samples: Samples, space: Space) -> Recorded:

@@ -7,7 +7,7 @@
 from generation.units.extraction import extract, extract_from, parameters_of
 from generation.units.motion import Motion, motion
 from generation.units.reconstruction import Errors, errors, reconstruct
-from generation.units.samples import Samples
+from generation.units.samples import OWN, Samples
 from generation.units.segmentation import Thresholds, segment
 from generation.units.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
 
@@ -18,6 +18,7 @@ __all__ = [
     "CUT_OUT",
     "KINDS",
     "LANE_CHANGE",
+    "OWN",
     "Errors",
     "Motion",
     "Samples",

@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from generation.parameters import SEVEN, Floats
 from schemas.errors import InvalidFile
+
+DIGITS = 2
+"""Decimal digits of numbers in files: recordings tell centimetres."""
+OWN = Path(__file__).with_name("own.parquet")
+"""Units of our own recordings of motorways and arterials, by `benchmarks/record.py` and `benchmarks/reconstruct.py --out`."""
 
 Texts = NDArray[np.str_]
 _NAMES = tuple(each.name for each in SEVEN.values())
@@ -58,13 +64,25 @@ class Samples:
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__})
 
     def write(self, path: str | PathLike[str]) -> None:
-        """Write a Parquet file."""
+        """Write a Parquet file, numbers rounded to `DIGITS`."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         texts = {column: pa.array(getattr(self, name).tolist(), pa.string()) for name, column in _TEXTS.items()}
-        numbers = (self.times, *self.theta.T, self.ego_speeds, *self.errors.T)
-        pq.write_table(pa.table(texts | dict(zip(_NUMBERS, numbers, strict=True))), path)
+        numbers = (np.round(each, DIGITS) for each in (self.times, *self.theta.T, self.ego_speeds, *self.errors.T))
+        table = pa.table(texts | dict(zip(_NUMBERS, numbers, strict=True)))
+        pq.write_table(table, path, compression="zstd", compression_level=19)
+
+    @staticmethod
+    def claims(path: Path) -> bool:
+        """Whether a file is a table of units."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            return path.is_file() and {*_TEXTS.values(), *_NUMBERS} <= set(pq.read_schema(path).names)
+        except (OSError, pa.ArrowException):
+            return False
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Samples:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.logical.library import SCENARIOS
+from generation.logical.library import SCENARIOS, plots
 from generation.parameters import Space
-from generation.recorded import of_catalogue, of_samples
+from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
 from generation.units import Samples
 from schemas.errors import UsageError
+from tests.recognition.motorway import write_motorway
 from xosc.tags import Tag, annotated
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -55,3 +56,21 @@ def test_a_catalogue_gives_its_middle_scenario_and_what_all_declare(tmp_path: Pa
     assert found.path.name == "2.xosc"
     assert found.recorded.theta[:, 0].tolist() == [10.0, 30.0, 25.0]
     assert found.recorded.recordings.tolist() == ["site/0", "site/1", "site/2"]
+
+
+def test_recorded_units_come_from_our_own_recordings_a_table_or_recordings(tmp_path: Path) -> None:
+    own = of_recordings(None, "cut_in")
+    assert set(own.kinds) == {"cut_in"}
+    own.write(tmp_path / "table.parquet")
+    np.testing.assert_array_equal(of_recordings(tmp_path / "table.parquet", "cut_in").theta, own.theta)
+    write_motorway(tmp_path / "recordings")
+    assert of_recordings(tmp_path / "recordings", "cut_in").actors.tolist() == ["2", "4"]
+    with pytest.raises(UsageError, match="kinds: braking"):
+        of_recordings(None, "cutin")
+
+
+def test_the_kind_goes_by_the_scenarios_name() -> None:
+    kinds = {kind_of(SCENARIOS / f"{name}.xosc") for name, _ in plots()}
+    assert kinds == {"cut_in", "cut_out", "lane_change", "braking"}
+    with pytest.raises(UsageError, match="--kind"):
+        kind_of(SCENARIOS / "r157_cut_in.xosc")
