@@ -6,11 +6,14 @@ SUMO moves nobody by itself here.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
 import os
 import shutil
 import sys
 import tempfile
+import time
 from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,8 +44,11 @@ _EGO, _OTHERS = (230, 80, 20, 255), (60, 110, 190, 255)
 _ROUTE = "dock"
 _ANYWHERE = 2
 """keepRoute: to be put exactly there, on a road or off it"""
-_SLOWED = 1000.0
-"""Milliseconds that the window waits for each second of the run: real time"""
+_WINDOW = "1200,700"
+_SIGHT = 70.0
+"""How far the window sees around the ego at first, m"""
+_GLANCE = 0.2
+"""Time between looks whether the window is still open, s"""
 
 
 def need_display() -> None:
@@ -68,8 +74,11 @@ def _program() -> str:
     return found
 
 
-def show(result: RunResult) -> None:
-    """Play a run in a window; returns when it has been played to its end, or the window has been closed.
+def show(result: RunResult, stay: bool = True) -> None:
+    """Play a run in a window, in real time; returns when somebody closes the window.
+
+    Args:
+        stay: keep the window open at the end of the run.
 
     Raises:
         UsageError: there is no display.
@@ -83,10 +92,14 @@ def show(result: RunResult) -> None:
     dt = result.settings["timestep"]
     with tempfile.TemporaryDirectory(prefix="xosc-gui-") as folder:
         view = Path(folder) / "view.xml"
-        view.write_text(f'<viewsettings><scheme name="real world"/><delay value="{_SLOWED * dt:g}"/></viewsettings>\n', "utf-8")
+        view.write_text('<viewsettings><scheme name="real world"/></viewsettings>\n', "utf-8")
         try:
-            traci.start(_arguments(net.path, view, dt), numRetries=20)
+            with contextlib.redirect_stdout(io.StringIO()):  # traci prints its attempts to connect
+                traci.start(_arguments(net.path, view, dt), numRetries=20)
             _play(traci, result)
+            while stay:
+                traci.simulation.getTime()
+                time.sleep(_GLANCE)
             traci.close()
         except traci.FatalTraCIError:
             return  # the user has closed the window
@@ -100,6 +113,7 @@ def _arguments(net: Path, view: Path, dt: float) -> list[str]:
         f"--net-file={net}",
         f"--gui-settings-file={view}",
         f"--step-length={max(round(dt, 3), 0.001)!r}",
+        f"--window-size={_WINDOW}",
         "--start",
         "--quit-on-end",
         "--collision.action=none",
@@ -116,22 +130,25 @@ def _play(traci: Any, result: RunResult) -> None:
     tracks = list(result.recording.tracks.values())
     for number, track in enumerate(tracks):
         _declare(traci, number, track, track.name == result.ego)
-        for row, time in enumerate(track.columns["time"].tolist()):
-            rows[round(time / dt)].append((number, row))
+        for row, moment in enumerate(track.columns["time"].tolist()):
+            rows[round(moment / dt)].append((number, row))
     traci.route.add(_ROUTE, [sumo_net.DOCK])
     present: set[int] = set()
+    start = time.monotonic()
     for tick in range(round(result.end_time / dt) + 1):
         there = dict(rows[tick])
         for number in sorted(present - there.keys()):
             traci.vehicle.remove(str(number))
         for number in sorted(there.keys() - present):
             traci.vehicle.add(str(number), _ROUTE, f"type{number}", departPos="0", departSpeed="0")
-            if tracks[number].name == result.ego:
-                _watch(traci, str(number))
         for number, row in there.items():
             traci.vehicle.moveToXY(str(number), "", -1, *_front(tracks[number], row), keepRoute=_ANYWHERE, matchThreshold=1.0)
-        present = set(there)
         traci.simulationStep()
+        for number in sorted(there.keys() - present):
+            if tracks[number].name == result.ego:
+                _watch(traci, str(number))
+        present = set(there)
+        time.sleep(max(0.0, start + tick * dt - time.monotonic()))
 
 
 def _declare(traci: Any, number: int, track: Track, ego: bool) -> None:
@@ -160,4 +177,5 @@ def _watch(traci: Any, vehicle: str) -> None:
     """Let the window follow a vehicle."""
     view = traci.gui.DEFAULT_VIEW
     traci.gui.trackVehicle(view, vehicle)
-    traci.gui.setZoom(view, 1500.0)
+    x, y = traci.vehicle.getPosition(vehicle)
+    traci.gui.setBoundary(view, x - _SIGHT, y - _SIGHT / 2, x + _SIGHT, y + _SIGHT / 2)
