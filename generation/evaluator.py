@@ -7,11 +7,11 @@ road, SUMO's network) each of them reads once.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,15 +57,12 @@ class Outcomes:
 
 
 @dataclass(eq=False)
-class Evaluator:
-    """Runs a logical scenario at points of its parameter space. A context manager, whose processes end with it.
+class Runs:
+    """Runs scenarios in lasting processes. A context manager.
 
-    The outcomes are the same whatever the number of processes; an episode that fails, or takes its process down, says so in
-    them and does not end the search.
+    The outcomes are the same whatever the number of processes; a run that fails, or takes its process down, says so in them.
 
     Args:
-        scenario: the file.
-        space: the parameters that are searched, and the values of the others.
         sut: name of the system under test.
         rss: the RSS parameter set of R_risk.
         timestep: s. The default is that of `xosc-run`, so that a generated file gives the same verdict there.
@@ -77,8 +74,6 @@ class Evaluator:
         UsageError: a setting is wrong.
     """
 
-    scenario: Path
-    space: Space
     _: KW_ONLY
     sut: str = "cas"
     rss: str = "ad-rss"
@@ -95,16 +90,15 @@ class Evaluator:
         parameter_set(self.rss)
         self._pool = Pool(self.processes, partial(_episode, options=options), _lost)
 
-    def __enter__(self) -> Evaluator:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._pool.close()
 
-    def __call__(self, theta: Floats) -> Outcomes:
-        """The outcomes at points (n, d), in their order."""
-        jobs = (Job(str(row), self.scenario, self.scenario, {**self.space.pinned, **self.space.values(row)}) for row in theta)
-        found = list(self._pool.execute(jobs))
+    def of(self, jobs: Iterable[Job | Outcome]) -> Outcomes:
+        """The outcomes of jobs, in their order."""
+        found = list(self._pool.execute(iter(jobs)))
         self.calls += len(found)
         collision = np.array([one.state == "failed" for one in found], bool)
         times = np.array([_value(one.measures.get("min_ttc")) for one in found], float)
@@ -117,6 +111,24 @@ class Evaluator:
             status=np.array([one.status or "error" for one in found], str),
             error=np.array([one.message if one.state == "error" else "" for one in found], str),
         )
+
+
+@dataclass(eq=False)
+class Evaluator(Runs):
+    """Runs a logical scenario at points of its parameter space; settings as those of `Runs`.
+
+    Args:
+        scenario: the file.
+        space: the parameters that are searched, and the values of the others.
+    """
+
+    scenario: Path
+    space: Space
+
+    def __call__(self, theta: Floats) -> Outcomes:
+        """The outcomes at points (n, d), in their order."""
+        values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
+        return self.of(Job(str(number), self.scenario, self.scenario, each) for number, each in enumerate(values))
 
 
 def _value(extreme: Mapping[str, Any] | None) -> float:
