@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,6 +27,8 @@ _FINER = 2
 _PER_SECOND = 10
 _WIDTH = 110.0
 """Width of what is seen around the ego, m"""
+_ROOM = 20.0
+"""Room around everything, m"""
 _DASH, _GAP = 3.0, 6.0
 """Lengths of broken lines, m"""
 _GROUND, _TEXT, _EGO, _OTHER = "#e4eadf", "#17202b", "#d9480f", "#2458a6"
@@ -57,33 +59,30 @@ class _Camera(NamedTuple):
         y = height / 2 - (points[:, 1] - self.y) * self.scale
         return list(zip((x * _FINER).tolist(), (y * _FINER).tolist(), strict=True))
 
-    def sees(self, points: Line) -> bool:
-        """Whether something may be in sight."""
-        reach = np.array(_SIZE) / (2 * self.scale)
-        middle = np.array([self.x, self.y])
-        return bool((points.min(axis=0) <= middle + reach).all() and (points.max(axis=0) >= middle - reach).all())
+    def sight(self) -> Area:
+        """What is in sight."""
+        across, up = (size / (2 * self.scale) for size in _SIZE)
+        return Area(self.x - across, self.y - up, self.x + across, self.y + up)
 
 
 def write_animation(results: Sequence[RunResult], path: Path) -> None:
     """Write a GIF that plays one run or more in real time; the same runs give the same bytes."""
     end = max(result.end_time for result in results)
-    draws = [_drawer(result) for result in results]
+    views = [_View(result) for result in results]
     times = [number / _PER_SECOND for number in range(math.floor(end * _PER_SECOND + 1e-6) + 1)]
-    frames = _frames(draws, times)
+    frames = _frames(views, times)
     first = next(frames)
     first.save(path, "GIF", save_all=True, append_images=frames, duration=1000 // _PER_SECOND, loop=0, optimize=False)
 
 
-def _frames(draws: Sequence[Callable[[float], Image.Image]], times: Sequence[float]) -> Iterator[Image.Image]:
-    """All frames in the colours of the first one, so that they do not flicker."""
-    palette: Image.Image | None = None
+def _frames(views: Sequence[_View], times: Sequence[float]) -> Iterator[Image.Image]:
+    """All frames, in the same colours, so that they do not flicker."""
+    palette = _palette()
     width, height = _SIZE
     for time in times:
-        frame = Image.new("RGB", (width, height * len(draws)))
-        for number, draw in enumerate(draws):
-            frame.paste(draw(time), (0, number * height))
-        if palette is None:
-            palette = _palette()
+        frame = Image.new("RGB", (width, height * len(views)))
+        for number, view in enumerate(views):
+            frame.paste(view.draw(time), (0, number * height))
         yield frame.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
@@ -98,33 +97,56 @@ def _palette() -> Image.Image:
     return image
 
 
-def _drawer(result: RunResult) -> Callable[[float], Image.Image]:
-    """Draws a run's view at a time (s)."""
-    recording = result.recording
-    area = extent(recording)
-    shapes = _shapes(result, area.wider(_WIDTH))
-    ego = recording.tracks.get(result.ego) if result.ego is not None else None
-    tracks = [track for track in recording.tracks.values() if len(track.columns["time"])]
-    whole = min(_SIZE[0] / (area.east - area.west + 20.0), _SIZE[1] / (area.north - area.south + 20.0), _SIZE[0] / _WIDTH)
+class _View:
+    """Draws a run's view at any time; while the camera stands, the road is drawn once."""
 
-    def draw(time: float) -> Image.Image:
-        at = min(time, result.end_time)
-        row = _row(ego, at) if ego is not None else None
-        if ego is not None and row is not None:
-            camera = _Camera(float(ego.columns["x"][row]), float(ego.columns["y"][row]), _SIZE[0] / _WIDTH)
-        else:
-            camera = _Camera((area.west + area.east) / 2, (area.south + area.north) / 2, whole)
-        image = Image.new("RGB", (_SIZE[0] * _FINER, _SIZE[1] * _FINER), _GROUND)
+    def __init__(self, result: RunResult) -> None:
+        self._result = result
+        recording = result.recording
+        self._area = area = extent(recording)
+        self._shapes = _shapes(result, area.wider(_WIDTH))
+        edges = [(*shape.points.min(axis=0), *shape.points.max(axis=0)) for shape in self._shapes]
+        self._edges = np.array(edges).reshape(-1, 4)
+        self._ego = recording.tracks.get(result.ego) if result.ego is not None else None
+        self._tracks = [track for track in recording.tracks.values() if len(track.columns["time"])]
+        self._road: tuple[_Camera, Image.Image] | None = None
+
+    def draw(self, time: float) -> Image.Image:
+        """The view at a time (s); after the run's end, that at its end."""
+        at = min(time, self._result.end_time)
+        camera = self._camera(at)
+        if self._road is None or self._road[0] != camera:
+            self._road = camera, self._draw_road(camera)
+        image = self._road[1].copy()
         canvas = ImageDraw.Draw(image)
-        for shape in shapes:
-            if camera.sees(shape.points):
-                _paint(canvas, camera, shape)
-        for track in tracks:
-            _participant(canvas, camera, track, at, result.ego)
-        canvas.text((12, 8), f"{result.name}  {at:.1f} s", fill=_TEXT, font=_font())
+        for track in self._tracks:
+            _participant(canvas, camera, track, at, self._result.ego)
+        canvas.text((12, 8), f"{self._result.name}  {at:.1f} s", fill=_TEXT, font=_font())
         return image.reduce(_FINER)
 
-    return draw
+    def _camera(self, time: float) -> _Camera:
+        """Above the ego; above everything while there is none."""
+        row = _row(self._ego, time) if self._ego is not None else None
+        if self._ego is not None and row is not None:
+            x, y = (float(self._ego.columns[axis][row]) for axis in ("x", "y"))
+            return _Camera(x, y, _SIZE[0] / _WIDTH)
+        west, south, east, north = self._area
+        scale = min(_SIZE[0] / (east - west + _ROOM), _SIZE[1] / (north - south + _ROOM), _SIZE[0] / _WIDTH)
+        return _Camera((west + east) / 2, (south + north) / 2, scale)
+
+    def _draw_road(self, camera: _Camera) -> Image.Image:
+        image = Image.new("RGB", (_SIZE[0] * _FINER, _SIZE[1] * _FINER), _GROUND)
+        canvas = ImageDraw.Draw(image)
+        west, south, east, north = camera.sight()
+        seen = (
+            (self._edges[:, 0] <= east)
+            & (self._edges[:, 2] >= west)
+            & (self._edges[:, 1] <= north)
+            & (self._edges[:, 3] >= south)
+        )
+        for index in np.flatnonzero(seen).tolist():
+            _paint(canvas, camera, self._shapes[index])
+        return image
 
 
 def _shapes(result: RunResult, area: Area) -> list[_Shape]:
@@ -165,8 +187,6 @@ def _participant(canvas: ImageDraw.ImageDraw, camera: _Camera, track: Track, tim
         return
     x, y, h = (float(track.columns[name][row]) for name in ("x", "y", "h"))
     corners = np.array(box_corners(x, y, h, track.box))
-    if not camera.sees(corners):
-        return
     colour = _EGO if track.name == ego else _KINDS.get(track.kind, _OTHER)
     points = camera.pixels(corners)
     canvas.polygon(points, fill=colour, outline=_TEXT)

@@ -1,0 +1,90 @@
+"""Size of replay pages, time to write them, and frames per second that a browser shows, for 60 s of 20 participants.
+
+    python benchmarks/replay_size.py [--seconds S] [--noise M] [--frames]
+
+The runs are those of step_cost.py, on a motorway and an intersection. `--noise` adds normally distributed noise to all positions,
+as recordings of real traffic have it and runs have not. `--frames` plays each page in a headless Chromium.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from step_cost import ROADS, write_scenario
+
+import runner
+from runner.replay.animation import write_animation
+from runner.replay.player import write_replay
+from runner.result import RunResult
+
+PARTICIPANTS = 20
+PLAYED = 5
+"""Seconds for which frames are counted"""
+_COUNT = f"""new Promise(done => {{
+  const begin = performance.now(); let frames = 0;
+  const next = () => {{
+    frames++;
+    if (performance.now() - begin < {PLAYED * 1000}) requestAnimationFrame(next); else done(frames / {PLAYED});
+  }};
+  requestAnimationFrame(next);
+}})"""
+
+
+def main() -> None:
+    """Print a line for each road."""
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments.add_argument("--seconds", type=float, default=60.0, help="length of the runs")
+    arguments.add_argument("--noise", type=float, default=0.05, help="standard deviation of the noise, m")
+    arguments.add_argument("--frames", action="store_true", help="play in Chromium as well")
+    options = arguments.parse_args()
+    print(f"{PARTICIPANTS} participants, {options.seconds:g} s")
+    with tempfile.TemporaryDirectory() as folder:
+        for road in ROADS:
+            scenario = write_scenario(Path(folder), road, PARTICIPANTS)
+            result = runner.run(scenario, sut=None, world="kinematic", max_time=options.seconds)
+            _measure(road, result, Path(folder), options.frames)
+            _shake(result, options.noise)
+            _measure(f"{road}, noisy", result, Path(folder), options.frames)
+
+
+def _measure(name: str, result: RunResult, folder: Path, frames: bool) -> None:
+    rows = sum(len(track.columns["time"]) for track in result.recording.tracks.values())
+    page, gif = folder / "replay.html", folder / "replay.gif"
+    begin = perf_counter()
+    write_replay([result], page)
+    between = perf_counter()
+    write_animation([result], gif)
+    end = perf_counter()
+    played = f", {_frames(page, folder):.0f} frames/s" if frames else ""
+    print(
+        f"{name:<20} {rows} rows: page {page.stat().st_size / 1e6:.2f} MB in {between - begin:.2f} s{played}; "
+        f"GIF {gif.stat().st_size / 1e6:.2f} MB in {end - between:.1f} s"
+    )
+
+
+def _shake(result: RunResult, noise: float) -> None:
+    """Add noise to all positions."""
+    random = np.random.default_rng(0)
+    for track in result.recording.tracks.values():
+        for axis in ("x", "y"):
+            track.columns[axis] += random.normal(0.0, noise, len(track.columns[axis]))
+
+
+def _frames(page: Path, folder: Path) -> float:
+    """Frames per second while the page plays."""
+    sys.path.append(str(Path(__file__).parents[1]))
+    from tests.runner.chromium import Browser
+
+    with Browser(folder / "profile") as browser:
+        browser.open(page)
+        browser.press(" ")
+        return float(browser.run(_COUNT))
+
+
+if __name__ == "__main__":
+    main()
