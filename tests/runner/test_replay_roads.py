@@ -1,0 +1,84 @@
+"""Roads as replays draw them: surfaces of the right size, marks where the file has them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapely.geometry import LineString, Polygon
+
+import xodr
+from runner.replay.furniture import objects, signals
+from runner.replay.roads import Area, marks, surfaces
+from xodr.network import RoadNetwork
+
+EVERYWHERE = Area(-1e6, -1e6, 1e6, 1e6)
+
+
+def road(folder: Path, marks_of_center: str, marks_of_right: str, more: str = "") -> RoadNetwork:
+    """A straight road of 100 m along x with a lane of 3 m on each side, the right one a shoulder."""
+    lane = '<lane id="{0}" type="{1}" level="false"><width sOffset="0" a="3" b="0" c="0" d="0"/>{2}</lane>'
+    (folder / "road.xodr").write_text(
+        '<OpenDRIVE><header revMajor="1" revMinor="6"/><road name="" length="100" id="1" junction="-1">'
+        '<planView><geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry></planView><lanes><laneSection s="0">'
+        f"<left>{lane.format(1, 'driving', '')}</left>"
+        f'<center><lane id="0" type="none" level="false">{marks_of_center}</lane></center>'
+        f"<right>{lane.format(-1, 'shoulder', marks_of_right)}</right></laneSection></lanes>{more}</road></OpenDRIVE>"
+    )
+    return xodr.load(folder / "road.xodr")
+
+
+def test_surfaces_have_the_size_of_their_lanes(tmp_path: Path) -> None:
+    found = surfaces(road(tmp_path, "", ""), EVERYWHERE)
+    assert sorted(found) == ["road", "shoulder"]
+    for rings in found.values():
+        assert sum(Polygon(ring).area for ring in rings) == pytest.approx(300.0)
+    assert np.all(found["road"][0][:, 1] >= 0.0)
+
+
+def test_what_is_far_away_is_left_out(tmp_path: Path) -> None:
+    near = Area(20.0, -100.0, 50.0, 100.0)
+    network = road(tmp_path, '<roadMark sOffset="0" type="solid"/>', "")
+    assert sum(Polygon(ring).area for ring in surfaces(network, near)["road"]) == pytest.approx(90.0)
+    assert all(line[:, 0].min() >= 20.0 and line[:, 0].max() <= 50.0 for lines in marks(network, near).values() for line in lines)
+    assert surfaces(network, Area(500.0, 0.0, 600.0, 10.0))["road"] == []
+
+
+def test_marks_have_their_pattern_colour_width_and_place(tmp_path: Path) -> None:
+    center = '<roadMark sOffset="0" type="solid broken" color="yellow" width="0.2"/>'
+    right = '<roadMark sOffset="0" type="broken"/><roadMark sOffset="40" type="none"/><roadMark sOffset="60" type="curb"/>'
+    found = {
+        (look.pattern, look.colour, look.width): lines for look, lines in marks(road(tmp_path, center, right), EVERYWHERE).items()
+    }
+    (solid,), (dashed,) = found["solid", "yellow", 0.2], found["broken", "yellow", 0.2]
+    assert solid[0] == pytest.approx([0.0, 0.2])  # on the centre line the left one is named first
+    assert dashed[0] == pytest.approx([0.0, -0.2])
+    (first,), (second,) = found["broken", "standard", 0.12], found["solid", "standard", 0.12]
+    assert LineString(first).equals(LineString([(0, -3), (40, -3)]))
+    assert LineString(second).equals(LineString([(60, -3), (100, -3)]))
+
+
+def test_borders_without_marks_are_shown_as_such(tmp_path: Path) -> None:
+    assert {look.pattern: len(lines) for look, lines in marks(road(tmp_path, "", ""), EVERYWHERE).items()} == {"unmarked": 3}
+
+
+def test_objects_stand_where_and_as_they_are(tmp_path: Path) -> None:
+    outline = "".join(f'<cornerLocal u="{u}" v="{v}" z="0"/>' for u, v in ((2, 1), (-2, 1), (-2, -1), (2, -1)))
+    more = (
+        f'<objects><object id="1" type="crosswalk" s="10" t="0" hdg="{math.pi / 2}"><outline>{outline}</outline></object>'
+        '<object id="2" type="pole" s="20" t="5" radius="0.5"/><object id="3" type="tree" s="30" t="5"/></objects>'
+        '<signals><signal id="7" s="40" t="-4" dynamic="yes" name="light"/></signals>'
+    )
+    network = road(tmp_path, "", "", more)
+    found = objects(network, EVERYWHERE)
+    (crosswalk,) = found["crosswalk"]
+    assert (crosswalk.min(axis=0), crosswalk.max(axis=0)) == (pytest.approx([9.0, -2.0]), pytest.approx([11.0, 2.0]))
+    pole, tree = found["object"]
+    assert pole.mean(axis=0) == pytest.approx([20.0, 5.0])
+    assert np.hypot(*(pole - (20.0, 5.0)).T) == pytest.approx(np.full(len(pole), 0.5))
+    assert len(tree) > 2
+    assert signals(network, EVERYWHERE) == [{"id": "7", "x": 40.0, "y": -4.0, "name": "light", "dynamic": True}]
+    assert objects(network, Area(0, 0, 5, 5)) == {}
+    assert signals(network, Area(0, 0, 5, 5)) == []
