@@ -36,20 +36,23 @@ class Recorded(NamedTuple):
 
 
 class Scenario(NamedTuple):
-    """A scenario of a catalogue, and the recorded parameters of all its like."""
+    """A scenario of a catalogue, names of its searchable parameters, and what is recorded of them in all its like."""
 
     path: Path
+    names: tuple[str, ...]
     recorded: Recorded
 
     def on(self, space: Space) -> Recorded:
-        """The recorded parameters of a space.
+        """The columns that belong to a space of the scenario.
 
         Raises:
-            UsageError: the space is not the scenario's own one: the catalogue tells nothing about another.
+            UsageError: the catalogue tells nothing about one of the parameters.
         """
-        if len(space.names) != self.recorded.theta.shape[1]:
-            raise UsageError("a catalogue tells about its scenarios' own parameters only: nothing can be pinned or freed")
-        return self.recorded
+        unknown = [name for name in space.names if name not in self.names]
+        if unknown:
+            raise UsageError(f"the catalogue tells nothing about the parameter {unknown[0]}: pin it")
+        columns = [self.names.index(name) for name in space.names]
+        return Recorded(self.recorded.theta[:, columns], self.recorded.recordings)
 
 
 def of_recordings(path: Path | None, kind: str) -> Samples:
@@ -112,9 +115,10 @@ def of_catalogue(path: Path) -> Iterator[Scenario]:
                 names, row, recording = found
                 kinds.setdefault(names, []).append((file, row, recording))
         if kinds:
-            files, rows, recordings = zip(*max(kinds.values(), key=len), strict=True)
+            names = max(kinds, key=lambda each: len(kinds[each]))
+            files, rows, recordings = zip(*kinds[names], strict=True)
             theta = np.array(rows)
-            yield Scenario(files[_middle(theta)], Recorded(theta, np.array(recordings, np.str_)))
+            yield Scenario(files[_middle(theta)], names, Recorded(theta, np.array(recordings, np.str_)))
 
 
 def _declared(file: Path) -> tuple[tuple[str, ...], Floats, str] | None:

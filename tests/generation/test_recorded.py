@@ -54,7 +54,11 @@ def test_a_catalogue_gives_its_middle_scenario_and_what_all_declare(tmp_path: Pa
         xosc.write(tagged, folder / f"{number}.xosc")
     (found,) = of_catalogue(tmp_path)
     assert found.path.name == "2.xosc"
-    assert found.recorded.theta[:, 0].tolist() == [10.0, 30.0, 25.0]
+    space = Space.of(found.path, pinned={"CutIn_Duration_s": "3"})
+    assert found.on(space).theta[:, 0].tolist() == [10.0, 30.0, 25.0]
+    assert found.on(space).theta.shape == (3, 6)
+    with pytest.raises(UsageError, match="Ego_Speed_mps"):
+        found.on(Space.of(found.path, free=["Ego_Speed_mps"]))
     assert found.recorded.recordings.tolist() == ["site/0", "site/1", "site/2"]
 
 

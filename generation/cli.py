@@ -1,0 +1,174 @@
+"""The command `xosc-generate`: a logical scenario or a catalogue becomes edge cases for a system under test."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from runner.command_line import guarded, interruptible, parameters_of
+from schemas.errors import UsageError
+from schemas.version import version as toolchain_version
+
+if TYPE_CHECKING:
+    from generation.parameters import Space
+    from generation.pipeline import Generated, Settings
+    from generation.recorded import Recorded
+
+NAME = "xosc-generate"
+_LISTED = 3
+"""Files that are named on the screen"""
+_EPILOG = (
+    "Exit codes: 0 edge cases are written, 1 no episode was critical, 2 wrong usage, 3 invalid file, 4 valid file that asks for "
+    "something the runner does not do, 5 internal error."
+)
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+class Search(NamedTuple):
+    """A scenario to search, what gives the recorded parameters of its space, and the folder for its files."""
+
+    scenario: Path
+    recorded: Callable[[Space], Recorded]
+    out: Path
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"{NAME} {toolchain_version()}")
+        raise typer.Exit
+
+
+@app.command(epilog=_EPILOG)
+def xosc_generate(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A logical scenario, or a catalogue's folder from xosc-recognize."),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files; nothing in it is overwritten.")],
+    sut: Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")] = "cas",
+    recorded: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own recordings' units]"),
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")
+    ] = None,
+    method: Annotated[str, typer.Option(help="Search method.")] = "mcsg",
+    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = 3000,
+    seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
+    weight: Annotated[
+        float | None, typer.Option(min=0.0, help="Weight of realism in the reward.  [default: the method's]")
+    ] = None,
+    density: Annotated[
+        str, typer.Option(help="Density of recorded parameters: kde, independent, gaussian, mixture, flow.")
+    ] = "kde",
+    pin: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")] = None,
+    free: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Search a parameter besides the actor's (repeatable).")
+    ] = None,
+    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases to write.")] = 100,
+    apart: Annotated[float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")] = 0.05,
+    concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
+    rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = "ad-rss",
+    timestep: Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")] = 0.05,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 2,
+    _verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Search for plausible edge cases of a logical scenario: collisions, and violations of RSS distances.
+
+    Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
+    parameters as a stochastic variation file, and copies of all that they need to run.
+    """
+    from generation.cases import Choice
+    from generation.pipeline import Settings
+
+    settings = Settings(
+        sut, method, budget, seed, density, weight, rss, timestep, jobs,
+        parameters_of(pin or []), tuple(free or ()), Choice(most, apart), concrete,
+    )  # fmt: skip
+    with interruptible(NAME):
+        found = [_found(each, settings, quiet, source.is_dir()) for each in _searches(source, recorded, kind, out)]
+    raise typer.Exit(0 if any(found) else 1)
+
+
+def _searches(source: Path, recorded: Path | None, kind: str | None, out: Path) -> Iterator[Search]:
+    from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
+
+    if not source.exists():
+        raise UsageError("no such file or folder", path=source)
+    if not source.is_dir():
+        samples = of_recordings(recorded, kind or kind_of(source))
+        yield Search(source, partial(of_samples, samples), out)
+        return
+    if recorded is not None or kind is not None:
+        raise UsageError("a catalogue brings its recorded parameters along: --recorded and --kind are for single scenarios")
+    for each in of_catalogue(source):
+        yield Search(each.path, each.on, out / each.path.parent.name)
+
+
+def _found(search: Search, settings: Settings, quiet: bool, catalogue: bool) -> bool:
+    """Search one scenario; whether there are edge cases. What can't be searched ends a catalogue's search for others not."""
+    from generation.pipeline import generate
+
+    try:
+        with _progress(search.scenario.stem, settings.budget, quiet) as progress:
+            generated = generate(search.scenario, search.recorded, search.out, settings, progress)
+    except UsageError as error:
+        if not catalogue:
+            raise
+        print(f"{NAME}: {error}", file=sys.stderr)
+        return False
+    if not quiet:
+        print("\n".join(_report(search.scenario, generated, settings)))
+    return bool(generated.files)
+
+
+@contextmanager
+def _progress(name: str, budget: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """A bar on standard error, where that is a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda runs: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=budget)
+        yield lambda runs: bar.advance(task, runs)
+
+
+def _report(scenario: Path, generated: Generated, settings: Settings) -> Iterator[str]:
+    """What was found, in lines."""
+    outcomes, cases = generated.history.outcomes, generated.cases
+    pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
+    yield f"{scenario.name}: {settings.method} against {settings.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
+    failed = len(outcomes) - int(outcomes.executed.sum())
+    if failed:
+        yield f"  {failed} runs failed, the first with: {outcomes.error[~outcomes.executed][0]}"
+    yield (
+        f"  {len(outcomes)} runs: {outcomes.collision.mean():.1%} collisions, "
+        f"mean R_risk {outcomes.r_risk.mean():.3f}; prior from {generated.recorded} recorded manoeuvres"
+    )
+    collisions = int(cases.outcomes.collision.sum())
+    avoidable = int((cases.outcomes.collision & cases.avoidable).sum())
+    yield f"  {len(cases)} edge cases: {collisions} collisions, {avoidable} of them avoidable by a careful driver"
+    yield from (f"  {path}" for path in generated.files[:_LISTED])
+    if len(generated.files) > _LISTED:
+        yield f"  and {len(generated.files) - _LISTED} more files in {generated.files[0].parent}"
+
+
+def main() -> None:
+    """Entry point of the command."""
+    guarded(NAME, app)

@@ -1,0 +1,137 @@
+"""From a logical scenario and recorded parameters to files of edge cases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from generation.cases import CAREFUL, Cases, Choice, choose
+from generation.density.base import Density
+from generation.density.selection import held_out, model
+from generation.evaluator import Evaluator, Outcomes
+from generation.methods import method
+from generation.parameters import Space
+from generation.problem import History, Problem
+from generation.recorded import Recorded
+from generation.reward import Realism, Reward
+from generation.variations import Evidence, Writer
+from recognition.samples import Floats
+from schemas.errors import UsageError
+
+LEAST = 30
+"""Fewest recorded manoeuvres inside the box that a density is fitted on."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What to search for, and how.
+
+    Attributes:
+        sut: name of the system under test.
+        method: name of the search method (`generation.methods`).
+        budget: simulator calls.
+        seed: of the search.
+        density: name of the density model (`generation.density.selection`).
+        weight: of realism in the reward; None for the one of `Reward`.
+        rss: name of the RSS parameter set.
+        timestep: s.
+        processes: how many runs at a time.
+        pinned: values of parameters that are not searched.
+        free: names of parameters to search besides the default ones.
+        choice: which episodes become files.
+        concrete: whether each case becomes a scenario of its own as well.
+    """
+
+    sut: str = "cas"
+    method: str = "mcsg"
+    budget: int = 3000
+    seed: int = 0
+    density: str = "kde"
+    weight: float | None = None
+    rss: str = "ad-rss"
+    timestep: float = 0.05
+    processes: int = 2
+    pinned: Mapping[str, str] = field(default_factory=dict)
+    free: Sequence[str] = ()
+    choice: Choice = field(default_factory=Choice)
+    concrete: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Generated:
+    """What came of a search.
+
+    Attributes:
+        space: what was searched, and what was pinned.
+        recorded: how many recorded manoeuvres the density was fitted on.
+        history: all episodes.
+        cases: the edge cases.
+        files: what was written; empty where no episode was critical.
+    """
+
+    space: Space
+    recorded: int
+    history: History
+    cases: Cases
+    files: list[Path]
+
+
+def generate(
+    scenario: Path,
+    recorded: Callable[[Space], Recorded],
+    out: Path,
+    settings: Settings,
+    progress: Callable[[int], None] = lambda runs: None,
+) -> Generated:
+    """Search a logical scenario for edge cases and write them.
+
+    Args:
+        scenario: the file.
+        recorded: gives the recorded parameters of a space.
+        out: folder for the files.
+        settings: what to search for.
+        progress: told the number of runs after each batch of them.
+
+    Raises:
+        UsageError: a setting is wrong, too few recorded manoeuvres are inside the box, or something is in the way in the folder.
+        InvalidFile: the scenario is malformed.
+    """
+    search = method(settings.method)
+    space = Space.of(scenario, settings.pinned, settings.free)
+    real = recorded(space).within(space)
+    density, realism = _prior(real, settings.density, scenario)
+    with _evaluator(scenario, space, settings, settings.sut) as evaluator:
+
+        def evaluate(theta: Floats) -> Outcomes:
+            outcomes = evaluator(theta)
+            progress(len(theta))
+            return outcomes
+
+        reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
+        problem = Problem(space, evaluate, reward, real.theta)
+        history = search(problem, settings.budget, settings.seed)
+    with _evaluator(scenario, space, settings, CAREFUL) as careful:
+        cases = choose(space, history, density, careful, settings.choice)
+    files = _write(scenario, space, out, settings, cases, density) if len(cases) else []
+    return Generated(space, len(real.theta), history, cases, files)
+
+
+def _prior(real: Recorded, name: str, scenario: Path) -> tuple[Density, Realism]:
+    """The density of recorded parameters, and what it makes of realism."""
+    if len(real.theta) < LEAST:
+        reason = f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at least {LEAST} are needed"
+        raise UsageError(reason, path=scenario)
+    density = model(name).fit(real.theta, real.recordings)
+    return density, Realism.of(density, held_out(name, real.theta, real.recordings))
+
+
+def _evaluator(scenario: Path, space: Space, settings: Settings, sut: str) -> Evaluator:
+    return Evaluator(scenario, space, sut=sut, rss=settings.rss, timestep=settings.timestep, processes=settings.processes)
+
+
+def _write(scenario: Path, space: Space, out: Path, settings: Settings, cases: Cases, density: Density) -> list[Path]:
+    evidence = Evidence(settings.sut, settings.method, settings.rss, settings.seed, settings.budget, settings.timestep)
+    writer = Writer(scenario, space, out)
+    files = [writer.cases(cases, evidence), writer.density(density, settings.seed)]
+    return files + (writer.concrete(cases, evidence) if settings.concrete else [])

@@ -1,0 +1,75 @@
+"""The command `xosc-generate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import schemas
+from generation.cli import main
+from generation.logical.library import SCENARIOS
+
+CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
+QUICK = ("--method", "kde", "--budget", "15", "--density", "gaussian", "--jobs", "1")
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """The exit code of the command."""
+    monkeypatch.setattr("sys.argv", ["xosc-generate", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+def test_a_scenario_becomes_edge_cases(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pinned = ("--pin", "Ego_Speed_mps=36", "--most", 3, "--concrete")
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *QUICK, *pinned) == 0
+    told = capsys.readouterr().out
+    assert "kde against cas, seed 0, with Ego_Speed_mps=36" in told
+    assert "15 runs" in told
+    files = sorted(path.name for path in (tmp_path / "out").glob("*.xosc"))
+    assert files[0] == "cut_in_highway.xosc"
+    assert {"cut_in_highway_edge_cases.xosc", "cut_in_highway_density.xosc", "cut_in_highway_edge_case_000002.xosc"} <= set(files)
+    assert not any(schemas.check(path) for path in (tmp_path / "out").rglob("*.xosc"))
+
+
+def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "b"):
+        assert call(monkeypatch, CUT_IN, "--out", tmp_path / name, *QUICK, "-q") == 0
+    one, other = (
+        {path.relative_to(tmp_path / name): path.read_bytes() for path in sorted((tmp_path / name).rglob("*")) if path.is_file()}
+        for name in ("a", "b")
+    )
+    assert one == other
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "reason"),
+    [
+        (("nothing.xosc",), 2, "no such file"),
+        ((CUT_IN, "--method", "magic"), 2, "methods: mcsg"),
+        ((CUT_IN, "--kind", "parking"), 2, "kinds: braking"),
+        ((CUT_IN, "--pin", "Ego_Speed"), 2, "NAME=VALUE"),
+        ((CUT_IN, "--free", "CutIn_Jerk"), 2, "no parameter"),
+        ((CUT_IN, "--sut", "nobody", *QUICK), 2, "nobody"),
+        ((str(SCENARIOS / "r157_cut_in.xosc"),), 2, "--kind"),
+        ((str(SCENARIOS / "cut_in_highway_variation.xosc"),), 2, "no parameter with a lower"),
+        ((str(SCENARIOS), "--kind", "cut_in"), 2, "for single scenarios"),
+    ],
+)
+def test_wrong_use_is_one_line_and_an_exit_code(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    code: int,
+    reason: str,
+) -> None:
+    assert call(monkeypatch, *arguments, "--out", tmp_path / "out") == code
+    said = capsys.readouterr().err
+    assert reason in said
+    assert "Traceback" not in said
+    assert not (tmp_path / "out").exists()
