@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import shutil
@@ -45,15 +46,21 @@ class Browser:
     def __init__(self, folder: Path) -> None:
         to_child, self._out = os.pipe()
         self._in, from_child = os.pipe()
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (to_child, from_child)]
+
+        def connect() -> None:
+            for end, wanted in zip(ends, (3, 4), strict=True):  # the numbers that the DevTools pipe has
+                os.dup2(end, wanted)
+
         self._process = subprocess.Popen(
-            # file descriptors 3 and 4 are those of the DevTools pipe
-            ["/bin/sh", "-c", f'exec "$@" 3<&{to_child} 4>&{from_child}', "sh", chromium(), *_FLAGS, f"--user-data-dir={folder}"],
-            pass_fds=(to_child, from_child),
+            [chromium(), *_FLAGS, f"--user-data-dir={folder}"],
+            preexec_fn=connect,
+            pass_fds=(3, 4),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        os.close(to_child)
-        os.close(from_child)
+        for end in (to_child, from_child, *ends):
+            os.close(end)
         self._rest, self._number = b"", 0
         self.errors: list[str] = []
         """Uncaught errors and messages of the console"""

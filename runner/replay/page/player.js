@@ -11,12 +11,11 @@ const end = Math.max(...runs.map(run => run.end), 0.01);
 const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 const TABLES = 0.1; // s between updates of tables while playing
 
-const clock = { time: 0, playing: false, rate: 1, last: 0, dirty: true, shown: -1 };
+const clock = { time: 0, playing: false, rate: 1, last: 0, dirty: true, shown: 0 };
 const changed = () => { clock.dirty = true; };
 
 function seek(time) {
   clock.time = Math.min(end, Math.max(0, time));
-  clock.shown = -1;
   changed();
 }
 
@@ -24,7 +23,6 @@ function play(on) {
   if (on && clock.time >= end - 1e-6) seek(0);
   clock.playing = on;
   clock.last = performance.now();
-  clock.shown = -1;
   changed();
 }
 
@@ -154,7 +152,7 @@ function show() {
   clockText.textContent = `${time.toFixed(2)} / ${seconds(end)}`;
   playButton.textContent = clock.playing ? "Pause" : "Play";
   playButton.setAttribute("aria-label", playButton.textContent);
-  if (clock.shown < 0 || Math.abs(time - clock.shown) >= TABLES * clock.rate) {
+  if (!clock.playing || Math.abs(time - clock.shown) >= TABLES * clock.rate) {
     clock.shown = time;
     for (const part of [...logs, ...tables]) part.show(time);
     whom.value = camera.follow === null ? "none" : camera.follow === "" ? "ego" : `=${camera.follow}`;
