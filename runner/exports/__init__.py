@@ -21,6 +21,7 @@ class Target(NamedTuple):
 
 _ALL = (
     *(Target(version, "xosc.exports.standard", False, f"OpenSCENARIO XML {version}") for version in ("1.0", "1.1", "1.2", "1.3")),
+    Target("esmini", "xosc.exports.esmini", False, "scenarios that esmini plays as they are meant"),
     Target("commonroad", "runner.exports.commonroad", True, "CommonRoad 2020a XML: lanelets, obstacles, planning problem"),
     Target("sumo", "runner.exports.sumo", True, "SUMO: network, routes, and the run as FCD"),
     Target("openlabel", "runner.exports.openlabel", True, "ASAM OpenLABEL JSON: tags, and everyone's box in every frame"),

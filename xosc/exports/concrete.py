@@ -6,9 +6,12 @@ import copy
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from xosc.distributions import variations
+from xosc.distributions import ParameterSpace, variations
 from xosc.document import Document, load
 from xosc.resolve import Argument, resolve
+
+MAX_SETS = 1000
+"""Most scenarios that one distribution may become."""
 
 _REFERENCES = ("parameterRef",)
 """Attributes by which an element names a parameter when the scenario runs."""
@@ -43,12 +46,16 @@ def concrete_scenarios(path: Path) -> Iterator[tuple[str, Document]]:
     A scenario stands for itself, a distribution for its scenario with every set of parameters, numbered as by `xosc-run`.
 
     Raises:
-        UsageError, InvalidFile, Unsupported: as in `xosc.variations` and `xosc.resolve`.
+        Unsupported: there are more than `MAX_SETS` sets.
+        UsageError, InvalidFile: as in `xosc.variations` and `xosc.resolve`.
     """
     document = load(path)
     if document.kind == "scenario":
         yield path.stem, concrete(document)
         return
+    size = ParameterSpace(path).size
+    if size > MAX_SETS:
+        raise document.node.unsupported(f"{size} sets of parameters would be {size} files, at most {MAX_SETS} are written")
     for number, (scenario, parameters) in enumerate(variations(path)):
         yield f"{path.stem}~{number:06d}", concrete(load(scenario), parameters)
 

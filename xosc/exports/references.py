@@ -8,6 +8,7 @@ from pathlib import Path
 from xosc.catalogs import catalog_files, file_reference
 from xosc.document import Document, load
 from xosc.exports.folder import Folder
+from xosc.node import Node
 
 ROADS, MODELS, CATALOGS = "roads", "models", "catalogs"
 """Folders of the output."""
@@ -25,11 +26,12 @@ def take_roads(document: Document, folder: Folder) -> Draft:
 
     Raises:
         InvalidFile: the road network cannot be read.
+        Unsupported: a parameter names it.
     """
     network = document.node.find("RoadNetwork")
     taken: Draft = {}
     for node in network.children("LogicFile", "SceneGraphFile") if network is not None else ():
-        source = file_reference(node, "filepath")
+        source = _literal(node, "filepath")
         if not node.get("filepath").strip() or (node.tag == "SceneGraphFile" and not source.is_file()):
             continue
         try:
@@ -52,7 +54,7 @@ def take_catalogs(document: Document, folder: Folder, convert: Convert) -> Draft
     taken: Draft = {}
     for location in locations.children() if locations is not None else ():
         node = location.need("Directory")
-        source = file_reference(node, "path")
+        source = _literal(node, "path")
         try:
             files = [Path(file) for file in catalog_files(source, document.path)]
         except (OSError, ValueError):
@@ -62,6 +64,14 @@ def take_catalogs(document: Document, folder: Folder, convert: Convert) -> Draft
                 taken[catalog_name(catalog.path, folder)] = convert(catalog)
         node.element.set("path", _directory(files[0].parent if files else source, folder))
     return taken
+
+
+def _literal(node: Node, attribute: str) -> Path:
+    if "$" in node.get(attribute):
+        raise node.unsupported(
+            f"{attribute}={node.get(attribute)!r} is the value of a parameter, and files are taken along by name"
+        )
+    return file_reference(node, attribute)
 
 
 def catalog_name(source: Path, folder: Folder) -> str:

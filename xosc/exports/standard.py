@@ -38,47 +38,62 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
         folder.write(catalog_name(source, folder), to_bytes(in_version(document, version)))
         return []
     if document.kind == "distribution":
-        return _distribution(document, version, folder)
-    draft, remarks = _scenario(document, version, folder)
-    _write(draft, folder)
+        return distribution(document, version, folder)
+    return scenario(document, version, folder)
+
+
+def scenario(document: Document, version: Version | None, folder: Folder) -> list[str]:
+    """Write a scenario with its parameters and catalogues, or worked out where the version can't say them; as in `export`."""
+    try:
+        draft, remarks = package(document, version, folder), []
+    except Unsupported as error:
+        draft, remarks = package(concrete(document), version, folder), [f"everything is worked out: {error}"]
+    write_all(draft, folder)
     return remarks
 
 
-def _scenario(document: Document, version: Version, folder: Folder) -> tuple[Draft, list[str]]:
-    """The files of a scenario, with parameters and catalogues where the version can say them; remarks."""
-    try:
-        return _package(document, version, folder), []
-    except Unsupported as error:
-        draft = _package(concrete(document), version, folder)
-        return draft, [f"parameters, expressions and catalogue entries are worked out, for {error}"]
+def package(document: Document, version: Version | None, folder: Folder, name: str = "") -> Draft:
+    """The files of a scenario: itself (under another name, where one is given), its catalogues, its roads.
 
+    Args:
+        version: of the scenario and its catalogues; None leaves each in its own.
 
-def _package(document: Document, version: Version, folder: Folder, name: str = "") -> Draft:
+    Raises:
+        Unsupported: the version can't say all of it.
+        InvalidFile: a file that it refers to can't be read.
+    """
     changed = copied(document)
-    draft = take_catalogs(changed, folder, lambda catalog: to_bytes(in_version(catalog, version)))
+    draft = take_catalogs(changed, folder, lambda catalog: to_bytes(in_version(catalog, version or catalog.version)))
     draft |= take_roads(changed, folder)
     named = folder.name(document.path, f"{name or document.path.stem}.xosc")
-    return {**draft, named: to_bytes(in_version(changed, version))}
+    return {**draft, named: to_bytes(in_version(changed, version or changed.version))}
 
 
-def _distribution(document: Document, version: Version, folder: Folder) -> list[str]:
+def distribution(document: Document, version: Version | None, folder: Folder) -> list[str]:
+    """Write a distribution and its scenario, or a scenario for each set of parameters; remarks and errors as in `export`."""
     node = document.node.need("ParameterValueDistribution", "ScenarioFile")
-    scenario = load(document.path.parent / node.get("filepath").replace("\\", "/"))
+    varied = load(document.path.parent / node.get("filepath").replace("\\", "/"))
     try:
-        draft = _package(scenario, version, folder)
-        changed = copied(in_version(document, version))
+        draft = package(varied, version, folder)
+        changed = copied(in_version(document, version or document.version))
         reference = changed.node.need("ParameterValueDistribution", "ScenarioFile")
-        reference.element.set("filepath", folder.name(scenario.path, f"{scenario.path.stem}.xosc"))
-        _write(draft | {folder.name(document.path, document.path.name): to_bytes(changed)}, folder)
+        reference.element.set("filepath", folder.name(varied.path, f"{varied.path.stem}.xosc"))
+        write_all(draft | {folder.name(document.path, document.path.name): to_bytes(changed)}, folder)
         return []
     except Unsupported as error:
-        draft = {}
-        for name, worked_out in concrete_scenarios(document.path):
-            draft |= _package(worked_out, version, folder, name)
-        _write(draft, folder)
-        return [f"a scenario is written for each set of parameters, for {error}"]
+        write_sets(document, version, folder)
+        return [f"a scenario is written for each set of parameters: {error}"]
 
 
-def _write(draft: Draft, folder: Folder) -> None:
+def write_sets(document: Document, version: Version | None, folder: Folder) -> None:
+    """Write the scenario of a distribution with each set of its parameters worked out; errors as in `export`."""
+    draft: Draft = {}
+    for name, worked_out in concrete_scenarios(document.path):
+        draft |= package(worked_out, version, folder, name)
+    write_all(draft, folder)
+
+
+def write_all(draft: Draft, folder: Folder) -> None:
+    """Write the files of an export, of which nothing is refused any more."""
     for name, content in draft.items():
         folder.write(name, content)

@@ -1,0 +1,101 @@
+"""Target `esmini`: scenarios that esmini plays as they are meant, in their own version, with parameters and catalogues.
+
+Source: esmini 3.6.0, its documents and probe runs. What it would stop at, leave out or read otherwise is refused (`_REFUSED`);
+what it does not read, and no motion depends on, stays and is told (`_IGNORED`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from xosc.distributions import ParameterSpace
+from xosc.document import Document, load, to_bytes
+from xosc.exports.concrete import concrete
+from xosc.exports.folder import Folder
+from xosc.exports.references import catalog_name
+from xosc.exports.refusals import Rule, refuse, remarks
+from xosc.exports.standard import distribution, scenario, write_sets
+
+_REFUSED = (
+    *(
+        Rule(f"//{tag}", "esmini does not have this action")
+        for tag in (
+            "AnimationAction", "SetMonitorAction", "TrafficSourceAction", "TrafficSinkAction", "TrafficStopAction",
+            "TrafficAreaAction", "TrafficSignalControllerAction", "ParameterModifyAction",
+        )
+    ),
+    Rule("//ParameterAction/ModifyAction", "esmini does not have this action"),
+    *(
+        Rule(f"//TrafficSwarmAction//{tag}", "esmini does not read it in swarms")
+        for tag in ("TrafficDefinition", "TrafficDistribution", "DirectionOfTravelDistribution", "InitialSpeedRange")
+    ),
+    Rule("//LightType/UserDefinedLight", "esmini has the lights of vehicles only"),
+    Rule("//VisibilityAction/SensorReferenceSet", "esmini does not have it"),
+    Rule("//AssignControllerAction/@activateAnimation/..", "esmini's controllers have no animation"),
+    Rule(
+        "//RoutingAction/*[not(self::AssignRouteAction or self::FollowTrajectoryAction or self::AcquirePositionAction or "
+        "self::RandomRouteAction)]",
+        "esmini does not have this action",
+    ),
+    Rule("//Route[@closed='true' or @closed='1']", "esmini's routes are open"),
+    Rule("//Waypoint[@routeStrategy='random']", "esmini finds no random ways"),
+    Rule("//LateralDistanceAction[@displacement='any']", "esmini stops at displacement 'any'"),
+    Rule("//*[@dynamicsShape][@followingMode='follow']", "esmini ignores followingMode"),
+    *(
+        Rule(f"//{tag}Condition", "esmini does not have this condition, and decides without it")
+        for tag in ("RelativeAngle", "TimeOfDay", "UserDefinedValue", "TrafficSignalController")
+    ),
+    Rule("//GeoPosition", "esmini does not have this position"),
+    Rule("//RoutePosition//FromCurrentEntity", "esmini does not have this position"),
+    Rule("//Actors[@selectTriggeringEntities='true' or @selectTriggeringEntities='1']", "esmini ignores it"),
+    Rule("//EntitySelection | //ExternalObjectReference", "esmini does not have it"),
+    Rule("//TrafficSignalController", "esmini has no phases of signals"),
+    Rule("//*[@alongRoute='true' or @alongRoute='1'][not(@coordinateSystem)]", "esmini measures in a straight line"),
+    *(
+        Rule(f"//ParameterDeclaration[@parameterType='{kind}']", "esmini has no parameters of that type")
+        for kind in ("dateTime", "unsignedInt", "unsignedShort")
+    ),
+    Rule("//MonitorDeclaration", "esmini has no monitors"),
+)  # fmt: skip
+_IGNORED = (
+    Rule("//*[@coordinateSystem='lane']", "esmini measures along the road instead of the lane"),
+    Rule("//*[@routingAlgorithm and @routingAlgorithm!='undefined']", "esmini does not read routingAlgorithm"),
+    Rule("//LaneOffsetAction[@continuous='true' or @continuous='1']", "esmini ends it when the offset is reached"),
+    Rule("//RoadCondition[@wetness] | //DomeImage", "esmini does not read it"),
+    Rule("//UsedArea | //CustomContent", "esmini does not read it"),
+    Rule("//ConstraintGroup", "esmini does not check constraints"),
+    Rule("//Event[@priority='skip']", "a skipped event stays in standby in esmini, and is not counted"),
+    Rule("/OpenSCENARIO/Storyboard[not(StopTrigger/ConditionGroup)]", "without a StopTrigger esmini goes on for ever"),
+)
+
+
+def export(source: Path, target: str, folder: Folder) -> list[str]:
+    """Write a scenario, catalogue or distribution for esmini, with all that it refers to.
+
+    Returns:
+        Remarks on what esmini does not read.
+
+    Raises:
+        Unsupported: esmini would not play it as it is meant, named with file, line and reason.
+        InvalidFile, UsageError: a file can't be read, or not be written.
+    """
+    document = load(source)
+    if document.kind == "catalog":
+        folder.write(catalog_name(source, folder), to_bytes(document))
+        return []
+    if document.kind == "scenario":
+        told = _checked(document, concrete(document))
+        return told + scenario(document, None, folder)
+    varied = load(ParameterSpace(source).scenario)
+    told = _checked(varied, concrete(varied))
+    if document.node.find("ParameterValueDistribution", "Deterministic") is not None:
+        return told + distribution(document, None, folder)
+    write_sets(document, None, folder)
+    return [*told, f"{source}: a scenario is written for each set of parameters: esmini has no stochastic distributions"]
+
+
+def _checked(document: Document, worked_out: Document) -> list[str]:
+    """Remarks on a scenario, whose catalogue entries and values are in the place of the references to them."""
+    refuse(document, _REFUSED)
+    refuse(worked_out, _REFUSED)
+    return list(dict.fromkeys(remarks(document, _IGNORED) + remarks(worked_out, _IGNORED)))
