@@ -7,7 +7,7 @@ road, SUMO's network) each of them reads once.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import KW_ONLY, asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from runner.rss import parameter_set
 
 if TYPE_CHECKING:
     from generation.parameters import Space
+    from runner.criticality import Criticality
 
 Floats = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ class Runs:
         options = Options(self.timestep, self.sut, seed=self.seed, max_time=self.max_time)
         options.verify()
         parameter_set(self.rss)
-        self._pool = Pool(self.processes, partial(_episode, options=options), _lost)
+        self._pool = Pool(self.processes, partial(_episode, options=options, rss=self.rss), _lost)
 
     def __enter__(self) -> Self:
         return self
@@ -101,11 +102,10 @@ class Runs:
         found = list(self._pool.execute(iter(jobs)))
         self.calls += len(found)
         collision = np.array([one.state == "failed" for one in found], bool)
-        times = np.array([_value(one.measures.get("min_ttc")) for one in found], float)
-        risk = f"rss_risk_{self.rss.replace('-', '_')}"
+        times = np.array([one.measures.get("min_ttc", math.inf) for one in found], float)
         return Outcomes(
             collision=collision,
-            r_risk=np.array([one.measures.get(risk) or 0.0 for one in found], float),
+            r_risk=np.array([one.measures.get("r_risk", 0.0) for one in found], float),
             min_ttc=np.where(collision, 0.0, times),  # a side touched is no lead's rear
             end_time=np.array([one.end_time or 0.0 for one in found], float),
             status=np.array([one.status or "error" for one in found], str),
@@ -131,16 +131,17 @@ class Evaluator(Runs):
         return self.of(Job(str(number), self.scenario, self.scenario, each) for number, each in enumerate(values))
 
 
-def _value(extreme: Mapping[str, Any] | None) -> float:
-    return float(extreme["value"]) if extreme is not None else math.inf
+def _measures(criticality: Criticality, rss: str) -> dict[str, Any]:
+    ttc = criticality.ttc.value[criticality.ttc.valid]
+    return {"r_risk": criticality.risk(rss) or 0.0, "min_ttc": float(ttc.min(initial=math.inf))}
 
 
-def _episode(job: Job, options: Options) -> Outcome:
+def _episode(job: Job, options: Options, rss: str) -> Outcome:
     from runner.execution import run
 
     try:
         result = run(job.scenario, parameters=job.parameters, **asdict(options))
-        measures = result.criticality.summary if result.criticality is not None else {}
+        measures = _measures(result.criticality, rss) if result.criticality is not None else {}
     except Exception as error:  # whatever it is, the search goes on
         return failure(job, error)
     state = "passed" if result.verdict.passed else "failed"

@@ -170,7 +170,6 @@ class Criticality:
         violation: by RSS parameter set, where the ego and somebody else are closer than safe in both directions.
         margin: by RSS parameter set, the least `rss_margin` (m) to anyone.
         active: instants that count for the shares: somebody else is there, and no collision has happened before.
-        pet: post-encroachment time, its least value over all others.
     """
 
     time: Floats
@@ -182,8 +181,15 @@ class Criticality:
     violation: dict[str, Flags]
     margin: dict[str, Measure]
     active: Flags
-    pet: Extreme | None
     nearest: NDArray[np.object_] = field(repr=False)
+    _motions: tuple[Motion, Sequence[Motion]] = field(repr=False)
+
+    @cached_property
+    def pet(self) -> Extreme | None:
+        """Post-encroachment time, its least value over all others; worked out when asked for, it costs more than the rest."""
+        ego, others = self._motions
+        found = [pet for other in others if (pet := post_encroachment_time(ego, other)) is not None]
+        return min(found, default=None)
 
     def table(self) -> dict[str, Any]:
         """One column for each measure over time; `<measure>_valid` says where it is defined."""
@@ -247,7 +253,6 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
         closing[rows[ahead]] = (view.speed - view.other_speed)[ahead]
     led, present = np.isfinite(gap), np.isfinite(distance)
     gap[~led] = 0.0
-    encounters = [pet for other in others if (pet := post_encroachment_time(ego, other)) is not None]
     return Criticality(
         time=ego.time,
         ttc=_where(led, time_to_collision(gap, closing)),
@@ -258,8 +263,8 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
         violation=violation,
         margin={name: Measure(np.where(present, least, 0.0), present) for name, least in margin.items()},
         active=present & ~_earlier(collided),
-        pet=min(encounters, default=None),
         nearest=nearest,
+        _motions=(ego, others),
     )
 
 
