@@ -25,6 +25,7 @@ class Geometry:
         road, left, right: the road's id, and those of the two lanes as their traffic sees them.
         spot: s (m) of the leader when the manoeuvre begins; of a manoeuvre's end where `ends_there`.
         side: +1 where the lanes lead towards increasing s, −1 where against.
+        turn: road and lane that a right turn from the right lane leads to; None where there is none.
         speeds, gaps: limits of the parameters, m/s and m.
         ego_speed, gap: defaults.
     """
@@ -38,6 +39,7 @@ class Geometry:
     spot: float
     side: int = 1
     ends_there: bool = False
+    turn: tuple[str, int] | None = None
     speeds: Limits = (10.0, 40.0)
     gaps: Limits = (5.0, 80.0)
     ego_speed: float = 30.0
@@ -46,7 +48,7 @@ class Geometry:
 
 _rural = partial(Geometry, speeds=(5.0, 20.0), gaps=(5.0, 60.0), ego_speed=17.0, gap=15.0)
 _urban = partial(Geometry, speeds=(4.0, 15.0), gaps=(3.0, 40.0), ego_speed=12.0, gap=10.0)
-_arm = partial(_urban, road="3", left=1, right=2, spot=5.0, side=-1, ends_there=True)
+_arm = partial(_urban, road="3", left=1, right=2, spot=5.0, side=-1, ends_there=True, turn=("4", -2))
 
 GEOMETRIES = {
     "highway": Geometry(builders.straight_highway, "highway_straight", "on a straight motorway", "1", -1, -2, 500.0),

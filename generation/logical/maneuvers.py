@@ -25,6 +25,7 @@ class Maneuver:
         braking: limits of the speeds at and after the end, m/s, where the actor slows down whatever the road.
         ahead: who is ahead of the leader in its lane, at a speed of its own.
         beside: who is beside the leader in the other lane, with its speeds.
+        turns: whether the leader turns off afterwards.
     """
 
     words: str
@@ -38,9 +39,11 @@ class Maneuver:
     braking: Limits | None = None
     ahead: str | None = None
     beside: str | None = None
+    turns: bool = False
 
 
-EVERYWHERE = ("highway", "sharp_curve", "narrow_road", "four_way_intersection", "t_junction")
+JUNCTIONS = ("four_way_intersection", "t_junction")
+EVERYWHERE = ("highway", "sharp_curve", "narrow_road", *JUNCTIONS)
 MANEUVERS = {
     "cut_in": Maneuver(
         "A vehicle cuts in from the left in front of the ego",
@@ -69,6 +72,10 @@ MANEUVERS = {
     "diverging": Maneuver(
         "The ego's leader leaves the motorway",
         "Diverging", "Diverging", "left", "left", -1, CUT_OUT, ("off_ramp",),
+    ),
+    "turn_off": Maneuver(
+        "The ego's leader brakes and turns off to the right",
+        "TurnOff", "TurnOff", "right", "right", 0, BRAKING, JUNCTIONS, braking=(2.0, 8.0), turns=True,
     ),
 }  # fmt: skip
 """Manoeuvres by name."""

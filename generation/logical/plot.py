@@ -15,6 +15,7 @@ from typing import Any
 from generation.logical.geometries import Geometry, Limits
 from generation.logical.maneuvers import EGO, Maneuver
 from generation.parameters import SEVEN, declared_name
+from schemas.errors import UsageError
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.maneuvers import Conditions, Dynamics, Header
@@ -33,6 +34,8 @@ _ANY = 1000.0
 """A gap (m) that nobody exceeds"""
 _EVADED = 10.0
 """Gap (m) to the vehicle in front of which the leader left its lane, when it has left"""
+_ROUTE = 399.0
+"""Where routes begin and end on the arms of junctions, s in m"""
 _PATIENCE = 10.0
 """Time (s) after which a scenario ends whose gap never came, beyond the time that it would have taken"""
 
@@ -134,7 +137,18 @@ class Plot:
     # parts of the scenario
 
     def _init(self, name: str) -> list[Any]:
-        return [maneuvers.teleport(self._place(name)), maneuvers.speed(self._speed(name))]
+        actions = [maneuvers.teleport(self._place(name)), maneuvers.speed(self._speed(name))]
+        if self.maneuver.turns and name == self.maneuver.leader:
+            actions.append(maneuvers.assign_route(self._turn()))
+        return actions
+
+    def _turn(self) -> Any:
+        """The route to the right from before all places where the leader may begin."""
+        place = self.geometry
+        if place.turn is None:
+            raise UsageError(f"nobody can turn off {place.words}")
+        ends = (place.road, place.right, _ROUTE), (*place.turn, _ROUTE)
+        return maneuvers.route("turn off", [maneuvers.lane_position(*end) for end in ends])
 
     def _place(self, name: str) -> Any:
         place, side = self.geometry, self.geometry.side

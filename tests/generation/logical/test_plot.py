@@ -147,3 +147,14 @@ def test_the_leader_that_cuts_out_just_evades_the_slower_one(name: str) -> None:
     tracks = done.recording.locate().tracks
     motions = [Motion.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("CutOut", "Slow")]
     assert float(relation(*motions)[2].ahead[round(5.0 / STEP)]) == pytest.approx(10.0, abs=0.7)
+
+
+@pytest.mark.parametrize("name", [name for name, plot in PLOTS.items() if plot.maneuver.turns])
+def test_the_leader_turns_off_when_it_has_braked(name: str) -> None:
+    given = {"TurnOff_StartTime_s": "1", "TurnOff_RestTime_s": "6", "TurnOff_FinalSpeed_mps": "6", "Ego_Speed_mps": "4"}
+    done = runner.run(SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP)
+    tracks = done.recording.locate().tracks
+    roads, plot = {each: list(dict.fromkeys(tracks[each].columns["road_id"])) for each in ("Ego", "TurnOff")}, PLOTS[name]
+    assert plot.geometry.turn is not None
+    assert (roads["TurnOff"][0], roads["TurnOff"][-1]) == (plot.geometry.road, plot.geometry.turn[0])
+    assert roads["Ego"] == [plot.geometry.road]
