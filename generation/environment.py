@@ -9,9 +9,24 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from generation.density.base import Whitening
 from generation.parameters import Space
 from generation.problem import Problem
 from recognition.samples import Floats
+
+
+def single(d: int) -> Floats:
+    """Moves (d, d) of edits that change one parameter each, by shares of its range."""
+    return np.eye(d)
+
+
+def coordinated(space: Space, real: Floats) -> Floats:
+    """Moves (d, d) of edits in standard deviations of real parameters (n, d), which the later parameters follow.
+
+    With LLᵀ the covariance of the real ones in the unit cube, an edit δ of parameter j adds δ times column j of L: the parameter
+    moves by δ standard deviations given those before it, and those after it move as they do together in traffic.
+    """
+    return np.ascontiguousarray(Whitening.of(space.unit(real)).factor.T)
 
 
 class Edits:
@@ -20,14 +35,16 @@ class Edits:
     Args:
         space: the box of θ.
         theta: the points (n, d) that the episodes start from, within the box.
+        moves: (d, d), row j the move of θ in the unit cube that an edit 1 of parameter j is.
 
     Attributes:
         theta: the points with the edits so far.
         step: number of the parameter that is edited next; d at the end.
     """
 
-    def __init__(self, space: Space, theta: Floats) -> None:
-        self.space, self.theta, self.step = space, np.array(theta, dtype=np.float64), 0
+    def __init__(self, space: Space, theta: Floats, moves: Floats) -> None:
+        self.theta, self.step = np.array(theta, dtype=np.float64), 0
+        self._space, self._moves = space, moves
 
     @property
     def done(self) -> bool:
@@ -39,13 +56,13 @@ class Edits:
         n, d = self.theta.shape
         turn = np.zeros((n, d))
         turn[:, self.step : self.step + 1] = 1.0
-        return np.hstack([self.space.unit(self.theta), turn]).astype(np.float32)
+        return np.hstack([self._space.unit(self.theta), turn]).astype(np.float32)
 
     def edit(self, change: Floats) -> None:
-        """Move the next parameter by a share (n,) of its range, at most to its limit."""
-        unit = self.space.unit(self.theta)
-        unit[:, self.step] = np.clip(unit[:, self.step] + change, 0.0, 1.0)
-        self.theta[:, self.step] = self.space.scaled(unit)[:, self.step]
+        """Edit the next parameter by the amounts (n,); nothing leaves the box."""
+        unit = self._space.unit(self.theta) + change[:, None] * self._moves[self.step]
+        changed = self._moves[self.step] != 0.0
+        self.theta[:, changed] = self._space.scaled(np.clip(unit, 0.0, 1.0))[:, changed]
         self.step += 1
 
 
@@ -64,7 +81,8 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = spaces.Box(0.0, 1.0, (2 * d,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         self._problem = problem
-        self._edits = Edits(problem.space, problem.real[:1])
+        self._moves = single(d)
+        self._edits = Edits(problem.space, problem.real[:1], self._moves)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -73,7 +91,8 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         real = self._problem.real
         start = (options or {}).get("theta", real[self.np_random.integers(len(real))])
-        self._edits = Edits(self._problem.space, self._problem.space.clip(np.asarray(start, dtype=np.float64))[None])
+        theta = self._problem.space.clip(np.asarray(start, dtype=np.float64))[None]
+        self._edits = Edits(self._problem.space, theta, self._moves)
         return self._edits.observe()[0], {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:

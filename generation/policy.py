@@ -12,28 +12,28 @@ State = tuple[Tensor, Tensor]
 
 
 class Bins(NamedTuple):
-    """Bins of edits, as many for each parameter, in shares of the parameters' ranges.
+    """Bins of edits, as many for each parameter.
 
     Attributes:
-        low, high: outer edges (d,). count: number of bins.
+        low, high: outer edges (d,). number: of bins.
     """
 
     low: Tensor
     high: Tensor
-    count: int
+    number: int
 
     @property
     def width(self) -> Tensor:
         """Of the bins (d,)."""
-        return (self.high - self.low) / self.count
+        return (self.high - self.low) / self.number
 
     def centres(self, step: int) -> Tensor:
-        """Of the bins (count,) of a parameter."""
-        return self.low[step] + (torch.arange(self.count) + 0.5) * self.width[step]
+        """Of the bins (number,) of a parameter."""
+        return self.low[step] + (torch.arange(self.number) + 0.5) * self.width[step]
 
     def holding(self, step: int, edits: Tensor) -> Tensor:
         """The bin that holds each edit (n,) of a parameter, or is nearest to it."""
-        return ((edits - self.low[step]) / self.width[step]).floor().long().clamp(0, self.count - 1)
+        return ((edits - self.low[step]) / self.width[step]).floor().long().clamp(0, self.number - 1)
 
 
 class Policy(nn.Module):
@@ -42,15 +42,16 @@ class Policy(nn.Module):
     Untrained, it takes edits as a normal distribution around none would.
 
     Args:
-        d: number of parameters. bins: of edits. spread: standard deviation of the untrained policy's edits.
+        bins: of edits. spread: standard deviation (d,) of the untrained policy's edits.
     """
 
-    def __init__(self, d: int, bins: Bins, spread: float) -> None:
+    def __init__(self, bins: Bins, spread: Tensor) -> None:
         super().__init__()
+        d = len(spread)
         self.lstm = nn.LSTM(2 * d, HIDDEN, LAYERS, dropout=DROPOUT)
         self.bins = bins
-        self.weight = nn.Parameter(torch.zeros(d, bins.count, HIDDEN))
-        self.bias = nn.Parameter(torch.stack([-0.5 * (bins.centres(step) / spread) ** 2 for step in range(d)]))
+        self.weight = nn.Parameter(torch.zeros(d, bins.number, HIDDEN))
+        self.bias = nn.Parameter(torch.stack([-0.5 * (bins.centres(step) / spread[step]) ** 2 for step in range(d)]))
 
     def forward(self, step: int, observation: Tensor, state: State | None) -> tuple[Tensor, State]:
         """Logits (n, bins) of a parameter's edit, and what is remembered, given the observation (n, 2d)."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -47,7 +48,7 @@ class History(Episodes):
             with np.load(path, allow_pickle=False) as found:
                 outcomes = Outcomes(**{field.name: found[field.name] for field in fields(Outcomes)})
                 return cls(found["theta"], outcomes, found["rewards"])
-        except (OSError, ValueError, KeyError, EOFError) as error:
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise InvalidFile(f"this is no search's history ({error}); remove it to have it made again", path=path) from None
 
 

@@ -17,11 +17,12 @@ COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
 Form = Literal["exclusive", "additive"]
 
 
-def criticality(outcomes: Outcomes, form: Form = "exclusive") -> Floats:
+def criticality(outcomes: Outcomes, form: Form) -> Floats:
     """Reward (n,) without realism.
 
-    `exclusive`: 0.25 with a collision, otherwise −0.1 + 0.2·R_risk, so that a collision always pays most. `additive`: a
-    collision's 0.25 on top of the other. An episode that failed counts as one without any risk.
+    `exclusive`: 0.25 with a collision, otherwise −0.1 + 0.2·R_risk, so that a collision pays more than any risk. `additive`: a
+    collision's 0.25 on top of the other, so that among collisions those count most that were dangerous all along. An episode
+    that failed counts as one without any risk.
     """
     risk = SAFE + RISK * outcomes.r_risk
     if form == "additive":
@@ -56,9 +57,13 @@ class Realism:
             raise UsageError("held-out likelihoods of the samples do not differ: they set no scale for realism")
         return cls(density, float(limit), float(high - low))
 
+    def excess(self, theta: Floats) -> Floats:
+        """max((NLL − Q99) / IQR, 0) of rows (n, d): (n,)."""
+        return np.maximum((-self.density.log_density(theta) - self.limit) / self.scale, 0.0)
+
     def penalty(self, theta: Floats) -> Floats:
         """Of rows (n, d): (n,) in 0 … 1."""
-        return np.clip((-self.density.log_density(theta) - self.limit) / self.scale, 0.0, 1.0)
+        return np.minimum(self.excess(theta), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +77,8 @@ class Reward:
     """
 
     realism: Realism
-    weight: float = 0.1
-    form: Form = "exclusive"
+    weight: float = 0.2
+    form: Form = "additive"
 
     def __call__(self, theta: Floats, outcomes: Outcomes) -> Floats:
         """Rewards (n,) of rows (n, d) and what came of them."""

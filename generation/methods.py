@@ -1,0 +1,74 @@
+"""The search methods by name: MCSG, what it is compared with, and its ablations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from generation.problem import History, Problem
+from schemas.errors import UsageError
+
+Search = Callable[[Problem, int, int], History]
+"""Spends a budget of simulator calls on a problem, all that is drawn by a seed."""
+
+
+class Method(NamedTuple):
+    """Where a method is, and what it is.
+
+    Attributes:
+        module: below `generation`; its `search` is the method.
+        title: for tables.
+        meaning: one line for people.
+        realistic: whether it keeps to what is plausible: its reward has a realism term, or it draws from recorded parameters.
+    """
+
+    module: str
+    title: str
+    meaning: str
+    realistic: bool
+
+
+METHODS = {
+    "mcsg": Method("search", "**MCSG**", "reinforcement learning of edits to real scenarios, coarse to fine", True),
+    "random": Method("baselines.uniform", "random", "uniform in the box", False),
+    "kde": Method("baselines.kde_sampling", "KDE sampling", "draws from the density of recorded parameters", True),
+    "conscend": Method("baselines.conscend", "ConScenD", "replays recorded parameters, no search", True),
+    "cma-es": Method("baselines.cma_es", "CMA-ES", "evolution strategy on MCSG's reward, with restarts", True),
+    "gacs": Method("baselines.gacs", "GACS", "genetic algorithm on criticality", False),
+    "ibo": Method("baselines.ibo", "IBO", "Bayesian optimisation of criticality", False),
+    "ccsf": Method("baselines.ccsf", "CCSF", "REINFORCE with an LSTM, on criticality", False),
+    "no-rl": Method("baselines.no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True),
+    "no-kde": Method("baselines.no_kde", "No-KDE", "MCSG without the realism term", False),
+    "no-elite": Method("baselines.no_elite", "No-Elite", "MCSG that starts from real scenarios throughout", True),
+    "no-coordination": Method("baselines.no_coordination", "No-Coordination", "MCSG with edits of single parameters", True),
+    "exclusive": Method("baselines.exclusive", "exclusive reward", "MCSG where a collision pays the same whatever R_risk", True),
+}
+"""In the order of tables."""
+
+
+def method(name: str) -> Search:
+    """The search of that name.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if name not in METHODS:
+        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(METHODS)}")
+    search: Search = import_module(f"generation.{METHODS[name].module}").search
+    return search
+
+
+def need(module: str) -> Any:
+    """A module of an optional library.
+
+    Raises:
+        UsageError: it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        library = module.partition(".")[0]
+        if error.name != library:
+            raise
+        raise UsageError(f"this search method needs {library}: pip install 'xosc-toolchain[search]'") from None

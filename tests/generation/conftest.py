@@ -1,0 +1,23 @@
+"""A search problem that answers at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generation.density.kde import KDE
+from generation.problem import Problem
+from generation.reward import Realism, Reward
+from tests.generation.kinematic import SPACE, Kinematic, driven
+
+
+@pytest.fixture(scope="session")
+def realism() -> Realism:
+    """Realism of driven parameters."""
+    return Realism.of(KDE(0.7).fit(driven(300)), KDE(0.7).fit(driven(300)).log_density(driven(300, seed=1)))
+
+
+@pytest.fixture
+def problem(realism: Realism) -> Problem:
+    """Cut-ins in front of an ego at 30 m/s, by kinematics alone."""
+    return Problem(SPACE, Kinematic(), Reward(realism), np.array(driven(300)))
