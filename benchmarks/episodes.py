@@ -2,8 +2,8 @@
 
     python benchmarks/episodes.py [SCENARIO] [--episodes N] [--processes N] [--timestep S]
 
-Points are drawn uniformly from the scenario's parameter space. The parts are measured in one process by a clock around each
-of them; the clock itself costs a little, which is in the rest.
+Points are drawn uniformly from the scenario's parameter space. The parts are measured in one process by a clock of its
+processor time around each of them; the clock itself costs a little, which is in the rest.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import argparse
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,7 @@ WITHIN = {"recording, each step": "steps"}
 
 
 class Clock:
-    """Adds up the time spent in functions, by name."""
+    """Adds up the processor time spent in functions, by name."""
 
     def __init__(self) -> None:
         self.total: dict[str, float] = defaultdict(float)
@@ -50,11 +50,11 @@ class Clock:
         original: Callable[..., Any] = getattr(owner, function)
 
         def timed(*args: Any, **settings: Any) -> Any:
-            start = perf_counter()
+            start = process_time()
             try:
                 return original(*args, **settings)
             finally:
-                self.total[name] += perf_counter() - start
+                self.total[name] += process_time() - start
 
         setattr(owner, function, timed)
 
@@ -80,12 +80,12 @@ def parts(scenario: Path, space: Space, theta: np.ndarray, timestep: float) -> N
         clock.around(owner, function, name)
     execution.run(scenario, parameters={**space.pinned, **space.values(theta[0])}, timestep=timestep)  # fills the caches
     clock.total.clear()
-    start = perf_counter()
+    start = process_time()
     for row in theta:
         result = execution.run(scenario, parameters={**space.pinned, **space.values(row)}, timestep=timestep)
         assert result.criticality is not None
-    seconds = (perf_counter() - start) / len(theta)
-    print(f"one episode, one process: {seconds * 1e3:.1f} ms")
+    seconds = (process_time() - start) / len(theta)
+    print(f"one episode: {seconds * 1e3:.1f} ms of processor time")
     for name, spent in clock.total.items():
         print(f"    {spent / len(theta) * 1e3:6.2f} ms  {name}")
     outer = sum(spent for name, spent in clock.total.items() if name not in WITHIN)
