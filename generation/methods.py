@@ -38,6 +38,8 @@ METHODS = {
     "gacs": Method("baselines.gacs", "GACS", "genetic algorithm on criticality", False),
     "ibo": Method("baselines.ibo", "IBO", "Bayesian optimisation of criticality", False),
     "ccsf": Method("baselines.ccsf", "CCSF", "REINFORCE with an LSTM, on criticality", False),
+    "rltester": Method("baselines.rltester", "RLTester", "deep Q-network, one step of one parameter at a time, least TTC", False),
+    "rlbe": Method("baselines.rlbe", "RLBE", "proximal policy optimisation of edits, risk and plausibility", True),
     "no-rl": Method("baselines.no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True),
     "no-kde": Method("baselines.no_kde", "No-KDE", "MCSG without the realism term", False),
     "no-elite": Method("baselines.no_elite", "No-Elite", "MCSG that starts from real scenarios throughout", True),
