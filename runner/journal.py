@@ -95,7 +95,7 @@ def settings(out: Path) -> dict[str, Any]:
         values = json.loads((out / _SETTINGS).read_text(encoding="utf-8"))
         return dict(values)
     except (OSError, ValueError, TypeError):
-        raise UsageError("the settings of the batch can't be read", path=out / _SETTINGS) from None
+        raise UsageError("this is not the output folder of a batch: its settings can't be read", path=out) from None
 
 
 def _read(journal: Path) -> dict[str, Outcome]:

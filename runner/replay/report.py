@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from runner import journal
-from runner.outputs.report import finite
+from runner.outputs.runs import write_runs
 from runner.replay.page import page, write_page
 from runner.replay.player import REPLAY
-
-if TYPE_CHECKING:
-    from runner.jobs import Outcome
+from schemas.errors import InvalidFile
 
 REPORT = "report.html"
 """Name of the page in the output folder of a batch"""
+RUNS = "runs.parquet"
+"""Name of the table of runs in that folder"""
 _MEASURES = {
     "min_ttc": ("Least time to collision", "s", 10.0),
     "min_thw": ("Least time headway", "s", 10.0),
@@ -37,6 +37,7 @@ def write_report(out: Path) -> Path:
 
     Raises:
         UsageError: the folder is not that of a batch.
+        InvalidFile: its table of runs is damaged.
     """
     path = out / REPORT
     write_page(path, page(f"{out.resolve().name} – report", ("base.css", "report.css"), ("dom.js", "report.js"), report(out)))
@@ -44,15 +45,30 @@ def write_report(out: Path) -> Path:
 
 
 def report(out: Path) -> dict[str, Any]:
-    """What the page is made from: one row a run, in the order of their names."""
-    outcomes = sorted(journal.finished(out).values(), key=lambda outcome: outcome.job.name)
+    """What the page is made from: one row a run, in the order of their names; files that could not be run are among them."""
+    settings = journal.settings(out)
+    runs = _table(out)
     return {
         "title": out.resolve().name,
-        "settings": {name: str(value) for name, value in journal.settings(out).items()},
+        "settings": {name: str(value) for name, value in settings.items()},
         "measures": {name: {"label": label, "unit": unit, "most": most} for name, (label, unit, most) in _MEASURES.items()},
-        "parameters": varied(outcome.job.parameters for outcome in outcomes),
-        "runs": [_row(outcome, out) for outcome in outcomes],
+        "parameters": varied(dict(run["parameters"]) for run in runs),
+        "runs": [_row(run, out) for run in runs],
     }
+
+
+def _table(out: Path) -> list[dict[str, Any]]:
+    """The batch's table of runs; made from its journal where it was interrupted before there was one."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = out / RUNS
+    if not path.is_file():
+        write_runs(journal.finished(out).values(), path)
+    try:
+        return pq.read_table(path).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise InvalidFile(f"the table of runs can't be read: {str(error).splitlines()[0]}", path=path) from None
 
 
 def varied(sets: Iterable[dict[str, str]]) -> list[str]:
@@ -67,42 +83,36 @@ def varied(sets: Iterable[dict[str, str]]) -> list[str]:
     return [name for name, values in found.items() if len(values) > 1]
 
 
-def _row(outcome: Outcome, out: Path) -> dict[str, Any]:
-    job, measures = outcome.job, outcome.measures
-    replay = out / job.name / REPLAY
-    return finite(
-        {
-            "name": job.name,
-            "source": job.source.name,
-            "state": outcome.state,
-            "status": outcome.status,
-            "message": outcome.message,
-            "end": outcome.end_time,
-            "parameters": {name: _number(value) for name, value in job.parameters.items()},
-            "measures": {name: _value(measures.get(name)) for name in _MEASURES},
-            "replay": f"{job.name}/{REPLAY}" if replay.is_file() else None,
-            "moment": _moment(measures),
-        }
-    )
+def _row(run: dict[str, Any], out: Path) -> dict[str, Any]:
+    name = run["name"]
+    return {
+        "name": name,
+        "state": run["state"],
+        "status": run["status"],
+        "message": run["message"],
+        "end": run["end_time"],
+        "parameters": {key: _number(value) for key, value in run["parameters"]},
+        "measures": {key: _rounded(run[key]) for key in _MEASURES},
+        "replay": f"{name}/{REPLAY}" if (out / name / REPLAY).is_file() else None,
+        "moment": _moment(run),
+    }
 
 
-def _value(measure: Any) -> float | None:
-    """A measure's value; None where it is not defined."""
-    value = measure.get("value") if isinstance(measure, dict) else measure
-    return float(f"{value:.{_DIGITS}g}") if isinstance(value, int | float) else None
+def _rounded(value: float | None) -> float | None:
+    return float(f"{value:.{_DIGITS}g}") if value is not None and math.isfinite(value) else None
 
 
-def _moment(measures: dict[str, Any]) -> float:
+def _moment(run: dict[str, Any]) -> float:
     """Where a replay begins to be interesting, s."""
-    worst = measures.get("min_ttc") or measures.get("min_distance") or {}
-    return round(max(0.0, float(worst.get("time") or 0.0) - _LEAD_IN), 2)
+    times = [run[f"{measure}_time"] for measure in ("min_ttc", "min_distance")]
+    worst = next((time for time in times if time is not None), 0.0)
+    return round(max(0.0, worst - _LEAD_IN), 2)
 
 
 def _number(value: str) -> float | str:
     """A parameter's value as a number, where it is one."""
     try:
         number = float(value)
-        json.dumps(number, allow_nan=False)
     except ValueError:
         return value
-    return number
+    return number if math.isfinite(number) else value

@@ -1,0 +1,124 @@
+"""The command `xosc-replay`, and `xosc-run --replay`: which files they write, and what they refuse."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from runner import cli as run_cli
+from runner.batch import Options, run_batch
+from runner.jobs import jobs_of
+from runner.replay import cli as replay_cli
+from tests.runner.files import distribution, scenario
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """One of the two commands in this process: its exit code, and what it prints to both streams."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        name, *rest = map(str, arguments)
+        monkeypatch.setattr(sys, "path", list(sys.path))
+        monkeypatch.setattr(sys, "argv", [name, *rest])
+        with pytest.raises(SystemExit) as end:
+            (run_cli if name == "xosc-run" else replay_cli).main()
+        return int(end.value.code or 0), *capsys.readouterr()
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Output folder of three runs of 0.5 s."""
+    folder = tmp_path_factory.mktemp("batch")
+    scenario(folder, stop=0.5)
+    path = distribution(folder, "gaps", {"Gap": (20, 40, 10)})
+    out = folder / "out"
+    assert len(list(run_batch(jobs_of([path], {}, True), Options(sut=None, world="kinematic"), out=out))) == 3
+    return out
+
+
+@pytest.fixture
+def run(batch: Path) -> Path:
+    return batch / "gaps~000000"
+
+
+def test_a_run_becomes_a_page_in_its_folder(command: Command, run: Path) -> None:
+    assert command("xosc-replay", run) == (0, f"{run / 'replay.html'}\n", "")
+    assert (run / "replay.html").read_text().startswith("<!DOCTYPE html>")
+    assert command("xosc-replay", "--quiet", run) == (0, "", "")
+
+
+@pytest.mark.parametrize("suffix", [".html", ".png", ".gif"])
+def test_two_runs_become_one_file_and_always_the_same(
+    command: Command, batch: Path, run: Path, tmp_path: Path, suffix: str
+) -> None:
+    files = [tmp_path / f"{name}{suffix}" for name in ("first", "second")]
+    for file in files:
+        assert command("xosc-replay", run, batch / "gaps~000002", "--out", file)[0] == 0
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_an_animation_is_played_in_real_time(command: Command, batch: Path, run: Path, tmp_path: Path) -> None:
+    for name, runs in (("one.gif", [run]), ("two.gif", [run, batch / "gaps~000002"])):
+        assert command("xosc-replay", *runs, "--out", tmp_path / name)[0] == 0
+    one, two = (Image.open(tmp_path / name) for name in ("one.gif", "two.gif"))
+    assert getattr(one, "n_frames", 1) == 6
+    assert one.info["duration"] == 100
+    assert two.size == (one.width, 2 * one.height)
+    first = one.convert("RGB")
+    one.seek(5)
+    assert first.tobytes() != one.convert("RGB").tobytes()
+
+
+def test_a_batch_becomes_a_report_with_a_replay_of_each_run(command: Command, batch: Path) -> None:
+    assert command("xosc-replay", batch)[1] == f"{batch / 'report.html'}\n"
+    assert len(list(batch.glob("*/replay.html"))) == 3
+    before = (batch / "report.html").read_bytes()
+    command("xosc-replay", batch)
+    assert (batch / "report.html").read_bytes() == before
+
+
+def test_xosc_run_writes_pages_and_a_report_into_its_output_folder(command: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stop=0.2)
+    assert command("xosc-run", "--world", "kinematic", "--replay", "--out", tmp_path / "out", path)[0] == 0
+    replay = tmp_path / "out" / "scenario" / "replay.html"
+    from_folder = tmp_path / "again.html"
+    command("xosc-replay", replay.parent, "--out", from_folder)
+    assert replay.read_bytes() == from_folder.read_bytes()
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_xosc_run_without_an_output_folder_writes_a_page_to_the_working_directory(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = scenario(tmp_path / "files", stop=0.2)
+    monkeypatch.chdir(tmp_path)
+    assert command("xosc-run", "--world", "kinematic", "--replay", path)[0] == 0
+    assert [file.name for file in tmp_path.glob("*.html")] == ["scenario.html"]
+
+
+def test_wrong_usage_is_refused(command: Command, batch: Path, run: Path, tmp_path: Path) -> None:
+    for arguments, complaint in (
+        ([run, run, run], "one run or two, not 3"),
+        ([run, run], "name the --out file"),
+        ([run, "--out", tmp_path / "a.mp4"], "a replay ends in .html, .png, .gif"),
+        ([batch, "--out", tmp_path / "a.html"], "whole batch"),
+        ([run, "--out", "/dev/null/a.html"], "/dev/null"),
+    ):
+        code, out, err = command("xosc-replay", *arguments)
+        assert (code, out) == (2, "")
+        assert complaint in err
+        assert err.startswith("xosc-replay: ")
+
+
+def test_damaged_and_absent_results_are_refused(command: Command, tmp_path: Path) -> None:
+    code, _, err = command("xosc-replay", tmp_path / "absent")
+    assert code == 3
+    assert "absent/result.json: the results of a run can't be read" in err
