@@ -16,7 +16,6 @@ to it at no more than its `Performance` or 3.5 m/s² allow. Scripted lateral mot
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -27,13 +26,13 @@ from runner.sut import System, system_name
 from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
 from runner.world import Wish
 from schemas.errors import ToolchainError, UsageError
+from xosc.ego import EGO_NAME
 
 if TYPE_CHECKING:
     from runner.entities import Entity
     from runner.scenario import Scenario
     from runner.simulation import Simulation
 
-_EGO_NAME = re.compile(r"(ego|hero)([-_ ]?(vehicle|car))?[-_ ]?\d*", re.IGNORECASE)
 _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
 _SAME = 1e-9
@@ -53,7 +52,7 @@ def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
             raise UsageError(f"no entity is called {name!r}; there are {', '.join(scenario.entities)}", path=scenario.path)
         return scenario.entities[name]
     vehicles = [entity for entity in scenario.entities.values() if entity.kind == "vehicle"]
-    named = [entity for entity in vehicles if _EGO_NAME.fullmatch(entity.name)]
+    named = [entity for entity in vehicles if EGO_NAME.fullmatch(entity.name)]
     if named:
         return next((entity for entity in named if entity.controllers), named[0])
     controlled = [entity for entity in vehicles if entity.controllers]

@@ -21,6 +21,7 @@ class Target(NamedTuple):
 
 _ALL = (
     *(Target(version, "xosc.exports.standard", False, f"OpenSCENARIO XML {version}") for version in ("1.0", "1.1", "1.2", "1.3")),
+    Target("carla", "xosc.exports.carla", False, "the part of 1.0 that CARLA's scenario_runner reads"),
     Target("esmini", "xosc.exports.esmini", False, "scenarios that esmini plays as they are meant"),
     Target("commonroad", "runner.exports.commonroad", True, "CommonRoad 2020a XML: lanelets, obstacles, planning problem"),
     Target("sumo", "runner.exports.sumo", True, "SUMO: network, routes, and the run as FCD"),

@@ -1,0 +1,233 @@
+"""Exports of documents: what is taken along, what is changed, what is refused, and that nothing is overwritten."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runner
+import schemas
+import xosc
+from schemas.errors import Unsupported, UsageError
+from tests.runner.files import at_time, car, distribution, place, scenario, speed_action, story
+from xosc.exports import carla, esmini, standard
+from xosc.exports.folder import Folder
+
+LIBRARY = Path(xosc.__file__).parent / "library"
+
+BRAKES = story("Lead", [(0.5, speed_action(5))])
+
+Export = Callable[[Path, str, Folder], list[str]]
+
+
+def lane_change(target: str, dynamics: str = 'dynamicsShape="linear" dynamicsDimension="time" value="2"') -> str:
+    return (
+        f"<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics {dynamics}/>"
+        f"<LaneChangeTarget>{target}</LaneChangeTarget></LaneChangeAction></LateralAction></PrivateAction>"
+    )
+
+
+def motion(path: Path) -> dict[str, np.ndarray]:
+    result = runner.run(path, world="kinematic", sut="none", timestep=0.1)
+    return {name: np.column_stack([track.columns[c] for c in "xyh"]) for name, track in result.recording.tracks.items()}
+
+
+def refused(export: Export, path: Path, target: str, tmp_path: Path) -> str:
+    """The refusal, which names file and line, and after which there is no file."""
+    with pytest.raises(Unsupported) as caught:
+        export(path, target, Folder(tmp_path / "refused"))
+    assert re.match(rf"{re.escape(str(path))}:\d+: \w+: ", str(caught.value))
+    assert not list((tmp_path / "refused").rglob("*.xosc"))
+    return caught.value.message
+
+
+# the folder ---------------------------------------------------------------------------------
+
+
+def test_two_sources_of_one_name_get_two_names(tmp_path: Path) -> None:
+    folder = Folder(tmp_path)
+    names = [folder.name(tmp_path / source, "road.xodr") for source in ("a/road.xodr", "b/ROAD.xodr", "a/road.xodr")]
+    assert names == ["road.xodr", "road~2.xodr", "road.xodr"]
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    path = scenario(tmp_path, "own", stories=BRAKES)
+    before = path.read_bytes()
+    with pytest.raises(UsageError, match="in the way"):
+        standard.export(path, "1.3", Folder(tmp_path))
+    assert path.read_bytes() == before
+    for _ in range(2):  # the same export again is no matter
+        standard.export(path, "1.3", Folder(tmp_path / "out"))
+
+
+# the standard's versions --------------------------------------------------------------------
+
+
+def test_an_export_can_be_moved_away_from_its_sources(tmp_path: Path) -> None:
+    standard.export(LIBRARY / "cut_in_highway_variation.xosc", "1.3", Folder(tmp_path / "out"))
+    moved = (tmp_path / "out").rename(tmp_path / "moved")
+    files = sorted(str(path.relative_to(moved)) for path in moved.rglob("*.*"))
+    assert "roads/highway_straight.xodr" in files and "catalogs/vehicles/vehicle_catalog.xosc" in files
+    (varied, _), *_ = xosc.variations(moved / "cut_in_highway_variation.xosc")
+    assert varied == moved / "cut_in_highway.xosc"
+    expected = motion(LIBRARY / "cut_in_highway.xosc")
+    assert all(np.allclose(rows, expected[name]) for name, rows in motion(varied).items())
+
+
+def test_parameters_stay_where_the_version_can_say_them(tmp_path: Path) -> None:
+    path = scenario(tmp_path, init=place("Ego", 100, "$Ego_Speed") + place("Lead", 160, "$Lead_Speed"), stories=BRAKES)
+    assert standard.export(path, "1.0", Folder(tmp_path / "out")) == []
+    assert motion(path)["Lead"] == pytest.approx(motion(tmp_path / "out" / path.name)["Lead"])
+    exported = xosc.load(tmp_path / "out" / path.name)
+    assert [each.get("name") for each in exported.root.iter("ParameterDeclaration")] == ["Gap", "Ego_Speed", "Lead_Speed"]
+
+
+def test_a_distribution_becomes_scenarios_before_there_were_distributions(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=BRAKES)
+    sets = distribution(tmp_path, "sets", {"Gap": (40.0, 60.0, 10.0)})
+    (remark,) = standard.export(sets, "1.0", Folder(tmp_path / "out"))
+    assert "each set of parameters" in remark
+    assert [each.name for each in sorted((tmp_path / "out").glob("*.xosc"))] == [f"sets~00000{n}.xosc" for n in range(3)]
+    assert motion(tmp_path / "out" / "sets~000001.xosc")["Lead"] == pytest.approx(motion(path)["Lead"])
+
+
+def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
+    random = "<PrivateAction><RoutingAction><RandomRouteAction/></RoutingAction></PrivateAction>"
+    path = scenario(tmp_path, stories=story("Ego", [(0.5, random)]))
+    assert "RandomRouteAction" in refused(standard.export, path, "1.1", tmp_path)
+
+
+# carla --------------------------------------------------------------------------------------
+
+
+def test_carla_gets_a_hero_and_valid_1_0(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Ego", [(0.5, speed_action(5))]))
+    carla.export(path, "carla", Folder(tmp_path / "out"))
+    exported = tmp_path / "out" / path.name
+    assert (xosc.load(exported).version, schemas.check(exported)) == ((1, 0), [])
+    root = xosc.load(exported).root
+    kinds = {each.get("name"): each.find(".//Property[@name='type']").get("value") for each in root.iter("ScenarioObject")}
+    assert kinds == {"hero": "ego_vehicle", "Lead": "simulation"}
+    assert {each.get("entityRef") for each in root.iter("EntityRef", "Private")} == {"hero", "Lead"}
+    assert not [value for each in root.iter() for value in each.attrib.values() if "$" in value]
+    assert (tmp_path / "out" / "roads" / "straight.xodr").read_bytes() == (tmp_path / "straight.xodr").read_bytes()
+    assert motion(exported)["Lead"][:20] == pytest.approx(motion(path)["Lead"][:20])
+
+
+@pytest.mark.parametrize(
+    ("lane", "target", "left"),
+    [
+        (-2, '<AbsoluteTargetLane value="-1"/>', 1),
+        (-2, '<AbsoluteTargetLane value="-3"/>', -1),
+        (1, '<AbsoluteTargetLane value="2"/>', -1),
+        (2, '<AbsoluteTargetLane value="1"/>', 1),
+        (-2, '<RelativeTargetLane entityRef="Lead" value="0"/>', 1),
+        (-1, '<RelativeTargetLane entityRef="Lead" value="-2"/>', -2),
+        (-2, '<RelativeTargetLane entityRef="Ego" value="1"/>', 1),
+    ],
+)
+def test_carla_counts_lanes_to_the_left_of_the_actor(lane: int, target: str, left: int, tmp_path: Path) -> None:
+    init = place("Ego", 100, 10, lane=lane) + place("Lead", 150, 10, lane=-1)
+    path = scenario(tmp_path, init=init, stories=story("Ego", [(0.5, lane_change(target))]))
+    remarks = carla.export(path, "carla", Folder(tmp_path / "out"))
+    (relative,) = xosc.load(tmp_path / "out" / path.name).root.iter("RelativeTargetLane")
+    assert (relative.get("entityRef"), int(relative.get("value", ""))) == ("hero", left)
+    (dynamics,) = xosc.load(tmp_path / "out" / path.name).root.iter("LaneChangeActionDynamics")
+    assert (dynamics.get("dynamicsDimension"), float(dynamics.get("value", ""))) == ("distance", 20.0)
+    assert any("20 m" in remark for remark in remarks)
+
+
+def test_carla_gets_the_time_that_a_rate_takes(tmp_path: Path) -> None:
+    brake = speed_action(4, 'dynamicsShape="sinusoidal" dynamicsDimension="rate" value="3"')
+    path = scenario(tmp_path, init=place("Ego", 20, 10) + place("Lead", 80, 10), stories=story("Lead", [(0.5, brake)]), stop=6.0)
+    carla.export(path, "carla", Folder(tmp_path / "out"))
+    text = (tmp_path / "out" / path.name).read_text().replace("<StopTrigger/>", f"<StopTrigger>{at_time(6.0)}</StopTrigger>")
+    (tmp_path / "out" / path.name).write_text(text.replace('rule="greaterOrEqual"', 'rule="greaterThan"'))
+    rows, expected = motion(tmp_path / "out" / path.name)["Lead"], motion(path)["Lead"]
+    assert rows[: len(expected)] == pytest.approx(expected[: len(rows)], abs=1e-6)
+
+
+def test_carla_gets_a_later_time_for_a_delay(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Ego", [(0.5, speed_action(5))]).replace('delay="0"', 'delay="2"'))
+    carla.export(path, "carla", Folder(tmp_path / "out"))
+    conditions = list(xosc.load(tmp_path / "out" / path.name).root.iter("Condition"))
+    assert {each.get("delay") for each in conditions} == {"0"}
+    times = sorted(
+        float(each.get("value", "")) for each in xosc.load(tmp_path / "out" / path.name).root.iter("SimulationTimeCondition")
+    )
+    assert times == pytest.approx([2.0, 2.5], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("action", "reason"),
+    [
+        (lane_change('<AbsoluteTargetLane value="1"/>'), "same direction"),
+        (
+            lane_change('<AbsoluteTargetLane value="-2"/>', 'dynamicsShape="linear" dynamicsDimension="rate" value="1"'),
+            "distance",
+        ),
+        ('<PrivateAction><VisibilityAction graphics="true" sensors="true" traffic="true"/></PrivateAction>', "this action"),
+    ],
+)
+def test_carla_is_refused_by_name(action: str, reason: str, tmp_path: Path) -> None:
+    assert reason in refused(carla.export, scenario(tmp_path, stories=story("Ego", [(0.5, action)])), "carla", tmp_path)
+
+
+def test_carla_lanes_are_not_known_after_another_change(tmp_path: Path) -> None:
+    changes = [(0.5, lane_change('<AbsoluteTargetLane value="-2"/>')), (5.0, lane_change('<AbsoluteTargetLane value="-1"/>'))]
+    message = refused(carla.export, scenario(tmp_path, stories=story("Ego", changes)), "carla", tmp_path)
+    assert "known only when it runs" in message
+
+
+# esmini -------------------------------------------------------------------------------------
+
+
+def test_esmini_gets_parameters_and_distributions(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=BRAKES)
+    sets = distribution(tmp_path, "sets", {"Gap": (40.0, 60.0, 10.0)})
+    assert esmini.export(sets, "esmini", Folder(tmp_path / "out")) == []
+    assert sorted(each.name for each in (tmp_path / "out").glob("*.xosc")) == [path.name, "sets.xosc"]
+    assert len(list(xosc.variations(tmp_path / "out" / "sets.xosc"))) == 3
+    assert motion(tmp_path / "out" / path.name)["Lead"] == pytest.approx(motion(path)["Lead"])
+
+
+def test_esmini_is_told_what_it_does_not_read(tmp_path: Path) -> None:
+    remarks = esmini.export(LIBRARY / "highway_cut_in.xosc", "esmini", Folder(tmp_path))
+    assert [remark.split(": ")[1] for remark in remarks] == ["ConstraintGroup", "RelativeDistanceCondition"]
+    assert all(re.match(r".+highway_cut_in\.xosc:\d+: ", remark) for remark in remarks)
+
+
+@pytest.mark.parametrize(
+    ("action", "reason"),
+    [
+        (speed_action(5, 'dynamicsShape="linear" dynamicsDimension="time" value="2" followingMode="follow"'), "followingMode"),
+        ('<PrivateAction><LateralAction><LateralDistanceAction entityRef="Lead" freespace="true" continuous="true" '
+         'displacement="any"/></LateralAction></PrivateAction>', "displacement"),
+    ],
+)  # fmt: skip
+def test_esmini_is_refused_by_name(action: str, reason: str, tmp_path: Path) -> None:
+    assert reason in refused(esmini.export, scenario(tmp_path, stories=story("Ego", [(0.5, action)])), "esmini", tmp_path)
+
+
+def test_a_catalogue_entry_is_refused_where_it_stands(tmp_path: Path) -> None:
+    catalog = tmp_path / "catalogs" / "routes.xosc"
+    catalog.parent.mkdir()
+    point = '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" s="{}"/></Position></Waypoint>'
+    catalog.write_text(
+        '<OpenSCENARIO>\n<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="t" description="t"/>\n'
+        f'<Catalog name="routes">\n<Route name="round" closed="true">{point.format(10)}{point.format(90)}</Route>\n'
+        "</Catalog></OpenSCENARIO>"
+    )
+    assign = (
+        '<PrivateAction><RoutingAction><AssignRouteAction><CatalogReference catalogName="routes" entryName="round"/>'
+        "</AssignRouteAction></RoutingAction></PrivateAction>"
+    )
+    path = scenario(tmp_path, entities=[car("Ego"), car("Lead")], stories=story("Ego", [(0.5, assign)]))
+    located = '<CatalogLocations><RouteCatalog><Directory path="catalogs"/></RouteCatalog></CatalogLocations>'
+    path.write_text(path.read_text().replace("<CatalogLocations/>", located))
+    with pytest.raises(Unsupported, match=r"routes\.xosc:4: Route: esmini's routes are open"):
+        esmini.export(path, "esmini", Folder(tmp_path / "out"))

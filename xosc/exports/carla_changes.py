@@ -1,0 +1,159 @@
+"""What scenario_runner says differently, or not without what is known from the beginning of the scenario.
+
+Each change is made in place, in a worked-out document of version 1.1 or later; what can't be said is refused.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lxml import etree
+
+from schemas.xml import parse
+from xosc.catalogs import file_reference
+from xosc.document import Document
+from xosc.ego import EGO_NAME
+from xosc.exports.starts import Start, actors, beside, first, starts
+from xosc.node import Node
+
+HERO = "hero"
+"""Name that CARLA's agents look for."""
+
+_ALONG_ROADS = ("road", "lane")
+_SLOPES = {"linear": 1.0, "sinusoidal": math.pi / 2, "cubic": 1.5}
+"""Greatest rate of a shape by its mean rate."""
+
+
+def change(document: Document) -> list[str]:
+    """Make all changes; remarks on those that are approximations.
+
+    Raises:
+        Unsupported: something can't be said, named with file and line.
+    """
+    known = starts(document.node)
+    told = [_lane_change(node, known, document) for node in document.node.iter("LaneChangeAction")]
+    for node in document.node.iter("SpeedAction"):
+        _speed(node, known, document)
+    for node in document.node.iter("RelativeDistanceCondition"):
+        if node.get("coordinateSystem", "") in _ALONG_ROADS:  # scenario_runner's s and t are those of the road
+            del node.element.attrib["coordinateSystem"]
+    for node in document.node.iter("TimeHeadwayCondition", "TimeToCollisionCondition", "DistanceCondition"):
+        if node.get("coordinateSystem", "") in _ALONG_ROADS and node.get("relativeDistanceType", "") == "longitudinal":
+            del node.element.attrib["coordinateSystem"], node.element.attrib["relativeDistanceType"]
+            node.element.set("alongRoute", "true")
+    for node in document.node.iter("Condition"):
+        _delay(node)
+    told += [_stop(document), _hero(document)]
+    return [remark for remark in told if remark]
+
+
+def _lane_change(action: Node, known: dict[str, Start], document: Document) -> str:
+    """As many lanes to the left of the actor itself, over a distance: what scenario_runner reads."""
+    doing = actors(action)
+    if len(doing) != 1 or doing[0] not in known:
+        raise action.unsupported("scenario_runner changes lanes of one entity, which Init places")
+    start, dynamics = known[doing[0]], action.need("LaneChangeActionDynamics")
+    target = action.need("LaneChangeTarget").only()
+    if target.get("entityRef", None) != doing[0]:
+        steps = _steps(action, target, start, known, document)
+        target.element.tag = "RelativeTargetLane"
+        target.element.set("entityRef", doing[0])
+        target.element.set("value", str(steps))
+    if dynamics.get("dynamicsDimension") == "distance":
+        return ""
+    if dynamics.get("dynamicsDimension") == "rate" or not start.speed:
+        raise dynamics.unsupported("scenario_runner changes lanes over a distance, and there is none known for this")
+    distance = dynamics.float("value") * start.speed
+    dynamics.element.attrib.update({"dynamicsDimension": "distance", "value": repr(distance)})
+    return f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that its first speed makes of it"
+
+
+def _steps(action: Node, target: Node, start: Start, known: dict[str, Start], document: Document) -> int:
+    """How many lanes to its own left an entity changes that is still where it started."""
+    if start.road is None or not first(action, "LateralAction", document.node) or _left_hand(document):
+        raise target.unsupported("scenario_runner counts lanes from the actor's own, which is known only when it runs")
+    facing = 1 if start.lane < 0 else -1
+    if target.tag == "AbsoluteTargetLane":
+        lane = target.int("value")
+    else:
+        other = known.get(target.get("entityRef"), Start())
+        moves = any(target.get("entityRef") in actors(each) for each in document.node.iter("LateralAction"))
+        if other.road != start.road or moves:
+            raise target.unsupported("scenario_runner counts lanes from the actor's own, which is known only when it runs")
+        lane = beside(other.lane, facing * target.int("value")) if target.int("value") else other.lane
+    if lane * start.lane <= 0 or lane == start.lane:
+        raise target.unsupported("scenario_runner changes to other lanes of the same direction only")
+    return facing * (lane - start.lane)
+
+
+def _left_hand(document: Document) -> bool:
+    """Whether traffic keeps to the left, so that lane ids count the other way round."""
+    logic = document.node.find("RoadNetwork", "LogicFile")
+    roads = parse(file_reference(logic, "filepath")).getroot() if logic is not None else None
+    return roads is not None and any(road.get("rule") == "LHT" for road in roads.iter("road"))
+
+
+def _speed(action: Node, known: dict[str, Start], document: Document) -> None:
+    """A rate as the time that it takes: scenario_runner reads every number that is no distance as a time."""
+    dynamics = action.need("SpeedActionDynamics")
+    target = action.find("SpeedActionTarget", "AbsoluteTargetSpeed")
+    if dynamics.get("dynamicsDimension") != "rate" or dynamics.get("dynamicsShape") == "step":
+        return
+    speeds = {known[name].speed for name in actors(action) if name in known}
+    speed = next(iter(speeds)) if len(speeds) == 1 else None
+    if target is None or speed is None or not first(action, "LongitudinalAction", document.node):
+        raise dynamics.unsupported("scenario_runner reads the rate as a time, and what time it takes is known only when it runs")
+    time = abs(target.float("value") - speed) / dynamics.float("value") * _SLOPES[dynamics.get("dynamicsShape")]
+    dynamics.element.attrib.update({"dynamicsDimension": "time", "value": repr(time)})
+
+
+def _delay(condition: Node) -> None:
+    """scenario_runner waits for the delay before it looks at the condition; a time can be moved instead."""
+    delay = condition.float("delay", 0.0)
+    time = condition.find("ByValueCondition", "SimulationTimeCondition")
+    if not delay or condition.parent is None or _ends_the_scenario(condition):
+        return
+    if time is None or not time.get("rule").startswith("greater"):
+        raise condition.unsupported("scenario_runner waits for the delay first, and looks at the condition then")
+    time.element.set("value", repr(time.float("value") + delay))
+    condition.element.set("delay", "0")
+
+
+def _ends_the_scenario(node: Node) -> bool:
+    above = [each.tag for each in node.element.iterancestors()]
+    return "StopTrigger" in above and "Act" not in above
+
+
+def _stop(document: Document) -> str:
+    """scenario_runner looks for criteria in the storyboard's StopTrigger, and for nothing else."""
+    trigger = document.node.find("Storyboard", "StopTrigger")
+    if trigger is None or not trigger.children():
+        return ""
+    remark = f"{trigger.where}: StopTrigger: left out, a run ends when all acts have"
+    for group in trigger.children():
+        trigger.element.remove(group.element)
+    return remark
+
+
+def _hero(document: Document) -> str:
+    """Name the ego as CARLA's agents look for it, and mark it as scenario_runner does."""
+    objects = list(document.node.iter("ScenarioObject"))
+    named = [each for each in objects if each.find("Vehicle") is not None and EGO_NAME.fullmatch(each.get("name"))]
+    for each in objects:
+        vehicle = each.find("Vehicle")
+        if vehicle is not None:
+            holder = vehicle.element.find("Properties")
+            holder = etree.SubElement(vehicle.element, "Properties") if holder is None else holder
+            kind = "ego_vehicle" if each.element in [ego.element for ego in named[:1]] else "simulation"
+            holder.append(etree.Element("Property", name="type", value=kind))
+    if not named:
+        return f"{document.path}: no vehicle is called Ego or hero: CARLA runs it without an ego"
+    old = named[0].get("name")
+    if old != HERO and any(each.get("name") == HERO for each in objects):
+        raise named[0].unsupported(f"the ego is to be called {HERO}, and another entity is")
+    named[0].element.set("name", HERO)
+    for element in document.root.iter():
+        for attribute in ("entityRef", "masterEntityRef"):
+            if element.get(attribute) == old:
+                element.set(attribute, HERO)
+    return ""
