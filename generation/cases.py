@@ -83,13 +83,13 @@ def choose(
     log_likelihood = density.log_density(episodes.theta)
     order = np.lexsort((-log_likelihood, -episodes.rewards))
     order = order[critical(episodes.outcomes)[order]]
-    chosen = order[_diverse(space.unit(episodes.theta[order]), choice)]
+    chosen = order[diverse(space.unit(episodes.theta[order]), choice)]
     outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
     theta = episodes.theta[chosen]
     return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], ~careful(theta).collision)
 
 
-def _diverse(unit: Floats, choice: Choice) -> Whole:
+def diverse(unit: Floats, choice: Choice) -> Whole:
     """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `choice.apart` to those before."""
     kept: list[int] = []
     for index in range(len(unit)):
