@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,8 @@ def search(problem: Problem, budget: int, seed: int) -> History:
     calls, run = Calls(problem, budget), 0
     while calls.left:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            study = _study(optuna, 1000 * seed + run)
+            warnings.simplefilter("ignore")  # of an experimental option, and of points that are no power of two
+            study = _study(optuna, 1000 * seed + run, problem.space.names)
         for _ in range(min(TRIALS, calls.left)):
             trial = study.ask()
             unit = np.array([trial.suggest_float(name, 0.0, 1.0) for name in problem.space.names])
@@ -37,12 +38,12 @@ def search(problem: Problem, budget: int, seed: int) -> History:
     return calls.history
 
 
-def _study(optuna: Any, seed: int) -> Any:
+def _study(optuna: Any, seed: int, names: Sequence[str]) -> Any:
     """A study whose first points are Sobol's."""
-    process = optuna.samplers.GPSampler(
-        seed=seed,
-        n_startup_trials=STARTS,
-        independent_sampler=optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=seed),
-        deterministic_objective=True,
-    )
-    return optuna.create_study(direction="maximize", sampler=process)
+    from scipy.stats import qmc
+
+    sampler = optuna.samplers.GPSampler(seed=seed, n_startup_trials=STARTS, deterministic_objective=True)
+    study = optuna.create_study(direction="maximize", sampler=sampler)
+    for point in qmc.Sobol(len(names), rng=seed).random(STARTS):
+        study.enqueue_trial(dict(zip(names, point.tolist(), strict=True)))
+    return study

@@ -1,0 +1,131 @@
+"""The study: resumable, comparable, measured, tabulated and drawn."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import xosc
+from generation.evaluation.figures import write_figures
+from generation.evaluation.measures import avoided, curves, measure, taken
+from generation.evaluation.report import write_report
+from generation.evaluation.study import Key, Settings, Study
+from generation.evaluator import Outcomes
+from generation.parameters import Space
+from generation.problem import History, Problem
+from generation.recorded import Recorded
+from recognition.samples import Floats
+from schemas.errors import UsageError
+from tests.generation.kinematic import Kinematic, driven
+
+SCENARIO = Path(xosc.__file__).with_name("library") / "cut_in_highway.xosc"
+METHODS = ["mcsg", "random", "kde", "no-elite"]
+
+
+def recorded(space: Space) -> Recorded:
+    return Recorded(driven(200), np.array([f"r{number % 10}" for number in range(200)]))
+
+
+def study(out: Path, evaluate: Callable[[Floats], Outcomes] | None = None, budget: int = 90) -> Study:
+    return Study(SCENARIO, recorded, out, Settings(budget=budget), evaluators=lambda sut: evaluate or Kinematic())
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    found = study(tmp_path_factory.mktemp("study"))
+    assert len(list(found.run(found.pending(2, METHODS)))) == 8
+    return found
+
+
+def test_an_interrupted_study_goes_on_and_ends_as_if_it_had_not_been(done: Study, tmp_path: Path) -> None:
+    class Interrupted(Kinematic):
+        def __call__(self, theta: Floats) -> Outcomes:
+            if self.calls > 100:
+                raise KeyboardInterrupt
+            return super().__call__(theta)
+
+    first = study(tmp_path, Interrupted())
+    with pytest.raises(KeyboardInterrupt):
+        list(first.run(first.pending(1, METHODS)))
+    assert first.searches() == [Key("mcsg", 0)]
+    assert (tmp_path / "searches" / "random" / "0.jsonl").exists()
+    second = study(tmp_path)
+    assert list(second.run(second.pending(1, METHODS))) == [Key("random", 0), Key("kde", 0), Key("no-elite", 0)]
+    for key in second.searches():
+        assert np.array_equal(second.history(key).theta, done.history(key).theta)
+        assert np.array_equal(second.history(key).rewards, done.history(key).rewards)
+    assert not list(tmp_path.rglob("*.jsonl"))
+
+
+def test_a_folder_holds_results_of_one_setting(done: Study) -> None:
+    with pytest.raises(UsageError, match="another budget"):
+        study(done.out, budget=60)
+    assert done.pending(2, METHODS) == []
+    assert len(done.pending(3, METHODS)) == 4
+
+
+def test_all_methods_have_the_same_calls_and_the_report_shows_each(done: Study) -> None:
+    assert {len(done.history(key).theta) for key in done.searches()} == {90}
+    tables = {table.name: table for table in write_report(done)}
+    assert [row[0] for row in tables["generated"].rows] == ["**MCSG** †", "random", "KDE sampling †", "No-Elite †"]
+    assert len(tables["generated"].header) == len(tables["generated"].rows[0])
+    text = (done.out / "report.md").read_text()
+    assert "Ego_Speed_mps 30" in text
+    assert "MCSG is number" in text
+    with (done.out / "results.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 16
+    for key in done.searches():
+        own = measure(done.history(key), done.problem)
+        row = next(row for row in rows if (row["episodes"], row["method"], row["seed"]) == ("all", key.method, str(key.seed)))
+        assert float(row["r_risk"]) == own.r_risk
+        assert float(row["distinct"]) == own.distinct
+
+
+def test_figures_are_drawn_for_what_is_there(done: Study, tmp_path: Path) -> None:
+    drawn = write_figures(done, tmp_path)
+    assert {path.stem for path in drawn} == {"learning", "methods", "ablations", "projections", "trajectories"}
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in drawn)
+
+
+def test_measures_are_means_over_what_took_place(problem: Problem) -> None:
+    theta = np.repeat(problem.real[:2], 2, axis=0)
+    outcomes = Outcomes(
+        collision=np.array([True, True, False, False]),
+        r_risk=np.array([0.5, 0.5, 1.0, 0.0]),
+        min_ttc=np.zeros(4),
+        end_time=np.ones(4),
+        status=np.array(["completed", "completed", "completed", "error"]),
+        error=np.array(["", "", "", "it broke"]),
+    )
+    found = measure(History(theta, outcomes, problem.reward(theta, outcomes)), problem)
+    assert found.collisions == pytest.approx(2 / 3)
+    assert found.r_risk == pytest.approx(0.5)
+    assert found.failed == 0.25
+    assert found.distinct == 1  # two times the same
+    assert 0.0 < found.diversity < 1.0
+    half = taken(History(theta, outcomes, problem.reward(theta, outcomes)), np.array([False, False, True, True]))
+    assert measure(half, problem).edge_cases == 0.0
+
+
+def test_avoidable_is_what_the_careful_driver_survives(problem: Problem) -> None:
+    theta = np.repeat(problem.real[:1], 9, axis=0)
+    hit = Kinematic()(theta)
+    every = Outcomes(**{**vars(hit), "collision": np.ones(9, bool)})
+    history = History(theta, every, np.zeros(9))
+    assert avoided(history, lambda rows: Outcomes(**{name: values[: len(rows)] for name, values in vars(every).items()})) == 0.0
+    assert avoided(history, Kinematic()) == 1.0 - hit.collision.mean()
+    none = Outcomes(**{**vars(hit), "collision": np.zeros(9, bool)})
+    assert avoided(History(theta, none, np.zeros(9)), Kinematic()) is None
+
+
+def test_curves_are_means_over_a_window(problem: Problem) -> None:
+    theta = np.repeat(problem.real[:1], 4, axis=0)
+    outcomes = Outcomes(**{**vars(Kinematic()(theta)), "r_risk": np.array([0.0, 1.0, 1.0, 0.0])})
+    found = curves(History(theta, outcomes, np.arange(4.0)), window=2)
+    assert found["r_risk"].tolist() == [0.0, 0.5, 1.0, 0.5]
+    assert found["reward"].tolist() == [0.0, 0.5, 1.5, 2.5]
