@@ -95,6 +95,24 @@ def test_a_distribution_becomes_scenarios_before_there_were_distributions(tmp_pa
     assert motion(tmp_path / "out" / "sets~000001.xosc")["Lead"] == pytest.approx(motion(path)["Lead"])
 
 
+def test_catalogue_entries_keep_seeing_the_parameters_of_the_scenario(tmp_path: Path) -> None:
+    vehicle = re.search("<Vehicle.*</Vehicle>", car("Lead"), re.DOTALL)
+    assert vehicle is not None
+    (tmp_path / "catalogs").mkdir()
+    header = '<FileHeader revMajor="1" revMinor="1" date="2026-01-01T00:00:00" author="t" description="t"/>'
+    entry = vehicle[0].replace('length="5"', 'length="$Gap"')
+    text = f'<OpenSCENARIO>{header}<Catalog name="cars">{entry}</Catalog></OpenSCENARIO>'
+    (tmp_path / "catalogs" / "cars.xosc").write_text(text)
+    lead = '<ScenarioObject name="Lead"><CatalogReference catalogName="cars" entryName="car"/></ScenarioObject>'
+    path = scenario(tmp_path, entities=[car("Ego"), lead], stories=BRAKES)
+    located = '<CatalogLocations><VehicleCatalog><Directory path="catalogs"/></VehicleCatalog></CatalogLocations>'
+    path.write_text(path.read_text().replace("<CatalogLocations/>", located))
+    (remark,) = standard.export(path, "1.3", Folder(tmp_path / "out"))
+    assert "$Gap is of the scenario" in remark
+    result = runner.run(tmp_path / "out" / path.name, world="kinematic", sut="none", timestep=0.1)
+    assert result.recording.tracks["Lead"].box.length == 50.0
+
+
 def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
     random = "<PrivateAction><RoutingAction><RandomRouteAction/></RoutingAction></PrivateAction>"
     path = scenario(tmp_path, stories=story("Ego", [(0.5, random)]))

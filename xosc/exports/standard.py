@@ -9,12 +9,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from schemas.errors import Unsupported
+from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.exports.concrete import concrete, concrete_scenarios, copied
 from xosc.exports.folder import Folder
 from xosc.exports.older import in_version
 from xosc.exports.references import Draft, catalog_name, take_catalogs, take_roads
 from xosc.versions import Version
+
+_CLOSED_SINCE = (1, 2)
+"""Before, the entries of catalogues also saw the parameters at the place of the reference."""
 
 
 def export(source: Path, target: str, folder: Folder) -> list[str]:
@@ -35,7 +39,7 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
     version = (int(major), int(minor))
     document = load(source)
     if document.kind == "catalog":
-        folder.write(catalog_name(source, folder), to_bytes(in_version(document, version)))
+        folder.write(catalog_name(source, folder), to_bytes(_catalog(document, version)))
         return []
     if document.kind == "distribution":
         return distribution(document, version, folder)
@@ -63,10 +67,30 @@ def package(document: Document, version: Version | None, folder: Folder, name: s
         InvalidFile: a file that it refers to can't be read.
     """
     changed = copied(document)
-    draft = take_catalogs(changed, folder, lambda catalog: to_bytes(in_version(catalog, version or catalog.version)))
+    draft = take_catalogs(changed, folder, lambda catalog: to_bytes(_catalog(catalog, version)))
     draft |= take_roads(changed, folder)
     named = folder.name(document.path, f"{name or document.path.stem}.xosc")
     return {**draft, named: to_bytes(in_version(changed, version or changed.version))}
+
+
+def _catalog(catalog: Document, version: Version | None) -> Document:
+    """A catalogue in a version; refused where its entries would no longer see parameters that they use."""
+    if version is not None and catalog.version < _CLOSED_SINCE <= version:
+        for entry in catalog.node.need("Catalog").children():
+            declared = {each.get("name") for each in entry.iter("ParameterDeclaration")}
+            for node in entry.iter():
+                used = {name for text in node.element.attrib.values() for name in _parameters(str(text))}
+                if used - declared:
+                    name = min(used - declared)
+                    raise node.unsupported(f"${name} is of the scenario, and since 1.2 entries of catalogues see their own only")
+    return in_version(catalog, version or catalog.version)
+
+
+def _parameters(text: str) -> set[str]:
+    try:
+        return references(text)
+    except ExpressionError:  # as malformed in every version
+        return set()
 
 
 def distribution(document: Document, version: Version | None, folder: Folder) -> list[str]:
