@@ -97,7 +97,7 @@ def xosc_generate(
         sut, method, budget, seed, density, weight, rss, timestep, jobs,
         parameters_of(pin or []), tuple(free or ()), Choice(most, apart), concrete,
     )  # fmt: skip
-    with interruptible(NAME):
+    with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, settings, quiet, source.is_dir()) for each in _searches(source, recorded, kind, out)]
     raise typer.Exit(0 if any(found) else 1)
 

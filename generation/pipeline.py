@@ -10,12 +10,14 @@ from generation.cases import CAREFUL, Cases, Choice, choose
 from generation.density.base import Density
 from generation.density.selection import held_out, model
 from generation.evaluator import Evaluator, Outcomes
+from generation.memory import Memory
 from generation.methods import method
 from generation.parameters import Space
 from generation.problem import History, Problem
 from generation.recorded import Recorded
 from generation.reward import Realism, Reward
 from generation.variations import Evidence, Writer
+from recognition.files import digest
 from recognition.samples import Floats
 from schemas.errors import UsageError
 
@@ -86,6 +88,8 @@ def generate(
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
+    Runs are kept in the folder as they come: after an interruption the same call goes on where it was.
+
     Args:
         scenario: the file.
         recorded: gives the recorded parameters of a space.
@@ -102,9 +106,10 @@ def generate(
     real = recorded(space).within(space)
     density, realism = _prior(real, settings.density, scenario)
     with _evaluator(scenario, space, settings, settings.sut) as evaluator:
+        remembered = Memory(evaluator, _runs_file(scenario, space, out, settings))
 
         def evaluate(theta: Floats) -> Outcomes:
-            outcomes = evaluator(theta)
+            outcomes = remembered(theta)
             progress(len(theta))
             return outcomes
 
@@ -124,6 +129,20 @@ def _prior(real: Recorded, name: str, scenario: Path) -> tuple[Density, Realism]
         raise UsageError(reason, path=scenario)
     density = model(name).fit(real.theta, real.recordings)
     return density, Realism.of(density, held_out(name, real.theta, real.recordings))
+
+
+def _runs_file(scenario: Path, space: Space, out: Path, settings: Settings) -> Path:
+    """The file of the runs, another one for everything that decides what a run gives.
+
+    Raises:
+        UsageError: the folder can't be made.
+    """
+    deciding = (scenario.read_bytes(), settings.sut, settings.rss, settings.timestep, space.names, sorted(space.pinned.items()))
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"the folder can't be made: {error.strerror or error}", path=out) from None
+    return out / f"{scenario.stem}_runs_{digest(repr(deciding).encode())}.jsonl"
 
 
 def _evaluator(scenario: Path, space: Space, settings: Settings, sut: str) -> Evaluator:

@@ -72,4 +72,4 @@ def test_wrong_use_is_one_line_and_an_exit_code(
     said = capsys.readouterr().err
     assert reason in said
     assert "Traceback" not in said
-    assert not (tmp_path / "out").exists()
+    assert not list(tmp_path.rglob("*.xosc"))

@@ -1,0 +1,45 @@
+"""A search from scenario to files, interrupted and gone on with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generation.logical.library import SCENARIOS
+from generation.parameters import Space
+from generation.pipeline import LEAST, Settings, generate
+from generation.recorded import Recorded
+from schemas.errors import UsageError
+
+CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+QUICK = Settings(method="random", budget=60, density="gaussian", processes=1, timestep=0.1)
+
+
+def drawn(n: int) -> Recorded:
+    """Parameters of recordings that never were."""
+    rng = np.random.default_rng(2)
+    return Recorded(Space.of(CUT_IN).draw(n, rng), np.array([f"r{each % 5}" for each in range(n)]))
+
+
+def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path: Path) -> None:
+    def interrupt(runs: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate(CUT_IN, lambda space: drawn(200), tmp_path / "a", QUICK, interrupt)
+    (kept,) = (tmp_path / "a").glob("*_runs_*.jsonl")
+    before = kept.read_text()
+    assert before.count("\n") == 50
+    resumed = generate(CUT_IN, lambda space: drawn(200), tmp_path / "a", QUICK)
+    assert kept.read_text().startswith(before)
+    whole = generate(CUT_IN, lambda space: drawn(200), tmp_path / "b", QUICK)
+    np.testing.assert_array_equal(resumed.history.theta, whole.history.theta)
+    for one, other in zip(resumed.files, whole.files, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_too_few_recorded_manoeuvres_are_no_prior(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=f"at least {LEAST}"):
+        generate(CUT_IN, lambda space: drawn(LEAST - 1), tmp_path, QUICK)
