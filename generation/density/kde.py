@@ -66,9 +66,10 @@ def _best_factor(theta: Floats, groups: Whole) -> float:
 def _log_kernels(white: Floats, centres: Floats, bandwidths: Floats) -> Floats:
     """log of the mean of round Gaussian kernels around the centres, at white (n, d), for each bandwidth: (bandwidths, n)."""
     from scipy.spatial.distance import cdist
-    from scipy.special import logsumexp
 
     d, squares = white.shape[1], cdist(white, centres, "sqeuclidean")
+    nearest = squares.min(axis=1)
+    squares -= nearest[:, None]
     scale = np.log(len(centres)) + 0.5 * d * np.log(2.0 * np.pi) + d * np.log(bandwidths)
-    exponents = [logsumexp(-0.5 * squares / h**2, axis=1) for h in bandwidths]
-    return np.array(exponents) - scale[:, None]
+    sums = [np.log(np.exp(squares * (-0.5 / h**2)).sum(axis=1)) - 0.5 * nearest / h**2 for h in bandwidths]
+    return np.array(sums) - scale[:, None]
