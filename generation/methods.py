@@ -42,6 +42,7 @@ METHODS = {
     "rlbe": Method("baselines.rlbe", "RLBE", "proximal policy optimisation of edits, risk and plausibility", True),
     "no-rl": Method("baselines.no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True),
     "no-kde": Method("baselines.no_kde", "No-KDE", "MCSG without the realism term", False),
+    "no-learning": Method("baselines.no_learning", "No-Learning", "MCSG with an untrained policy", True),
     "no-elite": Method("baselines.no_elite", "No-Elite", "MCSG that starts from real scenarios throughout", True),
     "no-coordination": Method("baselines.no_coordination", "No-Coordination", "MCSG with edits of single parameters", True),
     "exclusive": Method("baselines.exclusive", "exclusive reward", "MCSG where a collision pays the same whatever R_risk", True),

@@ -53,8 +53,8 @@ def search(problem: Problem, budget: int, seed: int, settings: Settings = Settin
     The state is carried on: once there are as many episodes as in a batch, the next ones start from the elite of all, so that
     critical scenarios are edited further instead of being found anew (`Settings.elite`).
     """
-    learner = _Learner(problem, budget, seed, settings)
     with seeded(seed):
+        learner = _Learner(problem, budget, seed, settings)
         for stage in range(3):
             if stage == 1 and learner.edits:
                 learner.refine()
@@ -69,13 +69,11 @@ class _Learner:
         self.calls = Calls(problem, budget)
         self._problem, self._budget, self._settings = problem, budget, settings
         self._generator = np.random.default_rng(seed)
-        self._moves, unit = _moves(problem, settings.coordinated)
+        self._moves, deviation = _moves(problem, settings.coordinated)
         self._starts, self._baseline = _Starts(problem, settings), _Baseline(settings.momentum)
         self.edits: list[Floats] = []
-        with seeded(seed):
-            reach = torch.from_numpy(settings.reach * unit).float()
-            spread = torch.from_numpy(settings.spread * unit).float()
-            self._policy = Policy(Bins(-reach, reach, settings.bins[0]), spread)
+        reach = torch.from_numpy(settings.reach * deviation).float()
+        self._policy = Policy(Bins(-reach, reach, settings.bins[0]), torch.from_numpy(settings.spread * deviation).float())
         self._optimiser = torch.optim.Adam(self._policy.parameters(), settings.rate)
 
     def spend(self, until: int, noise: bool) -> None:
@@ -178,8 +176,7 @@ class _Starts:
 
 
 def _moves(problem: Problem, together: bool) -> tuple[Floats, Floats]:
-    """Moves (d, d) of edits, and how many standard deviations of a real parameter an edit 1 is (d,), inverted."""
+    """Moves (d, d) of edits, and the edits (d,) that are one standard deviation of the real parameters."""
     if together:
-        moves = coordinated(problem.space, problem.real)
-        return moves, np.ones(len(moves))
+        return coordinated(problem.space, problem.real), np.ones(len(problem.space.parameters))
     return single(len(problem.space.parameters)), problem.space.unit(problem.real).std(axis=0)

@@ -24,7 +24,7 @@ from generation.units.reconstruction import reconstruct
 from recognition.samples import Floats
 
 REAL, GENERATED, HARMLESS = "#2e7d32", "#c62828", "#f4a6a0"
-ABLATIONS = ("mcsg", "no-rl", "no-kde", "no-elite", "no-coordination", "exclusive")
+ABLATIONS = ("mcsg", "no-rl", "no-kde", "no-learning", "no-elite", "no-coordination", "exclusive")
 _COLOURS = mpl.colormaps["tab20"]
 _SHOWN = 600
 """Points of each kind in a projection, at most."""
