@@ -159,6 +159,24 @@ def test_carla_counts_lanes_to_the_left_of_the_actor(lane: int, target: str, lef
     assert any("20 m" in remark for remark in remarks)
 
 
+@pytest.mark.parametrize("lane", [-2, 1])
+def test_carla_gets_first_positions_on_lanes_whichever_way_the_traffic_drives(lane: int, tmp_path: Path) -> None:
+    relative = '<RelativeLanePosition entityRef="Ego" dLane="1" ds="30" offset="0.0"/>'
+    lead = place("Lead", 150, 10).replace('<LanePosition roadId="1" laneId="-1" s="150"/>', relative)
+    path = scenario(tmp_path, init=place("Ego", 100, 10, lane=lane) + lead, stories=BRAKES)
+    carla.export(path, "carla", Folder(tmp_path / "out"))
+    position = xosc.load(tmp_path / "out" / path.name).root.findall(".//LanePosition")[1]
+    assert (position.get("laneId"), position.get("s")) == (str(lane + 1), "130.0")
+    assert motion(tmp_path / "out" / path.name)["Lead"][0] == pytest.approx(motion(path)["Lead"][0])
+
+
+def test_carla_positions_beyond_the_first_road_are_refused(tmp_path: Path) -> None:
+    far = '<RelativeLanePosition entityRef="Ego" dLane="0" ds="30000"/>'
+    lead = place("Lead", 150, 10).replace('<LanePosition roadId="1" laneId="-1" s="150"/>', far)
+    path = scenario(tmp_path, init=place("Ego", 100, 10) + lead, stories=BRAKES)
+    assert "not known" in refused(carla.export, path, "carla", tmp_path)
+
+
 def test_carla_gets_the_time_that_a_rate_takes(tmp_path: Path) -> None:
     brake = speed_action(4, 'dynamicsShape="sinusoidal" dynamicsDimension="rate" value="3"')
     path = scenario(tmp_path, init=place("Ego", 20, 10) + place("Lead", 80, 10), stories=story("Lead", [(0.5, brake)]), stop=6.0)

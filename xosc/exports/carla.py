@@ -48,7 +48,10 @@ _REFUSED = (
     Rule("//TrafficSignalController", "scenario_runner reads the first phase of one controller only"),
     Rule("//RelativeObjectPosition", "scenario_runner takes dx and dy as those of the world"),
     Rule("//RoutePosition | //GeoPosition | //TrajectoryPosition", "scenario_runner does not have this position"),
-    Rule("//LanePosition[@offset and number(@offset) != 0]", "scenario_runner's offset is to the right of the lane's traffic"),
+    *(
+        Rule(f"//{tag}[@{name} and number(@{name}) != 0]", f"scenario_runner's {name} is to the right of the lane's traffic")
+        for tag, name in (("LanePosition", "offset"), ("RelativeLanePosition", "offset"), ("RelativeRoadPosition", "dt"))
+    ),
     Rule(
         "//LanePosition/Orientation[not(@type='relative')] | //RoadPosition/Orientation[not(@type='relative')]",
         "scenario_runner takes every orientation as relative here",

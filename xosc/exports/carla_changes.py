@@ -31,6 +31,8 @@ def change(document: Document) -> list[str]:
         Unsupported: something can't be said, named with file and line.
     """
     known = starts(document.node)
+    for node in list(document.node.iter("RelativeLanePosition")):
+        _on_lane(node, known, document)
     told = [_lane_change(node, known, document) for node in document.node.iter("LaneChangeAction")]
     for node in document.node.iter("SpeedAction"):
         _speed(node, known, document)
@@ -45,6 +47,19 @@ def change(document: Document) -> list[str]:
         _delay(node)
     told += [_stop(document), _hero(document)]
     return [remark for remark in told if remark]
+
+
+def _on_lane(position: Node, known: dict[str, Start], document: Document) -> None:
+    """The lane that a first position comes to: scenario_runner measures ds with the traffic, the standard with the road."""
+    private = next((each for each in position.element.iterancestors() if each.tag == "Private"), None)
+    start = known[private.get("entityRef", "")] if private is not None else Start()
+    lengths = {road.get("id"): float(road.get("length", "0")) for road in _roads(document)}
+    if start.road is None or not 0.0 <= start.s <= lengths.get(start.road, 0.0):
+        raise position.unsupported("scenario_runner measures ds with the traffic of a lane, and here that is not known")
+    for attribute in list(position.element.attrib):
+        del position.element.attrib[attribute]
+    position.element.tag = "LanePosition"
+    position.element.attrib.update({"roadId": start.road, "laneId": str(start.lane), "s": repr(start.s)})
 
 
 def _lane_change(action: Node, known: dict[str, Start], document: Document) -> str:
@@ -88,9 +103,12 @@ def _steps(action: Node, target: Node, start: Start, known: dict[str, Start], do
 
 def _left_hand(document: Document) -> bool:
     """Whether traffic keeps to the left, so that lane ids count the other way round."""
+    return any(road.get("rule") == "LHT" for road in _roads(document))
+
+
+def _roads(document: Document) -> list[etree._Element]:
     logic = document.node.find("RoadNetwork", "LogicFile")
-    roads = parse(file_reference(logic, "filepath")).getroot() if logic is not None else None
-    return roads is not None and any(road.get("rule") == "LHT" for road in roads.iter("road"))
+    return list(parse(file_reference(logic, "filepath")).getroot().iter("road")) if logic is not None else []
 
 
 def _speed(action: Node, known: dict[str, Start], document: Document) -> None:

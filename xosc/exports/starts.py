@@ -12,10 +12,14 @@ from xosc.node import Node
 
 
 class Start(NamedTuple):
-    """How an entity starts. road: None where its position does not name one. speed: m/s; None where none is set."""
+    """How an entity starts.
+
+    road, lane, s (m): None, 0 and 0 where its position does not name them. speed: m/s; None where none is set.
+    """
 
     road: str | None = None
     lane: int = 0
+    s: float = 0.0
     speed: float | None = None
 
 
@@ -29,18 +33,16 @@ def starts(scenario: Node) -> dict[str, Start]:
     return {name: Start(*_lane(name, privates, ()), _speed(node)) for name, node in privates.items()}
 
 
-def _lane(name: str, privates: dict[str, Node], inside: tuple[str, ...]) -> tuple[str | None, int]:
+def _lane(name: str, privates: dict[str, Node], inside: tuple[str, ...]) -> tuple[str | None, int, float]:
     teleports = list(privates[name].iter("TeleportAction")) if name in privates and name not in inside else []
     position = teleports[-1].need("Position").only() if teleports else None
-    if position is None:
-        return None, 0
-    if position.tag == "LanePosition":
-        return position.get("roadId"), position.int("laneId")
-    if position.tag == "RelativeLanePosition":
-        road, lane = _lane(position.get("entityRef"), privates, (*inside, name))
-        target = beside(lane, position.int("dLane"))
-        return (road, target) if road is not None and target else (None, 0)
-    return None, 0
+    if position is not None and position.tag == "LanePosition":
+        return position.get("roadId"), position.int("laneId"), position.float("s")
+    if position is not None and position.tag == "RelativeLanePosition" and position.has("ds"):
+        road, lane, s = _lane(position.get("entityRef"), privates, (*inside, name))
+        target = beside(lane, position.int("dLane")) if position.int("dLane") else lane
+        return (road, target, s + position.float("ds")) if road is not None else (None, 0, 0.0)
+    return None, 0, 0.0
 
 
 def _speed(private: Node) -> float | None:
