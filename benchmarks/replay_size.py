@@ -1,4 +1,4 @@
-"""Size of replay pages, time to write them, and frames per second that a browser shows, for 60 s of 20 participants.
+"""Size of replay pages, processor time to write them, and frames per second that a browser shows, for 60 s of 20 participants.
 
     python benchmarks/replay_size.py [--seconds S] [--noise M] [--frames]
 
@@ -12,7 +12,7 @@ import argparse
 import sys
 import tempfile
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from step_cost import ROADS, write_scenario
@@ -55,11 +55,11 @@ def main() -> None:
 def _measure(name: str, result: RunResult, folder: Path, frames: bool) -> None:
     rows = sum(len(track.columns["time"]) for track in result.recording.tracks.values())
     page, gif = folder / "replay.html", folder / "replay.gif"
-    begin = perf_counter()
+    begin = process_time()
     write_replay([result], page)
-    between = perf_counter()
+    between = process_time()
     write_animation([result], gif)
-    end = perf_counter()
+    end = process_time()
     played = f", {_frames(page, folder):.0f} frames/s" if frames else ""
     print(
         f"{name:<20} {rows} rows: page {page.stat().st_size / 1e6:.2f} MB in {between - begin:.2f} s{played}; "

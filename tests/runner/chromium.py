@@ -147,10 +147,17 @@ class Browser:
             )
         self.settle()
 
-    def click(self, x: float, y: float) -> None:
-        """Click at a place of the window."""
-        for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+    def drag(self, x: float, y: float, dx: float = 0.0, dy: float = 0.0) -> None:
+        """Press at a place of the window, move by some pixels, and release; without movement this is a click."""
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+        if dx or dy:
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + dx, y=y + dy, button="left", buttons=1)
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + dx, y=y + dy, button="left", clickCount=1)
+        self.settle()
+
+    def wheel(self, x: float, y: float, down: float) -> None:
+        """Turn the mouse wheel at a place of the window."""
+        self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)
         self.settle()
 
     def picture(self, path: Path, *, whole: bool = False) -> Path:

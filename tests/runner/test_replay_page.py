@@ -161,6 +161,23 @@ def test_zoom_and_follow_change_the_picture(browser: Browser, one: Path, tmp_pat
     assert browser.run("document.querySelector('canvas').toDataURL()") == before
 
 
+def test_the_mouse_moves_zooms_and_picks(browser: Browser, one: Path) -> None:
+    browser.open(one, "t=0")
+    canvas = "document.querySelector('canvas')"
+    rectangle = f"(r => [r.left + r.width / 2, r.top + r.height / 2])({canvas}.getBoundingClientRect())"
+    x, y = browser.run(rectangle)
+    pictures = [browser.run(f"{canvas}.toDataURL()")]
+    browser.wheel(x, y, -300)
+    pictures.append(browser.run(f"{canvas}.toDataURL()"))
+    browser.drag(x, y, 60, 20)
+    pictures.append(browser.run(f"{canvas}.toDataURL()"))
+    assert len(set(pictures)) == 3
+    browser.open(one, "t=0")
+    scale = browser.run(f"Math.min(Math.max({canvas}.clientWidth / 120, 6), 12)")
+    browser.drag(x + 16.5 * scale, y)  # the middle of the lead's box is 16.5 m ahead of the ego's rear axle
+    assert browser.run("document.querySelector('select[aria-label=Follow]').value") == f"={EVIL}"
+
+
 def test_two_runs_are_side_by_side_and_say_what_differs(browser: Browser, results: list[RunResult], tmp_path: Path) -> None:
     write_replay(results, tmp_path / "two.html")
     browser.open(tmp_path / "two.html", "t=3", width=1280)
