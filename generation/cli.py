@@ -60,7 +60,9 @@ def xosc_generate(
     kind: Annotated[
         str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")
     ] = None,
-    method: Annotated[str, typer.Option(help="Search method.")] = "mcsg",
+    method: Annotated[
+        str, typer.Option(help="Search method: mcsg, random, kde, conscend, cma-es, gacs, ibo, ccsf, rltester, rlbe, …")
+    ] = "mcsg",
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = 3000,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     weight: Annotated[
@@ -95,7 +97,7 @@ def xosc_generate(
 
     settings = Settings(
         sut, method, budget, seed, density, weight, rss, timestep, jobs,
-        parameters_of(pin or []), tuple(free or ()), Choice(most, apart), concrete,
+        parameters_of(pin or [], "--pin"), tuple(free or ()), Choice(most, apart), concrete,
     )  # fmt: skip
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, settings, quiet, source.is_dir()) for each in _searches(source, recorded, kind, out)]
@@ -118,7 +120,7 @@ def _searches(source: Path, recorded: Path | None, kind: str | None, out: Path) 
 
 
 def _found(search: Search, settings: Settings, quiet: bool, catalogue: bool) -> bool:
-    """Search one scenario; whether there are edge cases. What can't be searched ends a catalogue's search for others not."""
+    """Search one scenario; whether there are edge cases. In a catalogue the next one follows where one can't be searched."""
     from generation.pipeline import generate
 
     try:

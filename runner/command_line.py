@@ -47,8 +47,8 @@ def interruptible(name: str, hint: str = "") -> Iterator[None]:
         raise typer.Exit(PIPE_CLOSED) from None
 
 
-def parameters_of(pairs: Iterable[str]) -> dict[str, str]:
-    """Values of parameters by name, from the texts of `--param`.
+def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
+    """Values of parameters by name, from the texts of an option.
 
     Raises:
         UsageError: one is not of the form NAME=VALUE.
@@ -57,6 +57,6 @@ def parameters_of(pairs: Iterable[str]) -> dict[str, str]:
     for pair in pairs:
         name, equals, value = pair.partition("=")
         if not (name and equals):
-            raise UsageError(f"--param {pair!r}: NAME=VALUE is expected")
+            raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
         values[name] = value
     return values

@@ -52,7 +52,7 @@ def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
         (("nothing.xosc",), 2, "no such file"),
         ((CUT_IN, "--method", "magic"), 2, "methods: mcsg"),
         ((CUT_IN, "--kind", "parking"), 2, "kinds: braking"),
-        ((CUT_IN, "--pin", "Ego_Speed"), 2, "NAME=VALUE"),
+        ((CUT_IN, "--pin", "Ego_Speed"), 2, "--pin 'Ego_Speed': NAME=VALUE"),
         ((CUT_IN, "--free", "CutIn_Jerk"), 2, "no parameter"),
         ((CUT_IN, "--sut", "nobody", *QUICK), 2, "nobody"),
         ((str(SCENARIOS / "r157_cut_in.xosc"),), 2, "--kind"),
