@@ -8,6 +8,7 @@ from pathlib import Path
 
 from xosc.distributions import ParameterSpace, variations
 from xosc.document import Document, load
+from xosc.node import SOURCE, Node
 from xosc.resolve import Argument, resolve
 
 MAX_SETS = 1000
@@ -20,6 +21,7 @@ _REFERENCES = ("parameterRef",)
 def concrete(document: Document, parameters: Mapping[str, Argument] | None = None) -> Document:
     """A scenario whose attributes are literals, with catalogue entries in the place of the references to them.
 
+    Its version is the newest of its own and those of its catalogues.
     Declarations stay only of parameters that conditions and actions name; what then is left out is not used any more.
 
     Raises:
@@ -37,7 +39,14 @@ def concrete(document: Document, parameters: Mapping[str, Argument] | None = Non
     for locations in resolved.root.findall("CatalogLocations"):
         for location in list(locations):
             locations.remove(location)
-    return Document(resolved.path, resolved.root, resolved.version, resolved.kind)
+    version = max([resolved.version, *(load(path).version for path in _sources(resolved))])
+    Node(resolved.root, resolved.path).need("FileHeader").element.set("revMinor", str(version[1]))
+    return Document(resolved.path, resolved.root, version, resolved.kind)
+
+
+def _sources(resolved: Document) -> set[str]:
+    """The catalogues that entries came from, which may be of a newer version than the scenario."""
+    return {str(element.get(SOURCE)) for element in resolved.root.iter() if element.get(SOURCE)}
 
 
 def concrete_scenarios(path: Path) -> Iterator[tuple[str, Document]]:
