@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import xosc
-from generation.logical.maneuvers import MANEUVERS
+from generation.logical.maneuvers import EGO, MANEUVERS
 from generation.parameters import SEVEN, Space
 from generation.units import KINDS, OWN, Samples, extract
 from recognition.samples import Floats
@@ -19,7 +19,7 @@ from schemas.errors import UsageError
 from xosc.node import Node
 from xosc.tags import PREFIX
 
-_SPEED = "Speed_mps"
+_ROLES = tuple(SEVEN.values())
 _RECORDING = f"{PREFIX}Recording"
 
 
@@ -92,14 +92,20 @@ def of_samples(samples: Samples, space: Space) -> Recorded:
     Raises:
         UsageError: recordings tell nothing about one of the parameters.
     """
-    roles = [each.name for each in SEVEN.values()]
-    columns = []
-    for name in space.names:
-        short = name.partition("_")[2]
-        if short not in (*roles, _SPEED):
-            raise UsageError(f"recordings tell nothing about the parameter {name}: pin it")
-        columns.append(samples.ego_speeds if short == _SPEED else samples.theta[:, roles.index(short)])
-    return Recorded(np.stack(columns, axis=1), samples.recordings)
+    told = {
+        f"{actor}_{each.name}": column for actor in _actors(space) for each, column in zip(_ROLES, samples.theta.T, strict=True)
+    }
+    told[f"{'Lead' if EGO in _actors(space) else EGO}_Speed_mps"] = samples.ego_speeds
+    unknown = [name for name in space.names if name not in told]
+    if unknown:
+        raise UsageError(f"recordings tell nothing about the parameter {unknown[0]}: pin it")
+    return Recorded(np.stack([told[name] for name in space.names], axis=1), samples.recordings)
+
+
+def _actors(space: Space) -> set[str]:
+    """Participants of which the space has one of the seven."""
+    names = {each.name for each in _ROLES}
+    return {participant for participant, _, short in (name.partition("_") for name in space.names) if short in names}
 
 
 def of_catalogue(path: Path) -> Iterator[Scenario]:

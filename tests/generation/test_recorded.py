@@ -32,9 +32,22 @@ def test_columns_go_by_name_and_the_egos_speed_is_that_of_the_other() -> None:
     assert len(found.recordings) == 4
 
 
-def test_what_recordings_do_not_tell_is_refused() -> None:
-    with pytest.raises(UsageError, match="CutIn_LaneChangeTime_s"):
-        of_samples(samples(), Space.of(SCENARIOS / "highway_cut_in.xosc", pinned={"CutIn_Gap_m": "9"}))
+@pytest.mark.parametrize(
+    ("name", "pinned", "free", "unknown"),
+    [
+        ("highway_cut_in", {}, [], "CutIn_Speed_mps"),
+        ("highway_cut_in", {"CutIn_Speed_mps": "9"}, [], "CutIn_LaneChangeTime_s"),
+        ("cut_out_highway", {}, ["Slow_Speed_mps"], "Slow_Speed_mps"),
+    ],
+)
+def test_what_recordings_do_not_tell_is_refused(name: str, pinned: dict[str, str], free: list[str], unknown: str) -> None:
+    with pytest.raises(UsageError, match=unknown):
+        of_samples(samples(), Space.of(SCENARIOS / f"{name}.xosc", pinned, free))
+
+
+def test_where_the_ego_acts_the_other_is_the_leader() -> None:
+    space = Space.of(SCENARIOS / "lane_change_left_highway.xosc", free=["Lead_Speed_mps"])
+    assert of_samples(samples(), space).theta[0].tolist() == [*range(7), 33.0]
 
 
 def test_only_rows_inside_the_box_stay() -> None:
