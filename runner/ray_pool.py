@@ -13,6 +13,8 @@ import os
 import socket
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from runner.jobs import Job, Outcome, failure
@@ -45,6 +47,7 @@ class RayPool:
 
     Raises:
         UsageError: Ray is not installed, or there is no such cluster.
+        ToolchainError: one of our own does not start.
     """
 
     def __init__(
@@ -91,7 +94,8 @@ class RayPool:
                 first = order.popleft()
                 yield first if isinstance(first, Outcome) else arrived.pop(first)
         finally:
-            self._abandon(list(awaited))
+            if awaited:
+                self._abandon(awaited)
 
     def _submit(self, job: Job, awaited: dict[Any, Job]) -> Any:
         reference = self._task.remote(self._shared, os.getcwd(), job)
@@ -115,12 +119,16 @@ class RayPool:
             return failure(job, error)
         return outcome
 
-    def _abandon(self, references: list[Any]) -> None:
-        """End what is still waiting or in work."""
-        for reference in references:
+    def _abandon(self, awaited: dict[Any, Job]) -> None:
+        """Keep what is done, end what is still waiting or in work."""
+        wait = partial(self._ray.wait, num_returns=len(awaited))
+        finished, others = wait(list(awaited), timeout=0)
+        for reference in others:
             self._ray.cancel(reference)
-        if references:
-            self._ray.wait(references, num_returns=len(references), timeout=_LEAVING)
+        with suppress(ToolchainError):  # the cluster is what we leave it for
+            for reference in finished:
+                self._outcome(reference, awaited[reference])
+        wait(list(awaited), timeout=_LEAVING)
 
 
 def _work(work: Callable[[Job], Outcome], folder: str, job: Job) -> Outcome:
@@ -142,8 +150,11 @@ def _connect(address: str, processes: int) -> tuple[Any, bool]:
     try:
         _reach(address)
         ray.init(address=address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR, **own)
-    except (ConnectionError, ValueError, RuntimeError, OSError) as error:
-        raise UsageError(f"there is no Ray cluster at {address!r}: {' '.join(str(error).split())[:200]}") from None
+    except Exception as error:  # Ray raises whatever there is
+        reason = " ".join(str(error).split())[:200]
+        if own:
+            raise ToolchainError(f"Ray does not start on this machine: {reason}") from None
+        raise UsageError(f"there is no Ray cluster at {address!r}: {reason}") from None
     return ray, True
 
 

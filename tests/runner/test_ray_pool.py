@@ -151,7 +151,7 @@ def test_the_command_starts_a_cluster_of_its_own(variation: Path) -> None:
 
 
 def test_an_address_without_a_cluster_is_named(variation: Path) -> None:
-    done = subprocess.run([*COMMAND, str(variation), "--ray", "127.0.0.1:1"], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([*COMMAND, str(variation), "--ray", "127.0.0.1:1"], capture_output=True, text=True, timeout=300)
     assert done.returncode == 2
     assert "there is no Ray cluster at '127.0.0.1:1'" in done.stderr
     assert "Traceback" not in done.stderr
