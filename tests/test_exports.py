@@ -14,6 +14,7 @@ from runner.batch import Options
 from runner.exports import TARGETS, Target
 from runner.exports.exporting import export_documents, export_runs
 from runner.jobs import Job, jobs_of
+from schemas.errors import ToolchainError
 from xosc.exports.folder import Folder
 
 ROOT = Path(__file__).parents[1]
@@ -25,7 +26,7 @@ QUICK = Options(timestep=0.1, sut="none", world="kinematic")
 
 def motion(job: Job) -> dict[str, np.ndarray]:
     """Place, heading and speed of everyone at every step, without a simulator."""
-    result = runner.run(job.scenario, parameters=job.parameters, world="kinematic", sut="none", timestep=0.1)
+    result = runner.run(job.scenario, parameters=job.parameters, world="kinematic", sut="none", timestep=0.1, max_time=30)
     columns = ("time", "x", "y", "z", "h", "speed")
     return {name: np.column_stack([track.columns[c] for c in columns]) for name, track in result.recording.tracks.items()}
 
@@ -60,6 +61,26 @@ def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: s
             for name, rows in expected.items():
                 assert np.allclose(rows, got[name], rtol=0.0, atol=1e-6), (path, version, name)
     assert exported
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("target", [*VERSIONS, "esmini"])
+def test_public_scenarios_move_as_before(target: str, corpora: Path, tmp_path: Path) -> None:
+    same = 0
+    for path in sorted(corpora.rglob("*.xosc")):
+        try:
+            if xosc.load(path).kind != "scenario":
+                continue
+            expected = motion(Job(path.stem, path, path))
+        except ToolchainError:
+            continue
+        folder = Folder(tmp_path / f"{same}")
+        (done,) = export_documents([path], TARGETS[target], folder)
+        if done.exit_code == 0:
+            got = motion(Job(path.stem, path, folder.path / path.name))
+            assert all(np.allclose(rows, got[name], rtol=0.0, atol=1e-6) for name, rows in expected.items()), path
+            same += 1
+    assert same > 10
 
 
 @pytest.mark.parametrize("target", [target for target in TARGETS.values() if not target.of_run], ids=lambda target: target.name)

@@ -113,6 +113,18 @@ def test_catalogue_entries_keep_seeing_the_parameters_of_the_scenario(tmp_path: 
     assert result.recording.tracks["Lead"].box.length == 50.0
 
 
+def test_what_old_versions_leave_open_is_said_in_new_ones_and_left_out_again(tmp_path: Path) -> None:
+    old = scenario(tmp_path / "old", stories=BRAKES).read_text().replace('revMinor="3"', 'revMinor="1"')
+    (tmp_path / "old" / "scenario.xosc").write_text(old.replace("</Axles>", "</Axles><Properties/>"))
+    standard.export(tmp_path / "old" / "scenario.xosc", "1.2", Folder(tmp_path / "new"))
+    (told,) = xosc.load(tmp_path / "new" / "scenario.xosc").root.findall("Storyboard/Story//SpeedActionDynamics")
+    assert told.get("followingMode") == "follow"
+    standard.export(tmp_path / "new" / "scenario.xosc", "1.1", Folder(tmp_path / "again"))
+    assert "followingMode" not in (tmp_path / "again" / "scenario.xosc").read_text()
+    assert all(np.array_equal(rows, motion(tmp_path / "new" / "scenario.xosc")[name])
+               for name, rows in motion(tmp_path / "old" / "scenario.xosc").items())  # fmt: skip
+
+
 def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
     random = "<PrivateAction><RoutingAction><RandomRouteAction/></RoutingAction></PrivateAction>"
     path = scenario(tmp_path, stories=story("Ego", [(0.5, random)]))

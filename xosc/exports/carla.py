@@ -12,10 +12,10 @@ from xosc.document import load, to_bytes
 from xosc.exports.carla_changes import change
 from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.folder import Folder
-from xosc.exports.older import in_version
 from xosc.exports.references import Draft, take_roads
 from xosc.exports.refusals import Rule, refuse, remarks
 from xosc.exports.standard import write_all
+from xosc.exports.wording import in_version
 
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
 """Where triggers are looked at: that of the storyboard's end is not."""

@@ -1,4 +1,6 @@
-"""What an older version has no words for although no motion depends on it, said in the words that it has.
+"""What versions say differently so that files stay valid and move as before, beyond `xosc.versions`.
+
+What an older version has no words for, although no motion depends on it, is said in the words that it has:
 
 | of | before | becomes |
 |---|---|---|
@@ -7,7 +9,9 @@
 | no model of a pedestrian | 1.1 | its name as model |
 | rule greaterOrEqual, lessOrEqual | 1.1 | greaterThan, lessThan, the value moved by `GRAIN` |
 
-Everything else is the business of `xosc.versions`: converted without loss, or refused.
+What an older version leaves open, and this runner reads otherwise from 1.2 on, is said (upwards) or left out (downwards):
+`followingMode` is `follow` before, accelerations are `longitudinal`. Everything else is the business of `xosc.versions`:
+converted without loss, or refused.
 """
 
 from __future__ import annotations
@@ -39,7 +43,18 @@ def in_version(document: Document, version: Version) -> Document:
         if version < since <= document.version:
             for element in list(plain.root.iter(tag)):
                 change(element)
-    return convert(plain, version)
+    for element, attribute, value in _left_open(plain):
+        if version < _SAID_SINCE <= document.version and element.get(attribute) == value:
+            del element.attrib[attribute]
+    converted = convert(plain, version)
+    for element, attribute, value in _left_open(converted):
+        if document.version < _SAID_SINCE <= version and attribute not in element.attrib:
+            element.set(attribute, value)
+    return converted
+
+
+def _left_open(document: Document) -> list[tuple[etree._Element, str, str]]:
+    return [(element, attribute, value) for tag, attribute, value in _LEFT_OPEN for element in document.root.iter(tag)]
 
 
 def _as_comments(element: etree._Element) -> None:
@@ -78,6 +93,14 @@ def _strict(condition: etree._Element) -> None:
     condition.set("value", repr(value + moved))
     condition.set("rule", rule)
 
+
+_SAID_SINCE = (1, 2)
+_LEFT_OPEN = (
+    ("SpeedActionDynamics", "followingMode", "follow"),
+    ("LaneChangeActionDynamics", "followingMode", "follow"),
+    ("AccelerationCondition", "direction", "longitudinal"),
+)
+"""Attributes, and what is meant before they can be said."""
 
 _CHANGES: tuple[tuple[Version, str, Callable[[etree._Element], None]], ...] = (
     ((1, 1), "License", _as_comments),
