@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from functools import partial
 from pathlib import Path
@@ -84,8 +83,7 @@ def _events(path: Path) -> list[LogEntry]:
         if line:
             entry = _object(path, line, number)
             try:
-                time = math.nan if entry["time"] is None else float(entry["time"])
-                events.append(LogEntry(time, *(str(entry[name]) for name in ("kind", "subject", "text"))))
+                events.append(LogEntry(float(entry["time"]), *(str(entry[name]) for name in ("kind", "subject", "text"))))
             except (KeyError, TypeError, ValueError):
                 raise InvalidFile("this line is not of an event log", path=path, line=number) from None
     return events

@@ -1,6 +1,6 @@
 """What a page needs to play runs, as JSON-able values: roads, participants, timeline, curves.
 
-World coordinates are counted from an origin near the runs, in cm; times in samples of a fixed length.
+Places are counted from an origin near the runs, in cm; times in samples of a fixed length.
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ def scene(results: Sequence[RunResult]) -> dict[str, Any]:
     networks = {network.path: network for result in results if (network := result.recording.network) is not None}
     places = {path: index for index, path in enumerate(networks)}
     return {
-        "origin": origin,
         "steps": {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP},
         "roads": [_road(network, area.wider(_SURROUNDINGS), origin) for network in networks.values()],
         "runs": [
