@@ -82,6 +82,13 @@ def test_tags_go_round(result: runner.RunResult, tmp_path: Path) -> None:
     assert sorted(tags_of(tmp_path / "scenario.xosc")) == sorted(TAGS)
 
 
+def test_without_a_file_the_headers_properties_are_the_tags(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    tagged = '<Properties><Property name="openlabel.cutIn" value="true"/><Property name="openlabel.class" value="a b"/>'
+    path.write_text(path.read_text().replace('description="test"/>', f'description="test">{tagged}</Properties></FileHeader>'))
+    assert tags_of(path) == [Tag("class", "a b"), Tag("cutIn")]
+
+
 def test_vcd_validates_and_reads_the_labels(result: runner.RunResult, tmp_path: Path) -> None:
     if not PYTHON:
         pytest.skip("XOSC_OPENLABEL_PYTHON names no Python that has vcd")

@@ -125,6 +125,17 @@ def test_what_old_versions_leave_open_is_said_in_new_ones_and_left_out_again(tmp
                for name, rows in motion(tmp_path / "old" / "scenario.xosc").items())  # fmt: skip
 
 
+def test_total_accelerations_cannot_be_said_before_1_2(tmp_path: Path) -> None:
+    by_entity = (
+        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
+        '<EntityCondition><AccelerationCondition value="1" rule="greaterThan"/></EntityCondition></ByEntityCondition>'
+    )
+    path = scenario(tmp_path, stories=BRAKES)
+    timed = re.compile("<ByValueCondition>.*?</ByValueCondition>")
+    path.write_text(timed.sub(by_entity, path.read_text(), count=1))
+    assert "total acceleration" in refused(standard.export, path, "1.1", tmp_path)
+
+
 def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
     random = "<PrivateAction><RoutingAction><RandomRouteAction/></RoutingAction></PrivateAction>"
     path = scenario(tmp_path, stories=story("Ego", [(0.5, random)]))

@@ -22,6 +22,7 @@ from lxml import etree
 
 from xosc.document import Document
 from xosc.exports.concrete import copied
+from xosc.node import Node
 from xosc.values import number
 from xosc.versions import Version, convert
 
@@ -43,8 +44,12 @@ def in_version(document: Document, version: Version) -> Document:
         if version < since <= document.version:
             for element in list(plain.root.iter(tag)):
                 change(element)
+    downwards = version < _SAID_SINCE <= document.version
     for element, attribute, value in _left_open(plain):
-        if version < _SAID_SINCE <= document.version and element.get(attribute) == value:
+        if downwards and element.tag == "AccelerationCondition" and attribute not in element.attrib:
+            message = "without a direction it is about the total acceleration, of which versions before 1.2 do not know"
+            raise Node(element, plain.path).unsupported(message)
+        if downwards and element.get(attribute) == value:
             del element.attrib[attribute]
     converted = convert(plain, version)
     for element, attribute, value in _left_open(converted):
