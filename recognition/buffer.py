@@ -25,11 +25,14 @@ class Preprocessing:
         capacity: W, samples that the buffer holds.
         neighbours: k of the mean distance to the nearest neighbours.
         spread: outliers are beyond median + spread · 1.4826 · MAD of that distance.
+        margin: a sample with r(h) up to it is near a known class. At 1, where a twentieth of the class's own samples are beyond,
+            half of the unknown ones would be set aside with those.
     """
 
     capacity: int = 500
     neighbours: int = 10
     spread: float = 3.0
+    margin: float = 0.75
 
 
 class Buffer:
@@ -76,7 +79,7 @@ class Sifted(NamedTuple):
 
     Args:
         outlying: (m,) far from its neighbours in the buffer.
-        near_known: (m,) within the margin of a known class, r(h) ≤ 1.
+        near_known: (m,) within the margin of a known class.
     """
 
     outlying: NDArray[np.bool_]
@@ -100,7 +103,7 @@ def sift(features: ArrayLike, prototypes: Prototypes, config: Preprocessing = Pr
     isolation = _isolation(standard, config.neighbours, "cosine" if prototypes.metric == "cosine" else "euclidean")
     median = np.median(isolation)
     limit = median + config.spread * _NORMAL * np.median(np.abs(isolation - median))
-    return Sifted(isolation > limit, prototypes.ratio(features) <= 1.0)
+    return Sifted(isolation > limit, prototypes.ratio(features) <= config.margin)
 
 
 def _isolation(standard: Features, neighbours: int, metric: Literal["euclidean", "cosine"]) -> Floats:

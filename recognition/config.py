@@ -18,31 +18,37 @@ class Config:
 
     Args:
         trees: T of the forest.
-        background: whether trees may vote for none of the classes, see `recognition.votes.forest`.
-        screening: reading A (`deficit`), reading A of the votes for the background (`background`), reading B (`weibull`), the
+        background: whether trees may vote for none of the classes, see `recognition.voters.grow`.
+        neighbours: whether trees see distances to the samples of each class, see there too.
+        screening: reading A for all classes together (`pooled`), for each class (`deficit`), reading B (`weibull`), the
             plain `threshold` on votes, or `none`: what is beyond the margin of every known class is unknown.
         delta: δ of the screening, or the share that the plain threshold rejects; None has that of reading A chosen by leaving
             one known class out, where there are three, and is 0.05 otherwise.
         window: accepted samples of each class by which reading A follows a shift of the known classes; 0 leaves it as calibrated.
-        metric: of the distance to known classes.
+        metric: of the distance to known classes, which decides how features are standardised too.
         sifted: whether NVP sifts the buffer before clustering.
         preprocessing: how.
         clusterer: online clustering, or average `linkage` on 1 − S, cut where clusters would be less cohesive than is promoted.
-        forest: S is of the supervised forest, or of completely random trees grown on the features without labels.
+        components: principal directions of the buffered samples in which they are clustered.
+        counted: whether the number of new classes is estimated before clustering, or all candidates are offered.
+        forest: S is of the supervised forest, or of completely random trees grown on those directions without labels.
         clustering, promotion: of these steps.
         seed: of everything that is drawn.
     """
 
     trees: int = TREES
-    background: bool = False
-    screening: Literal["deficit", "background", "weibull", "threshold", "none"] = "deficit"
+    background: bool = True
+    neighbours: bool = True
+    screening: Literal["pooled", "deficit", "weibull", "threshold", "none"] = "pooled"
     delta: float | None = None
     window: int = 0
-    metric: Metric = "euclidean"
+    metric: Metric = "whitened"
     sifted: bool = True
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     clusterer: Literal["online", "linkage"] = "online"
-    forest: Literal["supervised", "unsupervised"] = "supervised"
+    components: int = 8
+    counted: bool = True
+    forest: Literal["supervised", "unsupervised"] = "unsupervised"
     clustering: Clustering = field(default_factory=Clustering)
     promotion: Promotion = field(default_factory=Promotion)
     seed: int = 0

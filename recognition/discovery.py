@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,8 @@ from sklearn.cluster import AgglomerativeClustering
 from recognition.buffer import Buffer, Sifted, sift
 from recognition.clustering import Projection, cluster
 from recognition.config import Config
+from recognition.counting import likely_count
+from recognition.directions import Directions
 from recognition.encoder.training import deterministic
 from recognition.known import Known
 from recognition.promotion import Candidate, judge, known_cohesion
@@ -63,8 +66,9 @@ def discover(known: Known, buffer: Buffer, config: Config) -> Discovery:
     clusters, labels = np.full(len(features), SET_ASIDE), np.full(len(features), UNKNOWN)
     if len(rows) < config.promotion.least_samples:
         return Discovery(buffer.keys, features, sifted, clusters, [], labels, 0.0)
-    similar, reference = _similarity(features[rows], known, config)
-    clusters[rows] = _clusters(features[rows], similar, reference, known, config)
+    directions = Directions.fit(known.prototypes, features[rows], config.components)
+    similar, reference = _similarity(features[rows], directions, known, config)
+    clusters[rows] = _clusters(directions.of(features[rows]), similar, reference, directions, known, config)
     judged = judge(clusters[rows], features[rows], similar, known.prototypes, reference, config.promotion)
     candidates = [one._replace(members=rows[one.members]) for one in judged]
     first = max(int(known.classes[-1]) + 1, FIRST_DISCOVERED)
@@ -73,17 +77,13 @@ def discover(known: Known, buffer: Buffer, config: Config) -> Discovery:
     return Discovery(buffer.keys, features, sifted, clusters, candidates, labels, reference)
 
 
-def _similarity(features: Features, known: Known, config: Config) -> tuple[NDArray[np.float32], float]:
+def _similarity(features: Features, directions: Directions, known: Known, config: Config) -> tuple[NDArray[np.float32], float]:
     """S of the unknown samples, and the cohesion of the known classes under the same forest."""
     random = np.random.default_rng(config.seed)
     own, labels = known.calibrating
     chosen = np.concatenate([random.permutation(np.flatnonzero(labels == label))[:_REFERENCE] for label in known.classes])
     both = np.concatenate([features, own[chosen]])
-    similar = (
-        _unsupervised(known.prototypes.standardise(both), config)
-        if config.forest == "unsupervised"
-        else similarity(known.forest, both)
-    )
+    similar = _unsupervised(directions.of(both), config) if config.forest == "unsupervised" else known.voters.similarity(both)
     split = len(features)
     return similar[:split, :split], known_cohesion(similar[split:, split:], labels[chosen])
 
@@ -92,7 +92,9 @@ def _unsupervised(features: Features, config: Config) -> NDArray[np.float32]:
     return similarity(random_trees(features, config.trees, seed=config.seed), features)
 
 
-def _clusters(features: Features, similar: NDArray[np.float32], reference: float, known: Known, config: Config) -> Whole:
+def _clusters(
+    samples: Features, similar: NDArray[np.float32], reference: float, directions: Directions, known: Known, config: Config
+) -> Whole:
     if config.clusterer == "linkage":
         cut = 1.0 - config.promotion.relative_cohesion * reference
         linkage = AgglomerativeClustering(None, metric="precomputed", linkage="average", distance_threshold=cut)
@@ -101,7 +103,9 @@ def _clusters(features: Features, similar: NDArray[np.float32], reference: float
     def renewed(learnt: Features) -> NDArray[np.float32]:
         return _unsupervised(learnt, config) if config.clustering.refreshed else similar
 
-    samples, anchors = map(known.prototypes.standardise, (features, known.fitted.features))
+    anchors, settings = directions.of(known.fitted.features), config.clustering
+    if config.counted:
+        settings = replace(settings, candidates=likely_count(samples, settings.candidates, config.seed))
     with deterministic(config.seed):
         backbone = Projection(samples.shape[1])
-    return cluster(backbone, samples, anchors, known.fitted.labels, renewed, config.clustering, config.seed).assignment
+    return cluster(backbone, samples, anchors, known.fitted.labels, renewed, settings, config.seed).assignment

@@ -1,4 +1,4 @@
-"""The known classes: their labelled samples, and the forest, screening and prototypes learnt from these."""
+"""The known classes: their labelled samples, and the voters, screening and prototypes learnt from these."""
 
 from __future__ import annotations
 
@@ -6,19 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.ensemble import RandomForestClassifier
 
 from recognition.config import Config
 from recognition.prototypes import Prototypes
-from recognition.samples import UNKNOWN, Features, Whole, class_labels, matrix
-from recognition.screening import EvtBackground, EvtDeficit, Screening, VoteThreshold, WeibullVotes
+from recognition.samples import Features, Whole, class_labels, matrix
+from recognition.screening import EvtDeficit, EvtPooled, Screening, VoteThreshold, WeibullVotes
 from recognition.screening.selection import FEWEST_CLASSES, choose_delta
-from recognition.votes import forest, votes
+from recognition.voters import Voters, grow
 from schemas.errors import UsageError
 
 _DELTA = 0.05
 """δ where none is given and there are too few classes to choose one."""
-READINGS: dict[str, type[EvtDeficit]] = {"deficit": EvtDeficit, "background": EvtBackground}
+READINGS: dict[str, type[EvtDeficit]] = {"deficit": EvtDeficit, "pooled": EvtPooled}
 """Screenings whose δ is chosen by leaving one known class out."""
 
 
@@ -39,22 +38,21 @@ class Known(NamedTuple):
     Args:
         fitted: samples that the forest was fitted on.
         calibrating: other samples of the same classes, which calibrated the screening.
-        forest: votes for classes.
+        voters: a forest that votes for classes.
         screening: judges the votes; None where the margin of the prototypes does instead.
         prototypes: centres and radii of the classes.
     """
 
     fitted: Labelled
     calibrating: Labelled
-    forest: RandomForestClassifier
+    voters: Voters
     screening: Screening | None
     prototypes: Prototypes
 
     @property
     def classes(self) -> Whole:
         """Labels of the classes, ascending."""
-        classes = np.asarray(self.forest.classes_)
-        return classes[classes != UNKNOWN]
+        return self.voters.classes
 
 
 def labelled(features: ArrayLike, labels: ArrayLike) -> Labelled:
@@ -75,18 +73,18 @@ def learn(fitted: Labelled, calibrating: Labelled, config: Config) -> Known:
     """
     if set(fitted.labels.tolist()) != set(calibrating.labels.tolist()):
         raise UsageError("the samples to fit and to calibrate must be of the same classes")
-    grown = forest(*fitted, config.trees, config.seed, config.background)
+    grown = grow(*fitted, trees=config.trees, seed=config.seed, background=config.background, neighbours=config.neighbours)
     prototypes = Prototypes.fit(*fitted.joined(calibrating), config.metric)
     screening = bare_screening(config, _delta(fitted, calibrating, config))
     if screening:
-        screening.fit(votes(grown, calibrating.features), calibrating.labels, config.trees)
+        screening.fit(grown.votes(calibrating.features), calibrating.labels, config.trees)
     return Known(fitted, calibrating, grown, screening, prototypes)
 
 
 def bare_screening(config: Config, delta: float = _DELTA) -> Screening | None:
     """The screening that is configured, not calibrated yet."""
     match config.screening:
-        case "deficit" | "background":
+        case "deficit" | "pooled":
             return READINGS[config.screening](delta, config.seed, config.window)
         case "weibull":
             return WeibullVotes(delta, config.seed)
@@ -102,4 +100,11 @@ def _delta(fitted: Labelled, calibrating: Labelled, config: Config) -> float:
     if config.screening not in READINGS or len(np.unique(fitted.labels)) < FEWEST_CLASSES:
         return _DELTA
     reading = READINGS[config.screening]
-    return choose_delta(*fitted, *calibrating, reading=reading, background=config.background, seed=config.seed)
+    return choose_delta(
+        *fitted,
+        *calibrating,
+        reading=reading,
+        background=config.background,
+        neighbours=config.neighbours,
+        seed=config.seed,
+    )

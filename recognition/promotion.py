@@ -19,12 +19,15 @@ class Promotion:
 
     Args:
         least_samples: samples in it.
-        relative_cohesion: its mean intra-cluster similarity, as a share of the median of the known classes' own.
+        relative_cohesion: its mean intra-cluster similarity, as a share of the median of the known classes' own. Clusters of one
+            class that was held back reach 0.5 to 0.8, for the known ones lie close together where new ones spread.
+        margin: r of its centre, which has to be greater; see `recognition.buffer.Preprocessing`.
         absolute_cohesion: the published limit of that similarity itself, which is only reported: real forests don't reach it.
     """
 
     least_samples: int = 20
-    relative_cohesion: float = 0.85
+    relative_cohesion: float = 0.5
+    margin: float = 0.75
     absolute_cohesion: float = 0.85
 
 
@@ -101,6 +104,6 @@ def _objection(size: int, close: float, ratio: float, reference: float, config: 
         return f"{size} samples, fewer than {config.least_samples}"
     if close < config.relative_cohesion * reference:
         return f"cohesion {close:.3f} below {config.relative_cohesion:g} of the known classes' {reference:.3f}"
-    if ratio <= 1.0:
+    if ratio <= config.margin:
         return f"within the margin of a known class, r = {ratio:.2f}"
     return ""

@@ -19,16 +19,19 @@ from sklearn.tree import DecisionTreeClassifier
 
 from recognition.config import Config
 from recognition.known import Known, Labelled, bare_screening, labelled
+from recognition.neighbours import Neighbours
 from recognition.prototypes import Prototypes
 from recognition.samples import UNKNOWN, Whole, matrix
+from recognition.voters import Voters
 from schemas.errors import InvalidFile, ToolchainError, UsageError
 
 if TYPE_CHECKING:
+    from recognition.encoder.model import Encoder
     from recognition.trfe import TRFE
 
 Arrays = dict[str, NDArray[Any]]
-_MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder.json"
-_FORMAT = "xosc-toolchain TRFE 1"
+_MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
+_FORMAT = "xosc-toolchain TRFE 2"
 _ABOUT = "about"
 """The one entry of the metadata: safetensors writes several in an order that differs from time to time"""
 _TREE = "sklearn.tree._tree.Tree"
@@ -56,6 +59,7 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     arrays = {
         **_prefixed("fitted", _thinned(known.fitted, samples)._asdict()),
         **_prefixed("calibrating", _thinned(known.calibrating, samples)._asdict()),
+        **_prefixed("neighbours", known.voters.neighbours._asdict() if known.voters.neighbours else {}),
         **_prefixed("prototypes", {name: value for name, value in known.prototypes._asdict().items() if name != "metric"}),
         **_prefixed("screening", known.screening.state() if known.screening else {}),
     }
@@ -65,11 +69,11 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         save_file({name: np.asarray(value, order="C") for name, value in arrays.items()}, folder / _MODEL, about)
-        skops.io.dump(known.forest, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
-        if model.encoder is not None:
+        skops.io.dump(known.voters.forest, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
+        for number, encoder in enumerate(model.encoders):
             from recognition.encoder import storage
 
-            storage.save(model.encoder, folder)
+            storage.save(encoder, folder / f"{_ENCODER}{number}")
     except OSError as error:
         raise UsageError(f"the model can't be written: {error.strerror or error}", path=folder) from None
 
@@ -84,20 +88,23 @@ def load(folder: Path) -> TRFE:
 
     config, arrays = _read_model(folder / _MODEL)
     forest = _read_forest(folder / _FOREST)
-    encoder = None
-    if (folder / _ENCODER).exists():
-        from recognition.encoder import storage
-
-        encoder = storage.load(folder)
+    encoders = _read_encoders(folder)
     try:
-        model = TRFE(config, encoder, _known(config, arrays, forest))
+        model = TRFE(config, encoders, _known(config, arrays, forest))
         waiting = _part(arrays, "buffer")
         if waiting:
-            model.buffer.add(matrix(waiting["inputs"], forest.n_features_in_), waiting["keys"])
+            model.buffer.add(matrix(waiting["inputs"], len(model.known.prototypes.mean)), waiting["keys"])
         model.recognise(model.known.fitted.features[:1])
     except (KeyError, ValueError, IndexError, TypeError, ToolchainError) as error:
         raise InvalidFile(f"its parts do not fit together: {error}", path=folder / _MODEL) from None
     return model
+
+
+def _read_encoders(folder: Path) -> list[Encoder]:
+    from recognition.encoder import storage
+
+    places = sorted(folder.glob(f"{_ENCODER}[0-9]"))
+    return [storage.load(place) for place in places]
 
 
 def _thinned(samples: Labelled, most: int | None) -> Labelled:
@@ -121,13 +128,16 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Kn
     screening = bare_screening(config)
     if screening:
         screening.restore(_part(arrays, "screening"))
-    classes = forest.classes_[forest.classes_ != UNKNOWN]
+    near = _part(arrays, "neighbours")
+    voters = Voters(forest, Neighbours(**near) if near else None)
+    classes = voters.classes
     for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes if screening else classes):
         if not np.array_equal(np.unique(of), classes):
             raise ValueError("they are of different classes")
-    if not forest.n_features_in_ == fitted.features.shape[1] == calibrating.features.shape[1] == prototypes.centres.shape[1]:
+    width = prototypes.centres.shape[1]
+    if not width == fitted.features.shape[1] == calibrating.features.shape[1] == len(prototypes.mean):
         raise ValueError("they are of different dimensions")
-    return Known(fitted, calibrating, forest, screening, prototypes)
+    return Known(fitted, calibrating, voters, screening, prototypes)
 
 
 def _read_model(path: Path) -> tuple[Config, Arrays]:

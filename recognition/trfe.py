@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -14,7 +15,6 @@ from recognition.discovery import Discovery, discover
 from recognition.known import Known, Labelled, labelled, learn
 from recognition.samples import UNKNOWN, Features, Floats, Whole, matrix
 from recognition.screening import EvtDeficit
-from recognition.votes import votes
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -47,16 +47,17 @@ class TRFE:
 
     Args:
         config: choices.
-        encoder: makes features of grids, trained and from now on frozen; without one, only features are taken.
+        encoders: make features of grids, trained and from now on frozen; without any, only features are taken. Features of
+            the encoder before fine-tuning, beside those after it, hold what new classes differ in from each other.
         known: what was learnt before.
 
     Attributes:
         buffer: unknown samples that wait.
     """
 
-    def __init__(self, config: Config | None = None, encoder: Encoder | None = None, known: Known | None = None) -> None:
+    def __init__(self, config: Config | None = None, encoders: Sequence[Encoder] = (), known: Known | None = None) -> None:
         self.config = config or Config()
-        self.encoder = encoder
+        self.encoders = tuple(encoders)
         self.buffer = Buffer(self.config.preprocessing.capacity)
         self._known = known
 
@@ -90,21 +91,21 @@ class TRFE:
         """Features (n, d) of grids (n, frames, channels, rows, columns); features stay as they are.
 
         Raises:
-            UsageError: neither, or grids without an encoder.
+            UsageError: neither, or grids without encoders.
         """
         table = np.asarray(inputs)
         if table.ndim != 5:
             return matrix(table)
-        if self.encoder is None:
+        if not self.encoders:
             raise UsageError("this model has no encoder: it takes features, not grids")
         from recognition.encoder.inference import features
 
-        return matrix(features(self.encoder, table))
+        return matrix(features(self.encoders, table))
 
     def recognise(self, inputs: ArrayLike) -> Recognition:
         """The known class of each sample (n, …), grids or features, or that it is unknown."""
         features, known = self.encode(inputs), self.known
-        cast = votes(known.forest, features)
+        cast = known.voters.votes(features)
         closed = known.classes[cast.argmax(axis=1)]
         score, threshold = known.prototypes.ratio(features), 1.0
         if known.screening:
@@ -120,7 +121,7 @@ class TRFE:
         """
         found = self.recognise(inputs)
         if self.config.window and isinstance(self.known.screening, EvtDeficit):
-            self.known.screening.recalibrate(votes(self.known.forest, found.features))
+            self.known.screening.recalibrate(self.known.voters.votes(found.features))
         unknown = found.labels == UNKNOWN
         self.buffer.add(found.features[unknown], np.asarray(keys)[unknown])
         return found

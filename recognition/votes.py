@@ -16,25 +16,23 @@ TREES = 250
 
 
 def forest(
-    features: ArrayLike, labels: ArrayLike, trees: int = TREES, seed: int = 0, background: bool = False
+    features: ArrayLike, labels: ArrayLike, trees: int = TREES, seed: int = 0, background: Features | None = None
 ) -> RandomForestClassifier:
     """A forest of `trees` trees fitted on features (n, d) and labels (n,) of at least two classes.
 
     Args:
         features, labels: samples.
         trees: T.
-        seed: of the forest and its background.
-        background: whether the trees may also vote for none of the classes, having learnt to tell the samples from
-            `background_of` them.
+        seed: of the forest.
+        background: other samples (m, d), of none of the classes, for which trees may then vote.
 
     Raises:
         UsageError: features that are not finite, or labels of fewer than two classes.
     """
     table = matrix(features)
     known = class_labels(labels, len(table), least_classes=2)
-    if background:
-        around = background_of(table, seed)
-        table, known = np.concatenate([table, around]), np.append(known, np.full(len(around), UNKNOWN))
+    if background is not None:
+        table, known = np.concatenate([table, background]), np.append(known, np.full(len(background), UNKNOWN))
     return RandomForestClassifier(trees, random_state=seed, n_jobs=-1).fit(table, known)
 
 

@@ -21,14 +21,14 @@ class ByModel:
     """Labels moments by a model, which discovers classes and goes on with them as it sees more.
 
     Args:
-        model: fitted, with its encoder.
+        model: fitted, with its encoders.
         stride: time between two moments of one vehicle, s; a rule's event takes the place of the moments about it.
     """
 
     def __init__(self, model: TRFE, stride: float = 1.0) -> None:
-        if model.encoder is None:
+        if not model.encoders:
             raise UsageError("this model has no encoder: it can't recognise recordings")
-        self._model, self._grid, self._stride = model, model.encoder.grid, stride
+        self._model, self._grid, self._stride = model, model.encoders[0].grid, stride
         self._ranges: dict[str, range] = {}
         self._seen: list[Moment] = []
         self._labels: list[int] = []

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from recognition.encoder.config import Preset
     from recognition.encoder.training import Progress
     from recognition.grids import Grid
+    from recognition.samples import Whole
     from recognition.trfe import TRFE
     from recognition.windows import Windows
 
@@ -39,6 +40,9 @@ def train(
     split_by: Annotated[
         Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
     ] = "recording",
+    forest_samples: Annotated[
+        int | None, typer.Option(min=20, metavar="N", help="Most samples of each class that trees learn from.  [default: all]")
+    ] = None,
     samples: Annotated[
         int | None,
         typer.Option(min=20, metavar="N", help="Most samples of each class that are kept with the model.  [default: all]"),
@@ -60,7 +64,7 @@ def train(
     if not len(parts.labelled):
         raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
-        model = fitted(windows, parts, chosen, grid, seed, progress)
+        model = fitted(windows, parts, chosen, grid, seed, forest_samples, progress)
     save(model, out, samples)
     card = card_of(model, windows, parts, f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}")
     keep(card.encode(), out / CARD)
@@ -82,20 +86,34 @@ def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
         yield lambda epoch, loss: bar.update(task, advance=1, description=f"epoch {epoch}, loss {loss:.3f}")
 
 
-def fitted(windows: Windows, parts: Split, preset: Preset, grid: Grid, seed: int, progress: Progress | None) -> TRFE:
-    """A model with an encoder pretrained on all windows that train, and fine-tuned on those with labels."""
+def fitted(
+    windows: Windows, parts: Split, preset: Preset, grid: Grid, seed: int, most: int | None, progress: Progress | None
+) -> TRFE:
+    """A model with an encoder pretrained on all windows that train, and fine-tuned on those with labels; its trees learn from at
+    most so many of each class."""
     import numpy as np
 
     from recognition.config import Config
     from recognition.encoder.finetuning import finetune
     from recognition.encoder.pretraining import pretrain
+    from recognition.encoder.storage import rounded
     from recognition.trfe import TRFE
 
     everything = windows.select(np.sort(np.concatenate([parts.labelled, parts.stream])))
     labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
     encoder = pretrain(everything, preset, grid, seed, progress=progress)
     tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
-    return TRFE(Config(seed=seed), tuned).fit(labelled.grids, labelled.labels, held.grids, held.labels)
+    model = TRFE(Config(seed=seed), (rounded(encoder), rounded(tuned)))
+    labelled = labelled.select(_thinned(labelled.labels, most, seed))
+    return model.fit(labelled.grids, labelled.labels, held.grids, held.labels)
+
+
+def _thinned(labels: Whole, most: int | None, seed: int) -> Whole:
+    """Rows of at most so many windows of each class, drawn; ascending."""
+    import numpy as np
+
+    random = np.random.default_rng(seed)
+    return np.sort(np.concatenate([random.permutation(np.flatnonzero(labels == label))[:most] for label in np.unique(labels)]))
 
 
 def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:

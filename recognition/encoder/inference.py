@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -16,13 +16,14 @@ from recognition.windows import Windows
 _BATCH = 256
 
 
-def features(encoder: Encoder, windows: Windows | NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Features (n, dim) of windows or of their grids.
+def features(encoders: Encoder | Sequence[Encoder], windows: Windows | NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Features (n, dim) of windows or of their grids; those of several encoders beside each other.
 
     Raises:
-        UsageError: the grids have another shape than the encoder's.
+        UsageError: the grids have another shape than an encoder's.
     """
-    return _applied(encoder, encoder, windows, encoder.architecture.dim)
+    chosen = [encoders] if isinstance(encoders, Encoder) else encoders
+    return np.concatenate([_applied(one, one, windows, one.architecture.dim) for one in chosen], axis=1)
 
 
 def logits(encoder: Encoder, windows: Windows | NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -18,8 +18,14 @@ from recognition.discovery import discover
 from recognition.protocol.stage import Stage
 from recognition.samples import Whole
 
-OWN: dict[str, Config] = {"trfe": Config(sifted=False), "rfap-linkage": Config(sifted=False, clusterer="linkage")}
+OWN: dict[str, Config] = {
+    "trfe": Config(sifted=False),
+    "trfe-given-k": Config(sifted=False, counted=False),
+    "rfap-linkage": Config(sifted=False, clusterer="linkage"),
+}
 """TRFE's own ways to cluster, by name."""
+GIVEN = "trfe-given-k"
+"""The one of them that is told how many new classes there are, as k-means and STAE are."""
 OTHERS: dict[str, type[ClusteringMethod]] = {
     "stae-kmeans": STAEKMeans,
     "stae-linkage": STAELinkage,
@@ -40,7 +46,10 @@ def measure_clustering(name: str, stage: Stage) -> dict[str, Any]:
     if name in OWN:
         buffer = Buffer(len(new.rows))
         buffer.add(new.features, new.rows)
-        clusters: Whole = discover(stage.model.known, buffer, replace(OWN[name], seed=stage.seed)).clusters
+        config = replace(OWN[name], seed=stage.seed)
+        if name == GIVEN:
+            config = replace(config, clustering=replace(config.clustering, candidates=len(stage.round.new)))
+        clusters: Whole = discover(stage.model.known, buffer, config).clusters
     else:
         clusters = OTHERS[name](seed=stage.seed).cluster(stage.pool)
     return {**metrics.clustering(new.labels, clusters)._asdict(), "samples": len(new.rows)}

@@ -12,22 +12,30 @@ from recognition import metrics
 from recognition.buffer import Preprocessing
 from recognition.clustering import Clustering
 from recognition.config import Config
+from recognition.promotion import Promotion
 from recognition.protocol.rounds import Round
 from recognition.protocol.stage import Samples, Stage
 from recognition.samples import UNKNOWN, Whole
 from recognition.trfe import TRFE
 
+_PLAIN_VOTES: dict[str, Any] = {"background": False, "neighbours": False}
 VARIANTS: dict[str, Config] = {
     "trfe": Config(),
     "no-ucs": Config(screening="none"),
     "no-nvp": Config(sifted=False),
     "no-oc": Config(clusterer="linkage"),
-    "reading-b": Config(screening="weibull"),
-    "vote-threshold": Config(screening="threshold"),
+    "strict": Config(preprocessing=Preprocessing(margin=1.0), promotion=Promotion(relative_cohesion=0.85, margin=1.0)),
+    "reading-a": Config(**_PLAIN_VOTES, screening="deficit"),
+    "reading-b": Config(**_PLAIN_VOTES, screening="weibull"),
+    "vote-threshold": Config(**_PLAIN_VOTES, screening="threshold"),
+    "recalibrated": Config(window=200),
+    "euclidean": Config(metric="euclidean"),
     "cosine": Config(metric="cosine"),
     "margin": Config(metric="margin"),
     "soft-targets": Config(clustering=Clustering(targets="soft")),
-    "unsupervised-forest": Config(forest="unsupervised", clustering=Clustering(refreshed=True)),
+    "all-candidates": Config(counted=False),
+    "supervised-forest": Config(forest="supervised"),
+    "refreshed-forest": Config(clustering=Clustering(refreshed=True)),
 }
 """TRFE, its ablations, and the options of the paper's discussion, by name."""
 CHAINED = ("trfe", "no-ucs", "no-nvp", "no-oc")
@@ -48,7 +56,7 @@ def measure_open_world(name: str, stage: Stage) -> dict[str, Any]:
         See `follow`.
     """
     config = VARIANTS[name]
-    if config.screening == "deficit" and (screening := stage.model.known.screening):
+    if config.screening == "pooled" and (screening := stage.model.known.screening):
         config = replace(config, delta=1.0 - screening.threshold)
     return follow(begin(config, stage), stage, {})
 

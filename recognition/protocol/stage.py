@@ -26,6 +26,8 @@ from recognition.windows import Windows
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
 
+_PRETRAINED = Round(0, (), ())
+"""Before the first round: the encoder is only pretrained."""
 FEWEST_STEPS = 300
 """Of each fine-tuning of the encoder."""
 
@@ -116,7 +118,8 @@ class Laboratory:
     """Makes stages; encoders and features are made once and kept in a folder.
 
     One encoder is pretrained for each seed on all training windows, without labels. In each round it is fine-tuned further,
-    from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods share it.
+    from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods share its features,
+    with those that it had before fine-tuning beside them.
 
     Attributes:
         windows: all of them. grid: theirs. cache: the folder.
@@ -149,10 +152,11 @@ class Laboratory:
         if self.preset is None:
             training = np.sort(np.concatenate([split.labelled, split.stream]))
             return pixel_features(self.windows.grids[training], self.windows.grids[rows], seed)
-        return features(self._encoder(self.preset, split, round_, seed), self.windows.select(rows))
+        encoders = [self._encoder(self.preset, split, one, seed) for one in (_PRETRAINED, round_)]
+        return features(encoders, self.windows.select(rows))
 
     def _encoder(self, preset: Preset, split: Split, round_: Round, seed: int) -> Encoder:
-        """The encoder of a round; that before the first round is only pretrained."""
+        """The encoder of a round."""
         from recognition.encoder.finetuning import finetune
         from recognition.encoder.pretraining import pretrain
         from recognition.encoder.storage import load, save
@@ -164,7 +168,7 @@ class Laboratory:
             training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
             made = pretrain(training, preset, self.grid, seed)
         else:
-            before = Round(round_.number - 1, round_.known[:-STEP] if round_.number > 1 else (), ())
+            before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _PRETRAINED
             known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
             made = finetune(self._encoder(preset, split, before, seed), known, _long_enough(preset.finetuning, len(known)), seed)
         save(made, place)

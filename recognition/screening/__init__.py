@@ -4,9 +4,9 @@ One file for each reading of the method; all have the contract of `base.Screenin
 """
 
 from recognition.screening.base import Screening
-from recognition.screening.evt_background import EvtBackground
 from recognition.screening.evt_deficit import EvtDeficit
+from recognition.screening.evt_pooled import EvtPooled
 from recognition.screening.threshold import VoteThreshold
 from recognition.screening.weibull import WeibullVotes
 
-__all__ = ["EvtBackground", "EvtDeficit", "Screening", "VoteThreshold", "WeibullVotes"]
+__all__ = ["EvtDeficit", "EvtPooled", "Screening", "VoteThreshold", "WeibullVotes"]

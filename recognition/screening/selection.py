@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from recognition.samples import class_labels, matrix
 from recognition.screening.evt_deficit import EvtDeficit
-from recognition.votes import forest, votes
+from recognition.voters import grow
 
 DELTAS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
 FEWEST_CLASSES = 3
@@ -24,6 +24,7 @@ def choose_delta(
     *,
     reading: type[EvtDeficit] = EvtDeficit,
     background: bool = False,
+    neighbours: bool = False,
     trees: int = 100,
     deltas: Sequence[float] = DELTAS,
     seed: int = 0,
@@ -37,7 +38,7 @@ def choose_delta(
         features, labels: samples (n, d) to fit forests on, their classes (n,).
         calibration, calibration_labels: other samples (m, d) of the same classes.
         reading: of which δ is chosen.
-        background: whether the forests have a background class.
+        background, neighbours: of the forests, see `recognition.voters.grow`.
         trees: of each forest.
         deltas: candidates; of equally good ones the first is taken.
         seed: of forests, halves and jitter.
@@ -51,8 +52,10 @@ def choose_delta(
     half = np.random.default_rng(seed).permutation(len(held)) % 2 == 0
     gains = []
     for out in np.unique(known):
-        grown = forest(table[known != out], known[known != out], trees, seed, background)
-        cast = votes(grown, held)
+        grown = grow(
+            table[known != out], known[known != out], trees=trees, seed=seed, background=background, neighbours=neighbours
+        )
+        cast = grown.votes(held)
         calibrating = half & (truth != out)
         judged = ~half | (truth == out)
         score = reading(seed=seed).fit(cast[calibrating], truth[calibrating], trees).score(cast[judged])

@@ -31,7 +31,7 @@ def test_a_batch_larger_than_the_buffer_leaves_its_end() -> None:
 def line() -> Prototypes:
     """Classes 1 and 2 about 0 and 10 on a line, their samples up to 1 beside; not standardised."""
     centres, ones = np.array([[0.0], [10.0]], np.float32), np.ones(1, np.float32)
-    return Prototypes("euclidean", np.array([1, 2]), centres, np.array([0.95, 0.95]), 0.0 * ones, ones)
+    return Prototypes("euclidean", np.array([1, 2]), centres, np.array([0.95, 0.95]), 0.0 * ones, np.diag(ones))
 
 
 def test_ratio_is_the_distance_over_the_radius() -> None:
@@ -75,13 +75,16 @@ def test_samples_within_the_margin_of_a_known_class_are_set_aside() -> None:
     features = np.array([[0.5], [3.0], [4.0], [5.0], [9.5]])
     sifted = sift(features, line(), Preprocessing(neighbours=1, spread=100.0))
     assert sifted.near_known.tolist() == [True, False, False, False, True]
+    beside = np.array([[0.8], [5.0]])
+    for margin, near in ((0.75, False), (1.0, True)):
+        assert sift(beside, line(), Preprocessing(neighbours=1, spread=100.0, margin=margin)).near_known[0] == near
 
 
-@pytest.mark.parametrize("metric", ["euclidean", "cosine", "margin"])
+@pytest.mark.parametrize("metric", ["whitened", "euclidean", "cosine", "margin"])
 def test_new_classes_are_kept_and_known_ones_are_not(metric) -> None:
     prototypes = Prototypes.fit(*clouds([1, 2, 3], 100, seed=0, apart=4.0), metric)
     features, truth = clouds([1, 2, 3, 8], 60, seed=1, apart=4.0)
-    kept = sift(features, prototypes).kept
+    kept = sift(features, prototypes, Preprocessing(margin=1.0)).kept
     assert kept[truth != 8].mean() < 0.15
     if metric != "margin":
         assert kept[truth == 8].mean() > 0.85

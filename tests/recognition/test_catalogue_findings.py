@@ -59,13 +59,13 @@ class Oracle:
     """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos 3 and 4 unknown, the rest free cruise."""
 
     def __init__(self, promotes: bool = True, capacity: int = 20) -> None:
-        self.encoder = SimpleNamespace(grid=Grid(channels=("others", "ego"), length=40.0, width=10.0))
+        self.encoders = (SimpleNamespace(grid=Grid(channels=("others", "ego"), length=40.0, width=10.0)),)
         self.config = SimpleNamespace(preprocessing=SimpleNamespace(neighbours=3))
         self.buffer = Buffer(capacity)
         self.promotes, self.seen, self.rounds = promotes, 0, 0
 
     def observe(self, grids: np.ndarray, keys: np.ndarray) -> SimpleNamespace:
-        assert grids.shape[1:] == self.encoder.grid.shape
+        assert grids.shape[1:] == self.encoders[0].grid.shape
         labels = np.where(keys % 2 == 0, int(Label.FREE_CRUISE), int(Label.UNKNOWN))
         unknown = labels == Label.UNKNOWN
         self.buffer.add(np.zeros((int(unknown.sum()), 4), np.float32), keys[unknown])
@@ -119,4 +119,4 @@ def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle,
 
 def test_a_model_without_an_encoder_is_refused() -> None:
     with pytest.raises(UsageError, match="no encoder"):
-        ByModel(SimpleNamespace(encoder=None))
+        ByModel(SimpleNamespace(encoders=()))

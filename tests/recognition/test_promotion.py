@@ -24,7 +24,7 @@ def blocks(sizes: list[int], within: list[float], between: float = 0.1) -> np.nd
 def prototypes() -> Prototypes:
     """One known class about the origin, radius 1."""
     ones = np.ones(2, np.float32)
-    return Prototypes("euclidean", np.array([1]), np.zeros((1, 2), np.float32), np.array([1.0]), 0.0 * ones, ones)
+    return Prototypes("euclidean", np.array([1]), np.zeros((1, 2), np.float32), np.array([1.0]), 0.0 * ones, np.diag(ones))
 
 
 def test_cohesion_is_the_mean_over_pairs_of_different_samples() -> None:
@@ -39,7 +39,7 @@ def test_the_known_classes_cohesion_is_their_median() -> None:
 
 
 def test_clusters_are_judged_by_size_cohesion_and_distance() -> None:
-    sizes, within = [25, 19, 25, 25], [0.8, 0.9, 0.5, 0.9]
+    sizes, within = [25, 19, 25, 25], [0.8, 0.9, 0.3, 0.9]
     features = np.repeat([[5.0, 0.0], [0.0, 5.0], [5.0, 5.0], [0.5, 0.5]], sizes, axis=0)
     numbers = np.repeat([4, 2, 7, 9], sizes)
     found = judge(numbers, features, blocks(sizes, within), prototypes(), reference=0.8)
@@ -48,10 +48,10 @@ def test_clusters_are_judged_by_size_cohesion_and_distance() -> None:
     assert [one.reason for one in found] == [
         "19 samples, fewer than 20",
         "",
-        "cohesion 0.500 below 0.85 of the known classes' 0.800",
+        "cohesion 0.300 below 0.5 of the known classes' 0.800",
         "within the margin of a known class, r = 0.71",
     ]
-    assert [round(one.cohesion, 3) for one in found] == [0.9, 0.8, 0.5, 0.9]
+    assert [round(one.cohesion, 3) for one in found] == [0.9, 0.8, 0.3, 0.9]
     assert [one.absolutely_cohesive for one in found] == [True, False, False, True]
     assert found[1].members.tolist() == list(range(25))
     assert found[1].ratio == pytest.approx(5.0)

@@ -10,10 +10,11 @@ from scipy.stats import genpareto, weibull_min
 from sklearn.ensemble import RandomForestClassifier
 
 from recognition.samples import Features, Whole
-from recognition.screening import EvtBackground, EvtDeficit, Screening, VoteThreshold, WeibullVotes
+from recognition.screening import EvtDeficit, EvtPooled, Screening, VoteThreshold, WeibullVotes
 from recognition.screening.evt_deficit import tail
 from recognition.screening.selection import choose_delta
 from recognition.screening.weibull import weibull
+from recognition.voters import grow
 from recognition.votes import forest, votes
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
@@ -144,12 +145,12 @@ def test_scores_do_not_depend_on_what_is_scored_beside(cast: Cast) -> None:
     assert np.array_equal(screening.score(judged)[5:9], screening.score(judged[5:9]))
 
 
-def test_the_background_reading_counts_votes_for_none_of_the_classes() -> None:
-    """Of 20 trees 0, 1, …, 9 vote for the background; a sample that four vote for is beaten by 5 or 6 of 10, however torn."""
+def test_the_pooled_reading_counts_votes_that_the_best_class_lacks() -> None:
+    """Of 20 trees 0, 1, …, 9 do not vote for the true class; a sample that lacks four is beaten by 5 or 6 of 10."""
     strays = np.arange(10)
-    table = np.stack([15 - strays, np.full(10, 5)], axis=1)
-    screening = EvtBackground().fit(np.concatenate([table, table[:, ::-1]]), np.repeat([1, 2], 10), trees=20)
-    similar = screening.similarities(np.array([[16, 0], [8, 8], [20, 0]]))
+    table = np.stack([20 - strays, np.zeros(10, int)], axis=1)
+    screening = EvtPooled().fit(np.concatenate([table, table[:, ::-1]]), np.repeat([1, 2], 10), trees=20)
+    similar = screening.similarities(np.array([[16, 0], [4, 16], [20, 0]]))
     assert similar.shape == (3, 1)
     assert similar[0] == similar[1]
     assert similar[0, 0] in (0.5, 0.55, 0.6)
@@ -170,19 +171,26 @@ def test_a_background_shows_what_lies_beside_all_classes() -> None:
 
     fitting, calibrating, (judged, truth) = draw([1, 2], 200), draw([1, 2], 200), draw([1, 2, 3], 100)
     rejected = {}
-    for background, reading in ((False, EvtDeficit), (True, EvtDeficit), (True, EvtBackground)):
-        grown = forest(*fitting, trees=60, background=background)
-        found = reading().fit(votes(grown, calibrating[0]), calibrating[1], 60).predict(votes(grown, judged))
-        rejected[background, reading] = np.mean(found[truth == 3] == 0)
+    for background, neighbours in ((False, False), (True, False), (True, True)):
+        grown = grow(*fitting, trees=60, background=background, neighbours=neighbours)
+        screening = EvtPooled().fit(grown.votes(calibrating[0]), calibrating[1], 60)
+        found = screening.predict(grown.votes(judged))
+        rejected[background, neighbours] = np.mean(found[truth == 3] == 0)
         assert np.mean(found[truth != 3] == truth[truth != 3]) > 0.85
-    assert rejected[False, EvtDeficit] < 0.2
-    assert rejected[True, EvtDeficit] > 0.4
-    assert rejected[True, EvtBackground] > 0.4
+    assert rejected[False, False] < 0.2
+    assert rejected[True, False] > 0.4
+    assert rejected[True, True] > 0.9
 
 
-def test_the_background_reading_needs_a_background(cast: Cast) -> None:
-    with pytest.raises(UsageError, match="needs a forest that was fitted with one"):
-        EvtBackground().fit(cast.table, cast.labels)
+def test_distances_show_what_lies_between_all_classes() -> None:
+    """Trees that see features alone give a cloud apart from three others to one of these."""
+    fitting, calibrating = clouds([1, 2, 3], 40, seed=0), clouds([1, 2, 3], 200, seed=1)
+    rejected = {}
+    for neighbours in (False, True):
+        grown = grow(*fitting, trees=100, background=True, neighbours=neighbours)
+        screening = EvtPooled().fit(grown.votes(calibrating[0]), calibrating[1], 100)
+        rejected[neighbours] = np.mean(screening.predict(grown.votes(clouds([9], 100, seed=2)[0])) == 0)
+    assert rejected[False] < 0.8 < 0.95 < rejected[True]
 
 
 def test_delta_is_chosen_by_leaving_classes_out() -> None:

@@ -38,7 +38,7 @@ def test_a_seed_decides_the_forest() -> None:
 
 def test_votes_for_the_background_are_left_out() -> None:
     features, labels = clouds([3, 7], 60, seed=0)
-    grown = forest(features, labels, 20, background=True)
+    grown = forest(features, labels, 20, background=background_of(features, 0))
     assert grown.classes_.tolist() == [0, 3, 7]
     around = np.random.default_rng(0).permuted(features, axis=0)
     for samples, most in ((features, 20), (around, 8)):

@@ -1,0 +1,64 @@
+"""The forest of a model with all that its trees look at: features, and distances to the known classes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.ensemble import RandomForestClassifier
+
+from recognition import rfap, votes
+from recognition.neighbours import Neighbours
+from recognition.samples import UNKNOWN, Features, Whole, matrix
+
+
+class Voters(NamedTuple):
+    """A forest that votes.
+
+    Args:
+        forest: fitted on features, or on features with distances beside them.
+        neighbours: to which distances are measured; None where the forest sees features alone.
+    """
+
+    forest: RandomForestClassifier
+    neighbours: Neighbours | None
+
+    @property
+    def classes(self) -> Whole:
+        """Labels of the known classes, ascending."""
+        classes = np.asarray(self.forest.classes_)
+        return classes[classes != UNKNOWN]
+
+    def votes(self, features: ArrayLike) -> Whole:
+        """Votes (n, K) for the known classes; see `recognition.votes.votes`."""
+        return votes.votes(self.forest, self._seen(features))
+
+    def similarity(self, features: ArrayLike) -> NDArray[np.float32]:
+        """S (n, n) of samples, see `recognition.rfap`."""
+        return rfap.similarity(self.forest, self._seen(features))
+
+    def _seen(self, features: ArrayLike) -> Features:
+        return self.neighbours.extended(features) if self.neighbours else matrix(features)
+
+
+def grow(
+    features: Features, labels: Whole, *, trees: int, seed: int = 0, background: bool = False, neighbours: bool = False
+) -> Voters:
+    """Voters fitted on features (n, d) and labels (n,) of at least two classes.
+
+    Args:
+        features, labels: samples.
+        trees: T.
+        seed: of everything drawn.
+        background: whether trees may vote for none of the classes, having learnt to tell the samples from
+            `recognition.votes.background_of` them.
+        neighbours: whether trees see distances to the samples of each class.
+
+    Raises:
+        UsageError: features that are not finite, or labels of fewer than two classes.
+    """
+    near = Neighbours.fit(features, labels, seed) if neighbours else None
+    bare = Voters(RandomForestClassifier(), near)
+    around = bare._seen(votes.background_of(features, seed)) if background else None
+    return bare._replace(forest=votes.forest(bare._seen(features), labels, trees, seed, around))

@@ -1,0 +1,45 @@
+"""Directions in which clustering looks at samples, and how many clusters there likely are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.cluster import KMeans
+
+from recognition import metrics
+from recognition.counting import likely_count
+from recognition.directions import Directions
+from recognition.prototypes import Prototypes
+from tests.recognition.clouds import clouds
+
+KNOWN, NEW = [1, 2, 3], [11, 12, 13, 14]
+
+
+def test_new_classes_are_apart_in_few_directions() -> None:
+    samples, truth = clouds(NEW, 60, seed=1)
+    directions = Directions.fit(Prototypes.fit(*clouds(KNOWN, 100, seed=0), "whitened"), samples, 4)
+    found = directions.of(samples)
+    assert found.shape == (240, 4)
+    assert found.std(axis=0).mean() == pytest.approx(1.0, rel=1e-3)
+    assert metrics.clustering(truth, KMeans(4, n_init=5, random_state=0).fit_predict(found)).accuracy > 0.95
+
+
+def test_what_varies_within_known_classes_counts_little() -> None:
+    """The first feature varies a hundred times as much as the others, in all classes."""
+    widened = [(samples * np.r_[100.0, np.ones(15)], truth) for samples, truth in (clouds(KNOWN, 100, 0), clouds(NEW, 60, 1))]
+    (known, labels), (samples, truth) = widened
+    samples[:, 0] = 100.0 * np.random.default_rng(2).standard_normal(len(samples))
+    found = Directions.fit(Prototypes.fit(known, labels, "whitened"), samples, 4).of(samples)
+    assert metrics.clustering(truth, KMeans(4, n_init=5, random_state=0).fit_predict(found)).accuracy > 0.9
+
+
+def test_directions_of_few_or_equal_samples_are_finite() -> None:
+    prototypes = Prototypes.fit(*clouds(KNOWN, 50, seed=0), "whitened")
+    for samples in (np.zeros((5, 16), np.float32), clouds([11], 3, seed=1)[0]):
+        assert np.isfinite(Directions.fit(prototypes, samples, 8).of(samples)).all()
+
+
+def test_the_number_of_clusters_is_that_of_clouds_that_are_apart() -> None:
+    for labels in (NEW[:2], NEW):
+        assert likely_count(clouds(labels, 50, seed=0, apart=8.0)[0], 10, seed=0) == len(labels)
+    assert likely_count(np.zeros((2, 3), np.float32), 10, seed=0) == 1
