@@ -11,6 +11,7 @@ import xosc
 from generation.parameters import SEVEN, Parameter, Space, declared_name
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from xosc import maneuvers
+from xosc.exports.concrete import copied
 
 LIBRARY = Path(__file__).parents[2] / "xosc" / "library"
 CUT_IN = LIBRARY / "cut_in_highway.xosc"
@@ -18,7 +19,7 @@ CUT_IN = LIBRARY / "cut_in_highway.xosc"
 
 def declaring(path: Path, *parameters: object) -> Path:
     """A scenario with some declarations and nothing else."""
-    document = xosc.load(LIBRARY / "highway_cut_in.xosc")
+    document = copied(xosc.load(LIBRARY / "highway_cut_in.xosc"))
     holder = document.root.find("ParameterDeclarations")
     assert holder is not None
     for child in list(holder):
