@@ -43,9 +43,9 @@ def change(document: Document) -> list[str]:
         if node.get("coordinateSystem", "") in _ALONG_ROADS and node.get("relativeDistanceType", "") == "longitudinal":
             del node.element.attrib["coordinateSystem"], node.element.attrib["relativeDistanceType"]
             node.element.set("alongRoute", "true")
+    told += [_stop(document), _hero(document)]
     for node in document.node.iter("Condition"):
         _delay(node)
-    told += [_stop(document), _hero(document)]
     return [remark for remark in told if remark]
 
 
@@ -119,9 +119,10 @@ def _speed(action: Node, known: dict[str, Start], document: Document) -> None:
         return
     speeds = {known[name].speed for name in actors(action) if name in known}
     speed = next(iter(speeds)) if len(speeds) == 1 else None
-    if target is None or speed is None or not first(action, "LongitudinalAction", document.node):
+    rate = dynamics.float("value")
+    if target is None or speed is None or rate <= 0.0 or not first(action, "LongitudinalAction", document.node):
         raise dynamics.unsupported("scenario_runner reads the rate as a time, and what time it takes is known only when it runs")
-    time = abs(target.float("value") - speed) / dynamics.float("value") * _SLOPES[dynamics.get("dynamicsShape")]
+    time = abs(target.float("value") - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")]
     dynamics.element.attrib.update({"dynamicsDimension": "time", "value": repr(time)})
 
 
@@ -129,7 +130,7 @@ def _delay(condition: Node) -> None:
     """scenario_runner waits for the delay before it looks at the condition; a time can be moved instead."""
     delay = condition.float("delay", 0.0)
     time = condition.find("ByValueCondition", "SimulationTimeCondition")
-    if not delay or condition.parent is None or _ends_the_scenario(condition):
+    if not delay:
         return
     if time is None or not time.get("rule").startswith("greater"):
         raise condition.unsupported("scenario_runner waits for the delay first, and looks at the condition then")
@@ -137,20 +138,19 @@ def _delay(condition: Node) -> None:
     condition.element.set("delay", "0")
 
 
-def _ends_the_scenario(node: Node) -> bool:
-    above = [each.tag for each in node.element.iterancestors()]
-    return "StopTrigger" in above and "Act" not in above
-
-
 def _stop(document: Document) -> str:
     """scenario_runner looks for criteria in the storyboard's StopTrigger, and for nothing else."""
     trigger = document.node.find("Storyboard", "StopTrigger")
-    if trigger is None or not trigger.children():
+    others = [group for group in trigger.children() if not _criteria(group)] if trigger is not None else []
+    if trigger is None or not others:
         return ""
-    remark = f"{trigger.where}: StopTrigger: left out, a run ends when all acts have"
-    for group in trigger.children():
+    for group in others:
         trigger.element.remove(group.element)
-    return remark
+    return f"{trigger.where}: StopTrigger: left out, a run ends when all acts have"
+
+
+def _criteria(group: Node) -> bool:
+    return all(condition.get("name", "").startswith("criteria_") for condition in group.children())
 
 
 def _hero(document: Document) -> str:
