@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -52,8 +53,9 @@ class Lanelet:
     beside: tuple[tuple[Key, bool] | None, tuple[Key, bool] | None] = (None, None)
 
 
+@lru_cache(maxsize=8)
 def lanelets(network: RoadNetwork) -> dict[Key, Lanelet]:
-    """All lanes with a width and a use, and how they are joined."""
+    """All lanes with a width and a use, and how they are joined; shared by the runs on a network, so not to be changed."""
     found = {
         lanelet.key: lanelet
         for road in network.roads.values()
