@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from generation.cases import Choice, diverse
 from generation.environment import Edits, coordinated, single
 from generation.policy import Bins, Policy, State
 from generation.problem import Calls, Episodes, History, Problem
@@ -34,6 +35,7 @@ class Settings:
         reach: greatest edit of the first stage, in standard deviations of the real parameters.
         spread: standard deviation of the untrained policy's edits, the same way.
         elite: share of all episodes so far that the next ones start from; 0 has all start from real scenarios.
+        apart: least distance of two of the elite in the unit cube, root mean square over the parameters.
     """
 
     batch: int = 50
@@ -45,6 +47,7 @@ class Settings:
     reach: float = 3.0
     spread: float = 1.0
     elite: float = 0.05
+    apart: float = 0.05
 
 
 def search(problem: Problem, budget: int, seed: int, settings: Settings = Settings()) -> History:
@@ -171,8 +174,9 @@ class _Starts:
             return self._problem.real[generator.integers(len(self._problem.real), size=n)]
         score = self._critical - self._problem.reward.weight * spent * self._excess
         count = max(int(self._settings.elite * len(score)), self._settings.batch // 2)
-        elite = np.argsort(-score, kind="stable")[:count]
-        return self._theta[elite[generator.integers(count, size=n)]]
+        ranked = self._theta[np.argsort(-score, kind="stable")]
+        elite = ranked[diverse(self._problem.space.unit(ranked), Choice(count, self._settings.apart))]
+        return elite[generator.integers(len(elite), size=n)]
 
 
 def _moves(problem: Problem, together: bool) -> tuple[Floats, Floats]:
