@@ -110,7 +110,7 @@ def test_new_bins_are_weighed_as_the_old_ones_they_lie_in() -> None:
 
 
 def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(problem: Problem) -> None:
-    found = search(problem, 1500, 0)
+    found = search(problem, 1500, 2)
     last = slice(-500, None)
     drawn = Kinematic()(driven(2000, seed=5)).collision.mean()
     assert drawn < 0.01
