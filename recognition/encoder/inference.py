@@ -13,7 +13,8 @@ from recognition.encoder.model import Encoder
 from recognition.encoder.training import deterministic, mixed
 from recognition.windows import Windows
 
-_BATCH = 256
+_BATCH = 64
+"""Windows at a time: as many as stay in the processor's cache."""
 
 
 def features(encoders: Encoder | Sequence[Encoder], windows: Windows | NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -86,7 +86,7 @@ class Encoder(nn.Module):
         kind = self.embedding.weight.dtype
         if torch.is_autocast_enabled(grids.device.type):
             kind = torch.get_autocast_dtype(grids.device.type)
-        cells = self._padded(grids).to(kind) / 255.0
+        cells = self._padded(grids).to(kind, copy=True).div_(255.0)
         cells = cells.unflatten(1, (self._times, -1))  # (n, times, frames of a patch, channels, rows, columns)
         if self.front is not None:
             cells = self.front(cells.flatten(2, 3).flatten(0, 1)).unflatten(0, cells.shape[:2]).unsqueeze(2)
