@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -135,14 +136,20 @@ class TRFE:
         return discover(self.known, self.buffer, self.config)
 
     def expand(self, discovery: Discovery) -> None:
-        """Take promoted clusters as known classes: they leave the buffer, and forest, screening and prototypes are made anew."""
+        """Take promoted clusters as known classes: they leave the buffer, and forest, screening and prototypes are made anew.
+
+        δ stays what it is: to choose it again would take a forest for each class.
+        """
         promoted = discovery.labels != UNKNOWN
         if not promoted.any():
             return
         features, labels = discovery.features[promoted], discovery.labels[promoted]
         calibrates = _a_share_of_each(labels, _CALIBRATING, self.config.seed)
         fitted, calibrating = (Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates))
-        self._known = learn(self.known.fitted.joined(fitted), self.known.calibrating.joined(calibrating), self.config)
+        known, config = self.known, self.config
+        if isinstance(known.screening, EvtDeficit):
+            config = replace(config, delta=1.0 - known.screening.threshold)
+        self._known = learn(known.fitted.joined(fitted), known.calibrating.joined(calibrating), config)
         self.buffer.remove(np.isin(self.buffer.keys, discovery.keys[promoted]))
 
     def save(self, folder: Path) -> None:

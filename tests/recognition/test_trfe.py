@@ -151,6 +151,18 @@ def test_delta_is_chosen_where_classes_allow_it() -> None:
     assert few.known.screening.threshold == 0.95, "of two classes none can be left out"
 
 
+def test_delta_stays_when_classes_are_added() -> None:
+    growing = model(replace(CONFIG, delta=None, trees=40))
+    before = growing.known.screening
+    samples, truth = stream()
+    growing.observe(samples, np.arange(len(truth)))
+    growing.expand(growing.discover())
+    after = growing.known.screening
+    assert len(growing.known.classes) > len(KNOWN)
+    assert before and after and after is not before
+    assert after.threshold == before.threshold
+
+
 def test_a_window_has_the_screening_follow_a_shift() -> None:
     still, following = model(), model(replace(CONFIG, window=100))
     for seed in range(10, 16):
