@@ -14,12 +14,15 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP)
 
-demo: install  ## run shipped scenarios on SUMO and leave the results in out/demo
+demo: install  ## from recordings to a report of runs, left in out/demo
 	rm -rf out/demo
 	$(BIN)/xosc-check xosc/library xodr/library
-	$(BIN)/xosc-run xosc/library/*.xosc --out out/demo --plot --junit out/demo/junit.xml; status=$$?; \
-	  echo "Results are in out/demo: for each run a picture, trajectories, event log and result; look at out/demo/highway_cut_in/picture.png."; \
-	  test $$status -le 1
+	$(BIN)/xosc-recognize record out/demo/recordings --scale 0.01 --site motorway_two_lanes
+	$(BIN)/xosc-recognize out/demo/recordings --out out/demo/catalogue
+	$(BIN)/xosc-generate xosc/library/cut_in_highway.xosc --sut cas --budget 200 --most 10 --out out/demo/edge_cases
+	$(BIN)/xosc-run xosc/library/*_highway.xosc xosc/library/highway_*.xosc out/demo/edge_cases/cut_in_highway_edge_cases.xosc \
+	  --out out/demo/runs --replay --jobs 2 --junit out/demo/junit.xml; test $$? -le 1
+	@echo "out/demo/runs/report.html shows the runs, each with its replay; out/demo/catalogue what was recognised in the recordings."
 
 test: install  ## the whole test suite, in parallel
 	$(BIN)/python -m pytest -n auto
