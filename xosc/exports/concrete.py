@@ -6,10 +6,14 @@ import copy
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from lxml import etree
+
 from xosc.distributions import ParameterSpace, variations
 from xosc.document import Document, load
+from xosc.exports.left_open import SAID_SINCE, left_open
 from xosc.node import SOURCE, Node
 from xosc.resolve import Argument, resolve
+from xosc.versions import Version
 
 MAX_SETS = 1000
 """Most scenarios that one distribution may become."""
@@ -39,9 +43,22 @@ def concrete(document: Document, parameters: Mapping[str, Argument] | None = Non
     for locations in resolved.root.findall("CatalogLocations"):
         for location in list(locations):
             locations.remove(location)
-    version = max([resolved.version, *(load(path).version for path in _sources(resolved))])
+    versions = {path: load(path).version for path in _sources(resolved)}
+    version = max([resolved.version, *versions.values()])
+    if version >= SAID_SINCE:
+        for element, attribute, value in left_open(resolved):
+            if _version_of(element, versions, resolved.version) < SAID_SINCE and attribute not in element.attrib:
+                element.set(attribute, value)
     Node(resolved.root, resolved.path).need("FileHeader").element.set("revMinor", str(version[1]))
     return Document(resolved.path, resolved.root, version, resolved.kind)
+
+
+def _version_of(element: etree._Element, catalogs: Mapping[str, Version], own: Version) -> Version:
+    """The version in which an element was written: that of the catalogue that it came from, or the scenario's own."""
+    for each in (element, *element.iterancestors()):
+        if each.get(SOURCE):
+            return catalogs[str(each.get(SOURCE))]
+    return own
 
 
 def _sources(resolved: Document) -> set[str]:

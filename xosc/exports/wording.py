@@ -22,6 +22,7 @@ from lxml import etree
 
 from xosc.document import Document
 from xosc.exports.concrete import copied
+from xosc.exports.left_open import SAID_SINCE, left_open
 from xosc.node import Node
 from xosc.values import number
 from xosc.versions import Version, convert
@@ -44,22 +45,18 @@ def in_version(document: Document, version: Version) -> Document:
         if version < since <= document.version:
             for element in list(plain.root.iter(tag)):
                 change(element)
-    downwards = version < _SAID_SINCE <= document.version
-    for element, attribute, value in _left_open(plain):
+    downwards = version < SAID_SINCE <= document.version
+    for element, attribute, value in left_open(plain):
         if downwards and element.tag == "AccelerationCondition" and attribute not in element.attrib:
             message = "without a direction it is about the total acceleration, of which versions before 1.2 do not know"
             raise Node(element, plain.path).unsupported(message)
         if downwards and element.get(attribute) == value:
             del element.attrib[attribute]
     converted = convert(plain, version)
-    for element, attribute, value in _left_open(converted):
-        if document.version < _SAID_SINCE <= version and attribute not in element.attrib:
+    for element, attribute, value in left_open(converted):
+        if document.version < SAID_SINCE <= version and attribute not in element.attrib:
             element.set(attribute, value)
     return converted
-
-
-def _left_open(document: Document) -> list[tuple[etree._Element, str, str]]:
-    return [(element, attribute, value) for tag, attribute, value in _LEFT_OPEN for element in document.root.iter(tag)]
 
 
 def _as_comments(element: etree._Element) -> None:
@@ -98,14 +95,6 @@ def _strict(condition: etree._Element) -> None:
     condition.set("value", repr(value + moved))
     condition.set("rule", rule)
 
-
-_SAID_SINCE = (1, 2)
-_LEFT_OPEN = (
-    ("SpeedActionDynamics", "followingMode", "follow"),
-    ("LaneChangeActionDynamics", "followingMode", "follow"),
-    ("AccelerationCondition", "direction", "longitudinal"),
-)
-"""Attributes, and what is meant before they can be said."""
 
 _CHANGES: tuple[tuple[Version, str, Callable[[etree._Element], None]], ...] = (
     ((1, 1), "License", _as_comments),
