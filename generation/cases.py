@@ -15,6 +15,7 @@ from generation.problem import Episodes, Evaluate
 from recognition.samples import Floats, Whole
 
 COLLISION, VIOLATION = "collision", "violation of RSS distances"
+AVOIDED, UNKNOWN = "avoids a collision", "unknown: the run failed"
 CAREFUL = "r157-cc"
 """System under test that says which collisions can be avoided."""
 
@@ -39,23 +40,28 @@ class Cases:
         theta: parameters (n, d).
         outcomes, rewards: what came of them.
         log_likelihood: log-density (n,) of recorded parameters at theta.
-        avoidable: whether the careful and competent driver of UN R157 has no collision there (n,).
+        careful: what came of the careful and competent driver of UN R157 there.
     """
 
     theta: Floats
     outcomes: Outcomes
     rewards: Floats
     log_likelihood: Floats
-    avoidable: NDArray[np.bool_]
+    careful: Outcomes
 
     def __len__(self) -> int:
         return len(self.rewards)
+
+    @property
+    def avoidable(self) -> NDArray[np.bool_]:
+        """The collisions (n,) that the careful driver is known to avoid."""
+        return self.outcomes.collision & self.careful.survived
 
     def tags(self) -> dict[str, list[str] | list[float]]:
         """What is told of each case, by the names of tags."""
         return {
             "Verdict": [COLLISION if collided else VIOLATION for collided in self.outcomes.collision],
-            "CarefulDriver": ["avoids a collision" if avoided else COLLISION for avoided in self.avoidable],
+            "CarefulDriver": np.select([self.careful.survived, self.careful.collision], [AVOIDED, COLLISION], UNKNOWN).tolist(),
             "Reward": _told(self.rewards),
             "LogLikelihood": _told(self.log_likelihood),
             "RRisk": _told(self.outcomes.r_risk),
@@ -86,7 +92,7 @@ def choose(
     chosen = order[diverse(space.unit(episodes.theta[order]), choice)]
     outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
     theta = episodes.theta[chosen]
-    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], ~careful(theta).collision)
+    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], careful(theta))
 
 
 def diverse(unit: Floats, choice: Choice) -> Whole:

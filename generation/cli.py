@@ -16,6 +16,7 @@ from schemas.errors import UsageError
 from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
+    from generation.evaluator import Outcomes
     from generation.parameters import Space
     from generation.pipeline import Generated, Settings
     from generation.recorded import Recorded
@@ -158,17 +159,23 @@ def _report(scenario: Path, generated: Generated, settings: Settings) -> Iterato
     yield f"{scenario.name}: {settings.method} against {settings.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
     failed = len(outcomes) - int(outcomes.executed.sum())
     if failed:
-        yield f"  {failed} runs failed, the first with: {outcomes.error[~outcomes.executed][0]}"
+        yield f"  {failed} runs failed, the first with: {_first_error(outcomes)}"
     yield (
         f"  {len(outcomes)} runs: {outcomes.collision.mean():.1%} collisions, "
         f"mean R_risk {outcomes.r_risk.mean():.3f}; prior from {generated.recorded} recorded manoeuvres"
     )
     collisions = int(cases.outcomes.collision.sum())
-    avoidable = int((cases.outcomes.collision & cases.avoidable).sum())
+    avoidable, unknown = int(cases.avoidable.sum()), int((cases.outcomes.collision & ~cases.careful.executed).sum())
     yield f"  {len(cases)} edge cases: {collisions} collisions, {avoidable} of them avoidable by a careful driver"
+    if unknown:
+        yield f"  {unknown} of them not judged, as the careful driver's run failed: {_first_error(cases.careful)}"
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield f"  and {len(generated.files) - _LISTED} more files in {generated.files[0].parent}"
+
+
+def _first_error(outcomes: Outcomes) -> str:
+    return str(outcomes.error[~outcomes.executed][0])
 
 
 def main() -> None:

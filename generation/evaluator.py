@@ -56,6 +56,11 @@ class Outcomes:
         """The episodes that took place."""
         return self.status != "error"
 
+    @property
+    def survived(self) -> NDArray[np.bool_]:
+        """The episodes that took place and have no collision."""
+        return self.executed & ~self.collision
+
 
 @dataclass(eq=False)
 class Runs:

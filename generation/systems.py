@@ -30,7 +30,8 @@ class Row(NamedTuple):
         system: its name.
         runs: cases that could be run.
         collisions: of these.
-        avoidable: collisions in cases in which the careful and competent driver (UN Regulation 157) has none.
+        avoidable, unavoidable: collisions in cases in which the careful and competent driver (UN Regulation 157) has none, or has
+            one as well; they do not add up where its run failed.
         r_risk: mean share of time in which RSS distances are violated.
     """
 
@@ -38,6 +39,7 @@ class Row(NamedTuple):
     runs: int
     collisions: int
     avoidable: int
+    unavoidable: int
     r_risk: float
 
 
@@ -55,8 +57,7 @@ class Comparison:
 
     def avoidable(self, system: str) -> NDArray[np.bool_]:
         """Collisions (n,) of a system that the careful and competent driver does not have."""
-        careful = self.outcomes[CAREFUL]
-        return self.outcomes[system].collision & careful.executed & ~careful.collision
+        return self.outcomes[system].collision & self.outcomes[CAREFUL].survived
 
     def rows(self) -> list[Row]:
         """One row for each system."""
@@ -66,6 +67,7 @@ class Comparison:
                 int(found.executed.sum()),
                 int(found.collision.sum()),
                 int(self.avoidable(system).sum()),
+                int((found.collision & self.outcomes[CAREFUL].collision).sum()),
                 float(found.r_risk[found.executed].mean()) if found.executed.any() else 0.0,
             )
             for system, found in self.outcomes.items()
@@ -78,14 +80,14 @@ class Comparison:
             "|---|---|---|---|---|---|",
         ]
         for row in self.rows():
-            rest = row.collisions - row.avoidable
-            lines.append(f"| `{row.system}` | {row.runs} | {row.collisions} | {row.avoidable} | {rest} | {row.r_risk:.3f} |")
+            counts = f"{row.runs} | {row.collisions} | {row.avoidable} | {row.unavoidable}"
+            lines.append(f"| `{row.system}` | {counts} | {row.r_risk:.3f} |")
         return "\n".join(lines) + "\n"
 
     def table(self) -> pa.Table:
         """A row for each case and system: case, parameters (a map), system, collision, avoidable, r_risk, min_ttc (s; null where
         there never was a lead), end_time (s), error; collision, r_risk and end_time are null where there was no run, avoidable
-        where there was no collision."""
+        where there was no collision or the careful driver's run failed."""
         import pyarrow as pa
 
         jobs = [case.job if isinstance(case, Outcome) else case for case in self.cases]
@@ -97,7 +99,7 @@ class Comparison:
                 "parameters": pa.array([sorted(job.parameters.items()) for job in jobs], pa.map_(pa.string(), pa.string())),
                 "system": pa.array([system] * len(jobs), pa.string()),
                 "collision": pa.array(found.collision, mask=failed),
-                "avoidable": pa.array(self.avoidable(system), mask=~found.collision),
+                "avoidable": pa.array(self.avoidable(system), mask=~found.collision | ~self.outcomes[CAREFUL].executed),
                 "r_risk": pa.array(found.r_risk, mask=failed),
                 "min_ttc": pa.array(found.min_ttc, mask=np.isinf(found.min_ttc)),
                 "end_time": pa.array(found.end_time, mask=failed),

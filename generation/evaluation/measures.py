@@ -75,13 +75,17 @@ def measure(episodes: Episodes, problem: Problem) -> Measures:
 
 
 def avoided(history: History, careful: Evaluate) -> float | None:
-    """Share of the last third's collisions, or of evenly chosen ones among them, where the careful driver has none."""
+    """Share of the last third's collisions, or of evenly chosen ones among them, where the careful driver has none.
+
+    Runs of the careful driver that did not take place do not count; None where nothing is left to judge.
+    """
     last = last_third(history)
     theta = last.theta[last.outcomes.collision]
     if not len(theta):
         return None
     chosen = np.unique(np.linspace(0, len(theta) - 1, min(len(theta), JUDGED)).astype(int))
-    return float(1.0 - careful(theta[chosen]).collision.mean())
+    judged = careful(theta[chosen])
+    return float(judged.survived.sum() / judged.executed.sum()) if judged.executed.any() else None
 
 
 def curves(history: History, window: int = 150) -> dict[str, Floats]:

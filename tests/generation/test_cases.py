@@ -56,6 +56,16 @@ def test_failed_episodes_are_no_cases() -> None:
     assert len(choose(SPACE, Episodes(np.ones((2, 2)), found, np.ones(2)), First(), careful)) == 0
 
 
+def test_what_the_careful_driver_avoids_is_unknown_where_its_run_failed() -> None:
+    theta = np.array([[3.0, 1.0], [6.0, 9.0], [9.0, 1.0]])
+    hit = Episodes(theta, outcomes([True] * 3, [1.0] * 3), np.array([3.0, 2.0, 1.0]))
+    judged = careful(theta)
+    judged.status[0] = "error"
+    cases = choose(SPACE, hit, First(), lambda theta: judged)
+    assert cases.avoidable.tolist() == [False, False, True]
+    assert cases.tags()["CarefulDriver"] == ["unknown: the run failed", "collision", "avoids a collision"]
+
+
 @given(st.lists(st.tuples(st.floats(0, 10), st.floats(0, 10), st.floats(-1, 1)), min_size=1, max_size=30), st.integers(1, 9))
 def test_cases_are_apart_and_no_more_than_asked_for(rows: list[tuple[float, float, float]], most: int) -> None:
     table = np.array(rows)

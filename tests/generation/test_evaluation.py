@@ -119,6 +119,9 @@ def test_avoidable_is_what_the_careful_driver_survives(problem: Problem) -> None
     history = History(theta, every, np.zeros(9))
     assert avoided(history, lambda rows: Outcomes(**{name: values[: len(rows)] for name, values in vars(every).items()})) == 0.0
     assert avoided(history, Kinematic()) == 1.0 - hit.collision.mean()
+    failed = Outcomes(**{**vars(hit), "collision": np.arange(9) == 0, "status": np.where(np.arange(9) < 3, "completed", "error")})
+    assert avoided(history, lambda rows: failed) == pytest.approx(2 / 3)
+    assert avoided(history, lambda rows: Outcomes(**{**vars(hit), "status": np.full(9, "error")})) is None
     none = Outcomes(**{**vars(hit), "collision": np.zeros(9, bool)})
     assert avoided(History(theta, none, np.zeros(9)), Kinematic()) is None
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import runner
+from generation.evaluator import Outcomes
 from generation.systems import Comparison, compare
 from runner.jobs import Job, Outcome, jobs_of
 from schemas.errors import UsageError
@@ -48,8 +50,16 @@ def test_a_collision_is_avoidable_where_the_careful_driver_has_none(found: Compa
     assert found.avoidable("none").tolist() == [True, True, False, False]
     assert not found.avoidable("r157-cc").any()
     rows = {row.system: row for row in found.rows()}
-    assert rows["none"][1:4] == (3, 3, 2)
-    assert rows["r157-cc"][1:4] == (3, 1, 0)
+    assert rows["none"][1:5] == (3, 3, 2, 1)
+    assert rows["r157-cc"][1:5] == (3, 1, 0, 1)
+
+
+def test_nothing_is_said_of_collisions_where_the_careful_drivers_run_failed(found: Comparison) -> None:
+    careful = found.outcomes["r157-cc"]
+    failed = Outcomes(**{**vars(careful), "status": np.array(["error", "completed", "completed", "error"])})
+    changed = Comparison(found.cases, {**found.outcomes, "r157-cc": failed})
+    assert next(row for row in changed.rows() if row.system == "none")[1:5] == (3, 3, 1, 1)
+    assert [row["avoidable"] for row in changed.table().to_pylist()[:4]] == [None, True, False, None]
 
 
 def test_what_can_not_be_read_is_no_avoided_collision(found: Comparison) -> None:
