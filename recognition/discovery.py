@@ -18,7 +18,7 @@ from recognition.encoder.training import deterministic
 from recognition.known import Known
 from recognition.promotion import Candidate, judge, known_cohesion
 from recognition.rfap import random_trees, similarity
-from recognition.samples import UNKNOWN, Features, Whole, matrix
+from recognition.samples import UNKNOWN, Features, Whole, drawn_of_each, matrix
 from schemas.errors import UsageError
 
 FIRST_DISCOVERED = 101
@@ -79,9 +79,8 @@ def discover(known: Known, buffer: Buffer, config: Config) -> Discovery:
 
 def _similarity(features: Features, directions: Directions, known: Known, config: Config) -> tuple[NDArray[np.float32], float]:
     """S of the unknown samples, and the cohesion of the known classes under the same forest."""
-    random = np.random.default_rng(config.seed)
     own, labels = known.calibrating
-    chosen = np.concatenate([random.permutation(np.flatnonzero(labels == label))[:_REFERENCE] for label in known.classes])
+    chosen = drawn_of_each(labels, _REFERENCE, np.random.default_rng(config.seed))
     both = np.concatenate([features, own[chosen]])
     similar = _unsupervised(directions.of(both), config) if config.forest == "unsupervised" else known.voters.similarity(both)
     split = len(features)

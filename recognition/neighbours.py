@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recognition.samples import Features, Whole, class_labels, matrix
+from recognition.samples import Features, Whole, class_labels, deviations, drawn_of_each, matrix
 
 _NEAREST = 5
 _MOST = 150
@@ -41,11 +41,8 @@ class Neighbours(NamedTuple):
         """
         table = matrix(features)
         truth = class_labels(labels, len(table))
-        mean, spread = table.mean(axis=0), table.std(axis=0)
-        scale = np.where(spread > 0.0, spread, 1.0).astype(np.float32)
-        random = np.random.default_rng(seed)
-        drawn = [random.permutation(np.flatnonzero(truth == label))[:_MOST] for label in np.unique(truth)]
-        rows = np.sort(np.concatenate(drawn))
+        mean, scale = table.mean(axis=0), deviations(table)
+        rows = np.sort(drawn_of_each(truth, _MOST, np.random.default_rng(seed)))
         return cls(((table[rows] - mean) / scale).astype(np.float16), truth[rows], mean, scale)
 
     def distances(self, features: ArrayLike) -> Features:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from recognition.samples import Features, Floats, Whole, class_labels, matrix
+from recognition.samples import Features, Floats, Whole, class_labels, deviations, matrix
 from schemas.errors import UsageError
 
 Metric = Literal["whitened", "euclidean", "cosine", "margin"]
@@ -86,8 +86,7 @@ class Prototypes(NamedTuple):
 
 
 def _scaling(features: Features) -> Features:
-    spread = features.std(axis=0)
-    return np.diag(1.0 / np.where(spread > 0.0, spread, 1.0)).astype(np.float32)
+    return np.diag(1.0 / deviations(features)).astype(np.float32)
 
 
 def _whitening(features: Features, columns: Whole) -> Features:

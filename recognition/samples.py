@@ -48,3 +48,15 @@ def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> Who
     if len(np.unique(values)) < least_classes:
         raise UsageError(f"{len(np.unique(values))} known classes are too few, at least {least_classes} are needed")
     return values.astype(np.int64)
+
+
+def drawn_of_each(labels: Whole, most: int | None, generator: np.random.Generator) -> Whole:
+    """Numbers of at most so many samples of each class among labels (n,), drawn; class by class, in the order drawn."""
+    drawn = [generator.permutation(np.flatnonzero(labels == label))[:most] for label in np.unique(labels)]
+    return np.concatenate(drawn) if drawn else np.zeros(0, dtype=np.int64)
+
+
+def deviations(features: Features) -> Features:
+    """Standard deviation (d,) of each feature of (n, d), to divide by: 1 where it does not vary."""
+    spread = features.std(axis=0)
+    return np.where(spread > 0.0, spread, 1.0).astype(np.float32)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from recognition.encoder.config import Preset
     from recognition.encoder.training import Progress
     from recognition.grids import Grid
-    from recognition.samples import Whole
     from recognition.trfe import TRFE
     from recognition.windows import Windows
 
@@ -97,6 +96,7 @@ def fitted(
     from recognition.encoder.finetuning import finetune
     from recognition.encoder.pretraining import pretrain
     from recognition.encoder.storage import rounded
+    from recognition.samples import drawn_of_each
     from recognition.trfe import TRFE
 
     everything = windows.select(np.sort(np.concatenate([parts.labelled, parts.stream])))
@@ -104,16 +104,8 @@ def fitted(
     encoder = pretrain(everything, preset, grid, seed, progress=progress)
     tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
     model = TRFE(Config(seed=seed), (rounded(encoder), rounded(tuned)))
-    labelled = labelled.select(_thinned(labelled.labels, most, seed))
+    labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
     return model.fit(labelled.grids, labelled.labels, held.grids, held.labels)
-
-
-def _thinned(labels: Whole, most: int | None, seed: int) -> Whole:
-    """Rows of at most so many windows of each class, drawn; ascending."""
-    import numpy as np
-
-    random = np.random.default_rng(seed)
-    return np.sort(np.concatenate([random.permutation(np.flatnonzero(labels == label))[:most] for label in np.unique(labels)]))
 
 
 def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.samples import Whole
+from recognition.samples import Whole, drawn_of_each
 from recognition.windows import Windows
 
 Unit = Literal["recording", "vehicle"]
@@ -95,6 +95,4 @@ def _thinned(rows: Whole, labels: Whole, share: float, most: int | None, generat
     """At most round(share · most) rows of each class, drawn; ascending."""
     if most is None:
         return rows
-    limit = max(round(share * most), 1)
-    drawn = [generator.permutation(rows[labels[rows] == label])[:limit] for label in np.unique(labels[rows])]
-    return np.sort(np.concatenate(drawn)) if drawn else rows
+    return np.sort(rows[drawn_of_each(labels[rows], max(round(share * most), 1), generator)])
