@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -169,9 +169,14 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
     return max((error.exit_code for error in summary.failures.values()), default=0)
 
 
-def _app(function: Callable[..., Any], epilog: str = "") -> typer.Typer:
+def app_of(name: str | None = None) -> typer.Typer:
+    """The app of a further command; without a name, of the one for catalogues."""
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(epilog=epilog or None)(function)
+    if name is None:
+        app.command(epilog=_EPILOG)(recognise)
+    else:
+        module, _ = COMMANDS[name]
+        app.command()(getattr(import_module(module), name))
     return app
 
 
@@ -179,11 +184,9 @@ def _run() -> None:
     """The command that the first argument names, else that for catalogues."""
     name, *rest = sys.argv[1:] or [""]
     if name in COMMANDS:
-        module, _ = COMMANDS[name]
-        function = getattr(import_module(module), name)
-        _app(function)(args=rest, prog_name=f"{NAME} {name}")
+        app_of(name)(args=rest, prog_name=f"{NAME} {name}")
     else:
-        _app(recognise, _EPILOG)(prog_name=NAME)
+        app_of()(prog_name=NAME)
 
 
 def main() -> None:

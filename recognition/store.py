@@ -91,6 +91,9 @@ def load(folder: Path) -> TRFE:
     encoders = _read_encoders(folder)
     try:
         model = TRFE(config, encoders, _known(config, arrays, forest))
+        widths = sum(encoder.architecture.dim for encoder in encoders), model.known.fitted.features.shape[1]
+        if encoders and widths[0] != widths[1]:
+            raise ValueError(f"its encoders give {widths[0]} features, not {widths[1]}")
         waiting = _part(arrays, "buffer")
         if waiting:
             model.buffer.add(matrix(waiting["inputs"], len(model.known.prototypes.mean)), waiting["keys"])

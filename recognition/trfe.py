@@ -148,7 +148,7 @@ class TRFE:
         fitted, calibrating = (Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates))
         known, config = self.known, self.config
         if isinstance(known.screening, EvtDeficit):
-            config = replace(config, delta=1.0 - known.screening.threshold)
+            config = replace(config, delta=known.screening.delta)
         self._known = learn(known.fitted.joined(fitted), known.calibrating.joined(calibrating), config)
         self.buffer.remove(np.isin(self.buffer.keys, discovery.keys[promoted]))
 

@@ -66,12 +66,7 @@ class Windows:
         Raises:
             UsageError: the folder can't be written.
         """
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            np.save(folder / _GRIDS, self.grids)
-            _write_table([self._table()], folder)
-        except OSError as error:
-            raise UsageError(f"the windows can't be written: {error.strerror or error}", path=folder) from None
+        store([self], self.grids.shape, folder)
 
     @staticmethod
     def load(folder: Path) -> Windows:
@@ -121,40 +116,32 @@ def windows_of(recording: Recording, events: Sequence[Event], grid: Grid, site: 
     )
 
 
-def store(parts: Iterable[Windows], count: int, grid: Grid, folder: Path) -> Windows:
+def store(parts: Iterable[Windows], shape: tuple[int, ...], folder: Path) -> None:
     """Write windows of several recordings one after the other into a folder, without holding all of them in memory.
 
     Args:
-        parts: `count` windows in all.
-        grid: theirs.
+        parts: windows of one grid.
+        shape: of the grids of all of them together.
 
     Raises:
         UsageError: the folder can't be written, or there are more or fewer windows, or some of another grid.
     """
-    tables, filled = [], 0
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        grids = np.lib.format.open_memmap(folder / _GRIDS, "w+", np.uint8, (count, *grid.shape))
-        for part in parts:
-            if part.grids.shape[1:] != grid.shape or filled + len(part) > count:
-                raise UsageError(
-                    f"{len(part)} windows of shape {part.grids.shape[1:]} do not fit after {filled} of {grids.shape}"
-                )
-            grids[filled : filled + len(part)] = part.grids
-            filled += len(part)
-            tables.append(part._table())
-        if filled != count:
-            raise UsageError(f"there are {filled} windows, not {count}")
-        grids.flush()
-        _write_table(tables, folder)
-    except OSError as error:
-        raise UsageError(f"the windows can't be written: {error.strerror or error}", path=folder) from None
-    return Windows.load(folder)
-
-
-def _write_table(tables: Sequence[pa.Table], folder: Path) -> None:
-    """Write the table last: a folder without it is not of windows."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    pq.write_table(pa.concat_tables(tables), folder / _TABLE)
+    tables, filled = [], 0
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        grids = np.lib.format.open_memmap(folder / _GRIDS, "w+", np.uint8, shape)
+        for part in parts:
+            if part.grids.shape[1:] != shape[1:] or filled + len(part) > len(grids):
+                raise UsageError(f"{len(part)} windows of shape {part.grids.shape[1:]} do not fit after {filled} of {shape}")
+            grids[filled : filled + len(part)] = part.grids
+            filled += len(part)
+            tables.append(part._table())
+        if filled != len(grids):
+            raise UsageError(f"there are {filled} windows, not {len(grids)}")
+        grids.flush()
+        pq.write_table(pa.concat_tables(tables), folder / _TABLE)  # last: a folder without it is not of windows
+    except OSError as error:
+        raise UsageError(f"the windows can't be written: {error.strerror or error}", path=folder) from None

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-import numpy as np
-
 from recognition.baselines.method import OpenSetMethod
 from recognition.samples import Features, Floats, Whole
 from recognition.screening import Screening
-from recognition.votes import TREES, forest, votes
+from recognition.voters import grow
+from recognition.votes import TREES
 
 
 class VotingMethod(OpenSetMethod):
@@ -18,7 +17,13 @@ class VotingMethod(OpenSetMethod):
     Args:
         seed: of the forest and the screening.
         trees: number of trees.
+
+    Attributes:
+        background, neighbours: of the forest, see `recognition.voters.grow`.
     """
+
+    background = False
+    neighbours = False
 
     def __init__(self, seed: int = 0, trees: int = TREES) -> None:
         super().__init__(seed)
@@ -29,14 +34,21 @@ class VotingMethod(OpenSetMethod):
         """The screening, not calibrated yet."""
 
     def _learn(self, features: Features, indices: Whole) -> None:
-        self._forest = forest(features, self.classes[indices], self.trees, self.seed)
+        self._voters = grow(
+            features,
+            self.classes[indices],
+            trees=self.trees,
+            seed=self.seed,
+            background=self.background,
+            neighbours=self.neighbours,
+        )
 
     def _calibrate(self, features: Features, labels: Whole) -> None:
-        self.screening = self._screening().fit(votes(self._forest, features), labels)
+        self.screening = self._screening().fit(self._voters.votes(features), labels, self.trees)
 
     def _classify(self, features: Features) -> Whole:
-        return votes(self._forest, features).argmax(axis=1)
+        return self._voters.votes(features).argmax(axis=1)
 
     def score(self, features: Features) -> Floats:
         """Outlyingness of each sample (n,); higher is less like the known classes."""
-        return np.asarray(self.screening.score(votes(self._forest, features)))
+        return self.screening.score(self._voters.votes(features))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from recognition.catalogue.scenes import EGO, Scene
@@ -72,11 +72,16 @@ def tags(name: str, title: str, scene: Scene, facts: Mapping[str, Any]) -> list[
         title: of its class.
         facts: what else is known, by the names of the index's columns; None is left out.
     """
-    categories = {part.track.category for part in scene.parts}
-    asam = [*_CLASSES.get(title, ("MotionDrive",)), *sorted(_PARTICIPANTS[each] for each in categories & _PARTICIPANTS.keys())]
     told = {**facts, **{f"rule_{key}": value for key, value in facts["tags"].items()}}
     own = [Tag(_type(key), value) for key, value in told.items() if value is not None and key != "tags"]
-    return [*(Tag(each, None, ASAM) for each in asam), Tag("scenarioName", name, ASAM), Tag("Ego", EGO), *own]
+    asam = ontology_tags(title, {part.track.category for part in scene.parts})
+    return [*asam, Tag("scenarioName", name, ASAM), Tag("Ego", EGO), *own]
+
+
+def ontology_tags(title: str, categories: Iterable[str]) -> list[Tag]:
+    """What OpenLABEL's ontology has for a class, by its title, and for the categories of participants."""
+    participants = sorted(_PARTICIPANTS[each] for each in set(categories) & _PARTICIPANTS.keys())
+    return [Tag(each, None, ASAM) for each in (*_CLASSES.get(title, ("MotionDrive",)), *participants)]
 
 
 def _type(name: str) -> str:

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from recognition import datasets
+from recognition.datasets import Source
 from recognition.grids import Grid, covered
 from recognition.labels import Event, label
-from recognition.sites import Site, site_of
+from recognition.sites import site_of
 from recognition.windows import Windows, store, windows_of
-from runner.recording import Recording
 from schemas.errors import UsageError
 
 
@@ -66,36 +66,31 @@ def _is_windows(folder: Path) -> bool:
 
 
 def _made(path: Path, cache: Path, grid: Grid, events_per_class: int | None) -> Windows:
+    """Windows of recordings that are read twice: to find their events, and for those that are wanted."""
     roads = cache / "roads"
-    usable = [event for recording, _, events in _labelled(path, roads) for event in _covered(recording, events, grid)]
+    sources = datasets.open(path, roads=roads).sources
+    usable = [event for source in sources for event in _usable(source, grid, roads)]
     if not usable:
         raise UsageError("no rule finds an event in these recordings", path=path)
-    wanted = {_identity(event) for event in _thinned(usable, events_per_class)}
+    wanted: dict[str, list[Event]] = {}
+    for event in _thinned(usable, events_per_class):
+        wanted.setdefault(event.recording, []).append(event)
 
     def parts() -> Iterator[Windows]:
-        for recording, site, events in _labelled(path, roads):
-            chosen = [event for event in events if _identity(event) in wanted]
-            if chosen:
-                yield windows_of(recording, chosen, grid, site)
+        for source in sources:
+            if source.name in wanted:
+                recording = source.load()
+                yield windows_of(recording, wanted[source.name], grid, site_of(source, recording, roads))
 
-    return store(parts(), len(wanted), grid, cache)
-
-
-def _labelled(path: Path, roads: Path) -> Iterator[tuple[Recording, Site, list[Event]]]:
-    """Each recording with its site and events, one at a time."""
-    for source in datasets.open(path, roads=roads).sources:
-        recording = source.load()
-        site = site_of(source, recording, roads)
-        yield recording, site, label(recording, site, source.name)
+    store(parts(), (sum(map(len, wanted.values())), *grid.shape), cache)
+    return Windows.load(cache)
 
 
-def _covered(recording: Recording, events: list[Event], grid: Grid) -> list[Event]:
-    """The events whose window lies within the ego's track."""
+def _usable(source: Source, grid: Grid, roads: Path) -> list[Event]:
+    """The events of a recording whose window lies within the ego's track."""
+    recording = source.load()
+    events = label(recording, site_of(source, recording, roads), source.name)
     return list(compress(events, covered(recording, [(event.ego, event.time) for event in events], grid)))
-
-
-def _identity(event: Event) -> tuple[str, str, float, int]:
-    return event.recording, event.ego, event.time, event.label
 
 
 def _thinned(events: Sequence[Event], most: int | None) -> list[Event]:

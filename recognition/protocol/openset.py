@@ -18,10 +18,8 @@ from recognition.baselines.mls import MLS
 from recognition.baselines.vote_threshold import PlainThreshold
 from recognition.baselines.voting import VotingMethod
 from recognition.protocol.stage import Stage
-from recognition.samples import Features, Floats, Whole
+from recognition.samples import Floats, Whole
 from recognition.screening import EvtDeficit, EvtPooled, Screening
-from recognition.voters import grow
-from recognition.votes import TREES
 
 OWN_RULE = "trfe"
 """The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
@@ -34,26 +32,13 @@ class ReadingA(VotingMethod):
         return EvtDeficit(seed=self.seed)
 
 
-class PooledScreening(OpenSetMethod):
+class PooledScreening(VotingMethod):
     """TRFE's own voters and screening (`recognition.screening.evt_pooled`) under the common rejection rule."""
 
-    def __init__(self, seed: int = 0, trees: int = TREES) -> None:
-        super().__init__(seed)
-        self.trees = trees
+    background = neighbours = True
 
-    def _learn(self, features: Features, indices: Whole) -> None:
-        labels = self.classes[indices]
-        self._voters = grow(features, labels, trees=self.trees, seed=self.seed, background=True, neighbours=True)
-
-    def _calibrate(self, features: Features, labels: Whole) -> None:
-        self._screening = EvtPooled(seed=self.seed).fit(self._voters.votes(features), labels, self.trees)
-
-    def _classify(self, features: Features) -> Whole:
-        return self._voters.votes(features).argmax(axis=1)
-
-    def score(self, features: Features) -> Floats:
-        """Outlyingness of each sample (n,); higher is less like the known classes."""
-        return self._screening.score(self._voters.votes(features))
+    def _screening(self) -> Screening:
+        return EvtPooled(seed=self.seed)
 
 
 COMMON_RULE: dict[str, type[OpenSetMethod]] = {

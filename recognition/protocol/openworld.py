@@ -16,6 +16,7 @@ from recognition.promotion import Promotion
 from recognition.protocol.rounds import Round
 from recognition.protocol.stage import Samples, Stage
 from recognition.samples import UNKNOWN, Whole
+from recognition.screening import EvtPooled
 from recognition.trfe import TRFE
 
 _PLAIN_VOTES: dict[str, Any] = {"background": False, "neighbours": False}
@@ -56,8 +57,9 @@ def measure_open_world(name: str, stage: Stage) -> dict[str, Any]:
         See `follow`.
     """
     config = VARIANTS[name]
-    if config.screening == "pooled" and (screening := stage.model.known.screening):
-        config = replace(config, delta=1.0 - screening.threshold)
+    screening = stage.model.known.screening
+    if config.screening == "pooled" and isinstance(screening, EvtPooled):
+        config = replace(config, delta=screening.delta)
     return follow(begin(config, stage), stage, {})
 
 

@@ -133,27 +133,30 @@ class Laboratory:
 
     def stage(self, split: Split, round_: Round, seed: int) -> Stage:
         """The stage of a round of a seed."""
-        path = self.cache / f"seed{seed}" / f"features{round_.number}.npy"
         rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
-        if not path.exists():
-            found = self._features(rows, split, round_, seed)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draft = path.with_suffix(".draft.npy")
-            np.save(draft, found)
-            draft.replace(path)
-        features = np.load(path, allow_pickle=False)
+        of = (_PRETRAINED, round_) if self.preset else (_PRETRAINED,)
+        features = np.concatenate([self._features(rows, split, one, seed) for one in of], axis=1)
         encoded = np.zeros((len(self.windows), features.shape[1]), dtype=np.float32)
         encoded[rows] = features
         return Stage(self.windows, split, round_, seed, encoded)
 
     def _features(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+        """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
+        path = self.cache / f"seed{seed}" / f"encoded{round_.number}.npy"
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft = path.with_suffix(".draft.npy")
+            np.save(draft, self._encode(rows, split, round_, seed))
+            draft.replace(path)
+        return np.load(path, allow_pickle=False)
+
+    def _encode(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
         from recognition.encoder.inference import features
 
         if self.preset is None:
             training = np.sort(np.concatenate([split.labelled, split.stream]))
             return pixel_features(self.windows.grids[training], self.windows.grids[rows], seed)
-        encoders = [self._encoder(self.preset, split, one, seed) for one in (_PRETRAINED, round_)]
-        return features(encoders, self.windows.select(rows))
+        return features(self._encoder(self.preset, split, round_, seed), self.windows.select(rows))
 
     def _encoder(self, preset: Preset, split: Split, round_: Round, seed: int) -> Encoder:
         """The encoder of a round."""

@@ -48,6 +48,11 @@ class EvtDeficit(Screening):
         self.recent: Floats = np.zeros((0, window))
         self.seen: Whole = np.zeros(0, dtype=np.int64)
 
+    @property
+    def delta(self) -> float:
+        """δ, the similarity below which a sample is unknown."""
+        return 1.0 - self.threshold
+
     def _calibrate(self, votes: Whole, columns: Whole) -> None:
         jitter = np.random.default_rng(self.seed).random(len(votes))
         groups = self._groups(columns)

@@ -48,7 +48,7 @@ def encoder(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         centres = np.stack([5.0 * np.random.default_rng(label).standard_normal(12) for label in range(20)])
         return (centres[self.windows.labels[rows]] + noise).astype(np.float32)
 
-    monkeypatch.setattr(Laboratory, "_features", features)
+    monkeypatch.setattr(Laboratory, "_encode", features)
     return asked
 
 

@@ -53,18 +53,19 @@ def test_selection_keeps_all_columns_together(windows):
 
 
 def test_windows_of_several_recordings_follow_each_other_in_a_folder(windows, tmp_path):
-    both = store(iter([windows.select([2]), windows]), 4, GRID, tmp_path)
+    store(iter([windows.select([2]), windows]), (4, *GRID.shape), tmp_path)
+    both = Windows.load(tmp_path)
     assert both.labels.tolist() == [17, 3, 0, 17]
     assert (both.grids[0] == windows.grids[2]).all() and (both.grids[1:] == windows.grids).all()
 
 
 def test_windows_that_are_not_as_many_or_of_another_grid_are_not_stored(windows, tmp_path):
     with pytest.raises(UsageError, match="3 windows, not 4"):
-        store([windows], 4, GRID, tmp_path)
+        store([windows], (4, *GRID.shape), tmp_path)
     with pytest.raises(UsageError, match="do not fit after 0"):
-        store([windows], 2, GRID, tmp_path)
+        store([windows], (2, *GRID.shape), tmp_path)
     with pytest.raises(UsageError, match="do not fit"):
-        store([windows], 3, Grid(channels=("ego",)), tmp_path)
+        store([windows], (3, *Grid(channels=("ego",)).shape), tmp_path)
     with pytest.raises(InvalidFile):
         Windows.load(tmp_path)
 
