@@ -2,6 +2,8 @@
 
 What the versions have in common stays as it is, deprecated forms included. `RULES` lists what one version says
 differently from the next; everything that the target version cannot say is found by its own XSD and refused there.
+One thing is lost without a refusal: before 1.2 a transition keeps to its time only as far as the vehicle can
+(`followingMode` is `follow`), so that `position`, the default since, goes.
 Source: the official XSDs compared, and the standard's notes on deprecated elements.
 """
 
@@ -154,6 +156,28 @@ def _implied(attribute: str, value: str) -> Change:
     return change
 
 
+LEFT_OPEN = {
+    "SpeedActionDynamics": ("followingMode", "follow"),
+    "LaneChangeActionDynamics": ("followingMode", "follow"),
+    "AccelerationCondition": ("direction", "longitudinal"),
+}
+"""Attributes by tag that there are since `SAID_SINCE`, and what is meant before. Where it is left out later, that means
+something else: the default `position`, the total acceleration."""
+SAID_SINCE: Version = (1, 2)
+
+
+def say_left_open(element: etree._Element) -> None:
+    """Say what an element of `LEFT_OPEN` of an older version means, so that it means the same from `SAID_SINCE` on."""
+    attribute, value = LEFT_OPEN[str(element.tag)]
+    if attribute not in element.attrib:
+        element.set(attribute, value)
+
+
+def _with_direction(condition: etree._Element) -> None:
+    if "direction" not in condition.attrib:
+        raise UsageError("without a direction it is about the total acceleration, of which versions before 1.2 do not know")
+
+
 def _tag(new: str) -> Change:
     """An element that got another name."""
 
@@ -301,6 +325,8 @@ RULES: tuple[Rule, ...] = (
         Rule((1, 2), tag, down=_implied("followingMode", "position"))
         for tag in ("SpeedActionDynamics", "LaneChangeActionDynamics")
     ),
+    *(Rule(SAID_SINCE, tag, up=say_left_open, down=_implied(*meant)) for tag, meant in LEFT_OPEN.items()),
+    Rule(SAID_SINCE, "AccelerationCondition", down=_with_direction),
     # 1.3
     Rule((1, 3), "ControllerAction", up=_split_controller_action),
     Rule((1, 3), "TrafficeSignalGroupState", up=_tag("TrafficSignalGroupState")),

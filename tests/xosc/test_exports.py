@@ -15,6 +15,7 @@ import xosc
 from schemas.errors import Unsupported, UsageError
 from tests.runner.files import at_time, car, distribution, place, scenario, speed_action, story
 from xosc.exports import carla, esmini, standard
+from xosc.exports.concrete import concrete
 from xosc.exports.folder import Folder
 
 LIBRARY = Path(xosc.__file__).parent / "library"
@@ -95,18 +96,35 @@ def test_a_distribution_becomes_scenarios_before_there_were_distributions(tmp_pa
     assert motion(tmp_path / "out" / "sets~000001.xosc")["Lead"] == pytest.approx(motion(path)["Lead"])
 
 
-def test_catalogue_entries_keep_seeing_the_parameters_of_the_scenario(tmp_path: Path) -> None:
+def with_catalogued_lead(folder: Path, minor: int, stories: str = BRAKES, length: str = "5") -> Path:
+    """A scenario whose Lead is of a catalogue of a version."""
     vehicle = re.search("<Vehicle.*</Vehicle>", car("Lead"), re.DOTALL)
     assert vehicle is not None
-    (tmp_path / "catalogs").mkdir()
-    header = '<FileHeader revMajor="1" revMinor="1" date="2026-01-01T00:00:00" author="t" description="t"/>'
-    entry = vehicle[0].replace('length="5"', 'length="$Gap"')
+    (folder / "catalogs").mkdir()
+    header = f'<FileHeader revMajor="1" revMinor="{minor}" date="2026-01-01T00:00:00" author="t" description="t"/>'
+    entry = vehicle[0].replace('length="5"', f'length="{length}"')
     text = f'<OpenSCENARIO>{header}<Catalog name="cars">{entry}</Catalog></OpenSCENARIO>'
-    (tmp_path / "catalogs" / "cars.xosc").write_text(text)
+    (folder / "catalogs" / "cars.xosc").write_text(text)
     lead = '<ScenarioObject name="Lead"><CatalogReference catalogName="cars" entryName="car"/></ScenarioObject>'
-    path = scenario(tmp_path, entities=[car("Ego"), lead], stories=BRAKES)
+    path = scenario(folder, entities=[car("Ego"), lead], stories=stories)
     located = '<CatalogLocations><VehicleCatalog><Directory path="catalogs"/></VehicleCatalog></CatalogLocations>'
     path.write_text(path.read_text().replace("<CatalogLocations/>", located))
+    return path
+
+
+def test_old_scenarios_worked_out_with_newer_catalogues_move_as_before(tmp_path: Path) -> None:
+    at_once = speed_action(5, 'dynamicsShape="linear" dynamicsDimension="time" value="0.1"')  # more than Lead can do
+    path = with_catalogued_lead(tmp_path, 3, story("Lead", [(0.5, at_once)]))
+    path.write_text(path.read_text().replace('revMinor="3"', 'revMinor="1"').replace("</Axles>", "</Axles><Properties/>"))
+    worked_out = concrete(xosc.load(path))
+    assert worked_out.version == (1, 3)
+    copy = tmp_path / "worked_out.xosc"
+    xosc.write(worked_out, copy)
+    assert all(np.array_equal(rows, motion(path)[name]) for name, rows in motion(copy).items())
+
+
+def test_catalogue_entries_keep_seeing_the_parameters_of_the_scenario(tmp_path: Path) -> None:
+    path = with_catalogued_lead(tmp_path, 1, length="$Gap")
     (remark,) = standard.export(path, "1.3", Folder(tmp_path / "out"))
     assert "$Gap is of the scenario" in remark
     result = runner.run(tmp_path / "out" / path.name, world="kinematic", sut="none", timestep=0.1)

@@ -32,6 +32,7 @@ OVERRIDE = "<OverrideControllerValueAction>{}</OverrideControllerValueAction>".f
     + '<Gear active="false" number="0"/>'
 )
 ACTIVATE = '<ActivateControllerAction lateral="true"/>'
+DELETE = '<GlobalAction><EntityAction entityRef="E"><DeleteEntityAction/></EntityAction></GlobalAction>'
 BOX = '<BoundingBox><Center x="0" y="0" z="0"/><Dimensions width="1" length="1" height="1"/></BoundingBox>'
 MISC = '<MiscObject name="m" miscObjectCategory="none" mass="1">{}</MiscObject>'
 
@@ -49,7 +50,7 @@ def action(content: str, name: str = "a") -> str:
     return f'<Action name="{name}">{content}</Action>'
 
 
-def event(actions: str = action(SPEED.format("")), start: str = trigger(), priority: str = "parallel") -> str:
+def event(actions: str = action(DELETE), start: str = trigger(), priority: str = "parallel") -> str:
     return f'<Event name="e" priority="{priority}">{actions}{start}</Event>'
 
 
@@ -113,6 +114,14 @@ def follow(reference: str, attributes: str = "") -> str:
     return event(action(f"<PrivateAction><RoutingAction>{inside}</RoutingAction></PrivateAction>"))
 
 
+def speed(attributes: str = "") -> dict[str, str]:
+    return {"content": event(action(SPEED.format(attributes)))}
+
+
+def acceleration(attributes: str = "") -> dict[str, str]:
+    return {"content": event(start=entity_condition(f'<AccelerationCondition value="1" rule="lessThan" {attributes}/>'))}
+
+
 def lateral(attributes: str) -> str:
     inside = (
         f'<LateralAction><LateralDistanceAction entityRef="E" freespace="true" continuous="false" {attributes}/></LateralAction>'
@@ -154,6 +163,8 @@ BOTH_WAYS = {
     ),
     "override": ((1, 1), {"content": event(priority="overwrite")}, (1, 2), {"content": event(priority="override")}),
     "int": ((1, 0), {"parameters": declared("integer")}, (1, 3), {"parameters": declared("int")}),
+    "a transition of a vehicle with limits": ((1, 1), speed(), (1, 2), speed('followingMode="follow"')),
+    "an acceleration ahead": ((1, 0), acceleration(), (1, 3), acceleration('direction="longitudinal"')),
     "the signal group's misspelt name": (
         (1, 2),
         {"road": phase("TrafficeSignalGroupState")},
@@ -229,9 +240,9 @@ DOWN = {
     ),
     "the following mode that is meant anyway": (
         (1, 3),
-        {"content": event(action(SPEED.format('followingMode="position"')))},
+        speed('followingMode="position"'),
         (1, 0),
-        {"content": event()},
+        speed(),
     ),
 }
 
@@ -244,7 +255,8 @@ def test_what_an_older_version_must_say_is_written_out(tmp_path: Path, newer, ne
 
 
 REFUSED = {
-    "role": ((1, 1), {"content": event(action(SPEED.format('followingMode="follow"')))}, "SpeedActionDynamics: .*followingMode"),
+    "acceleration": ((1, 1), acceleration(), "AccelerationCondition: .*total acceleration"),
+    "direction": ((1, 1), acceleration('direction="lateral"'), "AccelerationCondition: .*direction"),
     "rule": (
         (1, 0),
         {"content": event(start=trigger(LATER.replace("greaterThan", "notEqualTo")))},

@@ -10,10 +10,9 @@ from lxml import etree
 
 from xosc.distributions import ParameterSpace, variations
 from xosc.document import Document, load
-from xosc.exports.left_open import SAID_SINCE, left_open
 from xosc.node import SOURCE, Node
 from xosc.resolve import Argument, resolve
-from xosc.versions import Version
+from xosc.versions import LEFT_OPEN, SAID_SINCE, Version, say_left_open
 
 MAX_SETS = 1000
 """Most scenarios that one distribution may become."""
@@ -46,9 +45,9 @@ def concrete(document: Document, parameters: Mapping[str, Argument] | None = Non
     versions = {path: load(path).version for path in _sources(resolved)}
     version = max([resolved.version, *versions.values()])
     if version >= SAID_SINCE:
-        for element, attribute, value in left_open(resolved):
-            if _version_of(element, versions, resolved.version) < SAID_SINCE and attribute not in element.attrib:
-                element.set(attribute, value)
+        for element in resolved.root.iter(*LEFT_OPEN):
+            if _version_of(element, versions, resolved.version) < SAID_SINCE:
+                say_left_open(element)
     Node(resolved.root, resolved.path).need("FileHeader").element.set("revMinor", str(version[1]))
     return Document(resolved.path, resolved.root, version, resolved.kind)
 

@@ -9,9 +9,7 @@ What an older version has no words for, although no motion depends on it, is sai
 | no model of a pedestrian | 1.1 | its name as model |
 | rule greaterOrEqual, lessOrEqual | 1.1 | greaterThan, lessThan, the value moved by `GRAIN` |
 
-What an older version leaves open, and this runner reads otherwise from 1.2 on, is said (upwards) or left out (downwards):
-`followingMode` is `follow` before, accelerations are `longitudinal`. Everything else is the business of `xosc.versions`:
-converted without loss, or refused.
+Everything else is the business of `xosc.versions`: converted without loss, or refused.
 """
 
 from __future__ import annotations
@@ -22,8 +20,6 @@ from lxml import etree
 
 from xosc.document import Document
 from xosc.exports.concrete import copied
-from xosc.exports.left_open import SAID_SINCE, left_open
-from xosc.node import Node
 from xosc.values import number
 from xosc.versions import Version, convert
 
@@ -45,18 +41,7 @@ def in_version(document: Document, version: Version) -> Document:
         if version < since <= document.version:
             for element in list(plain.root.iter(tag)):
                 change(element)
-    downwards = version < SAID_SINCE <= document.version
-    for element, attribute, value in left_open(plain):
-        if downwards and element.tag == "AccelerationCondition" and attribute not in element.attrib:
-            message = "without a direction it is about the total acceleration, of which versions before 1.2 do not know"
-            raise Node(element, plain.path).unsupported(message)
-        if downwards and element.get(attribute) == value:
-            del element.attrib[attribute]
-    converted = convert(plain, version)
-    for element, attribute, value in left_open(converted):
-        if document.version < SAID_SINCE <= version and attribute not in element.attrib:
-            element.set(attribute, value)
-    return converted
+    return convert(plain, version)
 
 
 def _as_comments(element: etree._Element) -> None:
