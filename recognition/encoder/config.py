@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from schemas.errors import UsageError
@@ -62,13 +62,16 @@ class Preset(NamedTuple):
     finetuning: Schedule
 
 
+_CPU = Preset(
+    Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"), Schedule(3, 256, 1e-3), Schedule(8, 64, 1e-3)
+)
 PRESETS: dict[str, Preset] = {
-    "cpu": Preset(
-        Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"), Schedule(3, 256, 1e-3), Schedule(8, 64, 1e-3)
-    ),
+    "cpu": _CPU,
+    "cpu-cells": _CPU._replace(architecture=replace(_CPU.architecture, front="cells")),
     "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
 }
-"""`cpu` trains at paper scale in minutes on two cores; `full` has the size of the publication and wants a GPU."""
+"""`cpu` trains at paper scale in minutes on two cores, `cpu-cells` is its ablation without convolutions; `full` has the size of
+the publication and wants a GPU."""
 
 
 def preset(name: str) -> Preset:

@@ -15,17 +15,19 @@ from recognition.baselines.stae_linkage import STAELinkage
 from recognition.buffer import Buffer
 from recognition.config import Config
 from recognition.discovery import discover
+from recognition.protocol.openset import ONLY_TUNED
 from recognition.protocol.stage import Stage
 from recognition.samples import Whole
 
 OWN: dict[str, Config] = {
     "trfe": Config(sifted=False),
     "trfe-given-k": Config(sifted=False, counted=False),
+    ONLY_TUNED: Config(sifted=False, counted=False),
     "rfap-linkage": Config(sifted=False, clusterer="linkage"),
 }
 """TRFE's own ways to cluster, by name."""
-GIVEN = "trfe-given-k"
-"""The one of them that is told how many new classes there are, as k-means and STAE are."""
+GIVEN = ("trfe-given-k", ONLY_TUNED)
+"""Those of them that are told how many new classes there are, as k-means and STAE are."""
 OTHERS: dict[str, type[ClusteringMethod]] = {
     "stae-kmeans": STAEKMeans,
     "stae-linkage": STAELinkage,
@@ -42,12 +44,14 @@ def measure_clustering(name: str, stage: Stage) -> dict[str, Any]:
 
     The samples are the first ones of new classes in the stream, as if screening had missed and mistaken none.
     """
+    if name == ONLY_TUNED:
+        stage = stage.only_tuned
     new = stage.appearing
     if name in OWN:
         buffer = Buffer(len(new.rows))
         buffer.add(new.features, new.rows)
         config = replace(OWN[name], seed=stage.seed)
-        if name == GIVEN:
+        if name in GIVEN:
             config = replace(config, clustering=replace(config.clustering, candidates=len(stage.round.new)))
         clusters: Whole = discover(stage.model.known, buffer, config).clusters
     else:

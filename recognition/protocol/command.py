@@ -36,7 +36,8 @@ def evaluate(
         int | None, typer.Option(min=20, metavar="N", help="Events of each class, in place of --scale.")
     ] = None,
     preset: Annotated[
-        str, typer.Option(help="Encoder: cpu, full, or pca (principal components of the grids, in its place).")
+        str,
+        typer.Option(help="Encoder: cpu, cpu-cells (no convolutions), full, or pca (principal components of the grids instead)."),
     ] = "cpu",
     split_by: Annotated[
         Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")

@@ -23,6 +23,8 @@ from recognition.screening import EvtDeficit, EvtPooled, Screening
 
 OWN_RULE = "trfe"
 """The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
+ONLY_TUNED = "trfe-tuned"
+"""TRFE's screening under the common rule, on features of the fine-tuned encoder alone."""
 
 
 class ReadingA(VotingMethod):
@@ -43,6 +45,7 @@ class PooledScreening(VotingMethod):
 
 COMMON_RULE: dict[str, type[OpenSetMethod]] = {
     "trfe-common": PooledScreening,
+    ONLY_TUNED: PooledScreening,
     "reading-a": ReadingA,
     "cac": CAC,
     "arpl": ARPL,
@@ -88,6 +91,8 @@ def _own_rule(stage: Stage) -> Judged:
 
 
 def _common_rule(name: str, stage: Stage) -> Judged:
+    if name == ONLY_TUNED:
+        stage = stage.only_tuned
     fitted, held, tested = stage.labelled, stage.validation, stage.test.features
     model = COMMON_RULE[name](seed=stage.seed).fit(fitted.features, fitted.labels, held.features, held.labels)
     return Judged(model.classify(tested), model.score(tested), model.predict(tested), model.threshold)

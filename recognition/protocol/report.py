@@ -26,6 +26,7 @@ TITLES = {
     "threshold": "plain vote threshold",
     "random": "random",
     "trfe-given-k": "TRFE, given K",
+    "trfe-tuned": "TRFE, features after fine-tuning alone",
     "rfap-linkage": "RFAP + average linkage",
     "stae-kmeans": "STAE + k-means, given K",
     "stae-linkage": "STAE + average linkage, given K",
@@ -90,12 +91,13 @@ def tables(evaluation: Evaluation) -> list[Table]:
 _OPEN_SET_NOTE = (
     "Means over the rounds, then mean ± standard deviation over seeds. Known: the classes before the round, learnt with true "
     "labels; unknown: the round's new ones. All methods work on the same frozen features and give up 5 % of the known "
-    "validation windows, but for TRFE, which chooses δ by leaving one known class out."
+    "validation windows, but for TRFE, which chooses δ by leaving one known class out. On features after fine-tuning "
+    "alone it follows the common rule."
 )
 _CLUSTERING_NOTE = (
     "Hungarian accuracy on up to 500 windows of the round's new classes, the same for all, none dropped. Unmatched: windows in "
-    "clusters for which no class was left; they count as wrong. Rows that say so are given the true number of classes, as is "
-    "random; the others find theirs."
+    "clusters for which no class was left; they count as wrong. Rows that say so are given the true number of classes, as are "
+    "random and TRFE on features after fine-tuning alone; the others find theirs."
 )
 _OPEN_WORLD_NOTE = (
     "One round at a time, from true labels of the known classes: a stream of known and new windows is screened, buffered, "

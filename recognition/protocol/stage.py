@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -54,6 +54,7 @@ class Stage:
         round: which classes are known and new.
         seed: of everything drawn.
         encoded: features (n, d) of all windows in the split, by window number; those of others are 0.
+        tuned: from which column on they are of the encoder after fine-tuning.
     """
 
     windows: Windows
@@ -61,6 +62,12 @@ class Stage:
     round: Round
     seed: int
     encoded: Features
+    tuned: int = 0
+
+    @cached_property
+    def only_tuned(self) -> Stage:
+        """The same with features of the fine-tuned encoder alone."""
+        return replace(self, encoded=np.ascontiguousarray(self.encoded[:, self.tuned :]), tuned=0)
 
     @cached_property
     def labelled(self) -> Samples:
@@ -134,11 +141,11 @@ class Laboratory:
     def stage(self, split: Split, round_: Round, seed: int) -> Stage:
         """The stage of a round of a seed."""
         rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
-        of = (_PRETRAINED, round_) if self.preset else (_PRETRAINED,)
-        features = np.concatenate([self._features(rows, split, one, seed) for one in of], axis=1)
+        parts = [self._features(rows, split, one, seed) for one in ((_PRETRAINED, round_) if self.preset else (_PRETRAINED,))]
+        features = np.concatenate(parts, axis=1)
         encoded = np.zeros((len(self.windows), features.shape[1]), dtype=np.float32)
         encoded[rows] = features
-        return Stage(self.windows, split, round_, seed, encoded)
+        return Stage(self.windows, split, round_, seed, encoded, features.shape[1] - parts[-1].shape[1])
 
     def _features(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
         """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
