@@ -34,8 +34,9 @@ lint: install
 types: install
 	$(BIN)/mypy
 
-docs: install  ## regenerate the tables in docs/
+docs: install  ## write the generated pages of docs/ anew
 	$(BIN)/python -m runner.coverage docs/coverage.md
+	$(BIN)/python docs/generate.py
 
 clean:
 	rm -rf $(VENV) out build dist

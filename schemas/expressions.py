@@ -244,6 +244,11 @@ class _Parser:
         return "at the end" if kind == "end" else f"before {'$' * (kind == 'parameter') + text!r}"
 
     def expression(self) -> _Node:
+        """The expression that begins at the next token, as far as it goes; `or` binds weakest.
+
+        Raises:
+            ExpressionError: there is none, or its brackets nest too deep.
+        """
         self.nesting += 1
         if self.nesting > MAX_NESTING:
             raise ExpressionError(f"brackets nest deeper than the {MAX_NESTING} levels allowed")

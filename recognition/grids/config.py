@@ -9,6 +9,7 @@ from typing import Literal
 from schemas.errors import UsageError
 
 Channel = Literal["others", "ego", "speed", "velocity_x", "velocity_y", "area", "borders"]
+"""Name of a channel; `CHANNELS` says what each holds."""
 CHANNELS: tuple[Channel, ...] = ("others", "ego", "speed", "velocity_x", "velocity_y", "area", "borders")
 """Channels by name:
 

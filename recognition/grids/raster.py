@@ -25,7 +25,9 @@ class Site(Protocol):
     """Where a recording was made: all that the grids need of it is its road network."""
 
     @property
-    def network(self) -> RoadNetwork: ...
+    def network(self) -> RoadNetwork:
+        """Its roads."""
+        ...
 
 
 class Boxes(NamedTuple):

@@ -182,6 +182,7 @@ class _Lookup:
             self._table[self._first[self._roads[road]] + section, lane + self._reach] = number
 
     def find(self, road_id: NDArray[np.object_], lane_id: Whole, s: Floats) -> Whole:
+        """Index of the strip of each row (n,), NOWHERE where it is on none; s in m along the roads."""
         road = np.fromiter((self._roads.get(one, NOWHERE) for one in road_id), np.int64, len(road_id))
         row = np.zeros(len(road), np.int64)
         for number in np.unique(road[road >= 0]).tolist():

@@ -50,6 +50,7 @@ class _Roads(NamedTuple):
 
     @classmethod
     def read(cls, net: SumoNet) -> _Roads:
+        """What a network's file says of its lanes and connections."""
         root = parse(net.path).getroot()
         lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
         lengths, limits = (

@@ -16,6 +16,7 @@ GROUP = "xosc.sut"
 
 
 System = SystemUnderTest | WorldDriven
+"""Who may drive the ego."""
 
 
 def load_system(name: str | System | None) -> System | None:

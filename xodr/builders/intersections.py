@@ -60,6 +60,11 @@ class _Crossing:
     signals: bool
 
     def build(self, name: str) -> RoadMap:
+        """The map, with its arms, the ways through the junction, and their rights of way or lights.
+
+        Raises:
+            UsageError: a size is out of its limits.
+        """
         require("lanes", self.lanes, 1, 4)
         for key in ("lane_width", "arm_length", "speed_limit", "corner_radius"):
             require(key, getattr(self, key), 0.1)

@@ -62,6 +62,7 @@ class _Builder:
         self.signals = signals(graph, plan, shapes)
 
     def build(self, name: str, geo: Geo | None, priorities: Sequence[tuple[str, str]]) -> Built:
+        """The map, and where each lanelet is in it; arguments as of the function `build`."""
         plan = self.plan
         roads = tuple(self._road(number) for number in range(len(plan.bundles)))
         ways = junctions(plan, self.junctions, priorities)

@@ -123,6 +123,7 @@ class _Writer:
         self.nowhere = text([(x, y), (x + 1.0, y), (x + 1.0, y + 1.0)])
 
     def write(self) -> PlainNetwork:
+        """The network as nodes, edges and connections: all roads first, then the ways through junctions."""
         for road in self.roads:
             self._road(road)
         for way in self.ways:

@@ -1,0 +1,53 @@
+"""The reference says what the code says, and every public name has something to say."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def loaded() -> ModuleType:
+    """`docs/generate.py`, which no package holds."""
+    spec = importlib.util.spec_from_file_location("docs_generate", ROOT / "docs" / "generate.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+generate = loaded()
+NAMES = [(path, name) for path in generate.MODULES for name in generate.public(import_module(path))]
+
+
+def test_pages_are_what_make_docs_writes() -> None:
+    pages = generate.pages()
+    assert set(pages) == set(generate.REFERENCE.glob("*.md"))
+    stale = [path.name for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
+    assert not stale, "run make docs"
+
+
+@pytest.mark.parametrize(("path", "name"), NAMES, ids=lambda part: part)
+def test_public_name_is_documented(path: str, name: str) -> None:
+    module = import_module(path)
+    value = getattr(module, name)
+    assert generate.documentation(module, name, value)
+    if inspect.isclass(value):
+        assert [member for member, each in generate.members(value) if not inspect.getdoc(each)] == []
+
+
+def test_every_package_that_names_what_is_public_is_in_the_reference() -> None:
+    packages = {path.partition(".")[0] for path in generate.MODULES}
+    naming = {
+        ".".join(file.parent.relative_to(ROOT).parts)
+        for package in packages
+        for file in (ROOT / package).rglob("__init__.py")
+        if "__all__ = " in file.read_text(encoding="utf-8")
+    }
+    assert naming <= set(generate.MODULES)
