@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from xodr import builders
-from xodr.builders import RoadMap
+from generation.logical.roads import ROADS, LibraryRoad
 
 Limits = tuple[float, float]
 
@@ -19,8 +17,7 @@ class Geometry:
     It is long enough for all values of the parameters.
 
     Attributes:
-        build: makes the map.
-        file: its name in `xodr/library`.
+        file: name of the road's file in `xodr/library`.
         words: where that is.
         road, left, right: the road's id, and those of the two lanes as their traffic sees them.
         spot: s (m) of the leader when the manoeuvre begins; of a manoeuvre's end where `ends_there`.
@@ -30,7 +27,6 @@ class Geometry:
         ego_speed, gap: defaults.
     """
 
-    build: Callable[[], RoadMap]
     file: str
     words: str
     road: str
@@ -45,32 +41,30 @@ class Geometry:
     ego_speed: float = 30.0
     gap: float = 20.0
 
+    @property
+    def map(self) -> LibraryRoad:
+        """The road file."""
+        return ROADS[self.file]
 
-_rural = partial(Geometry, speeds=(5.0, 20.0), gaps=(5.0, 60.0), ego_speed=17.0, gap=15.0)
+    @property
+    def is_motorway(self) -> bool:
+        """Whether it is a motorway; labelling rules take all others for town."""
+        return "RoadTypeMotorway" in self.map.types
+
+
+_rural = partial(Geometry, speeds=(5.0, 20.0), gaps=(5.0, 60.0), ego_speed=17.0, gap=13.0)
 _urban = partial(Geometry, speeds=(4.0, 15.0), gaps=(3.0, 40.0), ego_speed=12.0, gap=10.0)
 _arm = partial(_urban, road="3", left=1, right=2, spot=5.0, side=-1, ends_there=True, turn=("4", -2))
 
 GEOMETRIES = {
-    "highway": Geometry(builders.straight_highway, "highway_straight", "on a straight motorway", "1", -1, -2, 500.0),
-    "on_ramp": Geometry(
-        partial(builders.on_ramp, acceleration=850.0, upstream=100.0, downstream=600.0),
-        "highway_on_ramp", "on a motorway where an on-ramp joins", "2", -2, -3, 500.0,
-    ),
-    "off_ramp": Geometry(
-        partial(builders.off_ramp, upstream=900.0, deceleration=400.0, ramp=500.0, downstream=800.0),
-        "highway_off_ramp", "on a motorway before an off-ramp", "1", -2, -3, 980.0,
-    ),
-    "sharp_curve": _rural(
-        partial(builders.sharp_curve, radius=80.0, lanes=2, approach=280.0, speed_limit=70 / 3.6),
-        "sharp_curve", "in a sharp curve", "1", -1, -2, 280.0,
-    ),
-    "narrow_road": _urban(
-        partial(builders.narrow_road, lanes=2, lane_width=2.75, length=700.0),
-        "narrow_road", "on a narrow road", "1", -1, -2, 250.0,
-    ),
-    "four_way_intersection": _arm(
-        partial(builders.four_way_intersection, lanes=2, arm=400.0), "intersection_four_way_two_lanes", "before an intersection"
-    ),
-    "t_junction": _arm(partial(builders.t_junction, lanes=2, arm=400.0), "t_junction_two_lanes", "before a T junction"),
-}  # fmt: skip
-"""Geometries by name; ramps belong to the highway, and only merging and diverging need them."""
+    "highway": Geometry("highway_straight", "on a straight motorway", "1", -1, -2, 500.0),
+    "free_highway": Geometry("highway_straight", "on a straight motorway", "1", -1, -2, 750.0, gaps=(170.0, 300.0), gap=200.0),
+    "on_ramp": Geometry("highway_on_ramp", "on a motorway where an on-ramp joins", "2", -2, -3, 500.0),
+    "off_ramp": Geometry("highway_off_ramp", "on a motorway before an off-ramp", "1", -2, -3, 980.0),
+    "exit_lane": Geometry("highway_off_ramp", "on a motorway before an off-ramp", "1", -2, -3, 1070.0),
+    "sharp_curve": _rural("sharp_curve", "in a sharp curve", "1", -1, -2, 280.0),
+    "narrow_road": _urban("narrow_road", "on a narrow road", "1", -1, -2, 250.0),
+    "four_way_intersection": _arm("intersection_four_way_two_lanes", "before an intersection"),
+    "t_junction": _arm("t_junction_two_lanes", "before a T junction"),
+}
+"""Geometries by name; the first five are motorways, of which most manoeuvres need only the first."""

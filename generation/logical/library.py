@@ -1,4 +1,4 @@
-"""The files of the library that are made from the tables: roads, logical scenarios and a variation file of each."""
+"""The files of the library that are made from the tables: roads, catalogues, logical scenarios and a variation file of each."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ from pathlib import Path
 
 import xodr
 import xosc
-from generation.logical.geometries import GEOMETRIES, Geometry
+from generation.logical.approach import Approach
+from generation.logical.catalogs import write_catalogs
+from generation.logical.encounters import ENCOUNTERS
+from generation.logical.geometries import GEOMETRIES
+from generation.logical.header import AUTHOR, header
 from generation.logical.maneuvers import MANEUVERS
-from generation.logical.plot import Plot, header
+from generation.logical.plot import Plot
+from generation.logical.roads import write_roads
 from xosc.distributions import (
     Deterministic,
     DeterministicSingleParameterDistribution,
@@ -25,30 +30,34 @@ def plots() -> Iterator[tuple[str, Plot]]:
     """Every manoeuvre on each geometry where it makes sense, with the name of its file."""
     for name, maneuver in MANEUVERS.items():
         for where in maneuver.geometries:
-            place = "highway" if where in ("on_ramp", "off_ramp") else where
-            yield f"{name}_{place}", Plot(maneuver, GEOMETRIES[where])
+            geometry = GEOMETRIES[where]
+            file = f"{name}_{'highway' if geometry.is_motorway else where}"
+            yield file, Plot(file, name.replace("_", " "), maneuver, geometry)
+
+
+def approaches(roads: Path = ROADS) -> Iterator[tuple[str, Approach]]:
+    """Every encounter, with the name of its file; on the roads in a folder."""
+    networks = {file: xodr.load(roads / f"{file}.xodr") for file in sorted({each.file for each in ENCOUNTERS.values()})}
+    for name, encounter in ENCOUNTERS.items():
+        yield name, Approach(name, encounter, networks[encounter.file])
 
 
 def write(scenarios: Path = SCENARIOS, roads: Path = ROADS) -> list[Path]:
     """Write the files into two folders that stand to each other as those of the library do; their paths."""
-    written = [_road(geometry, roads) for geometry in GEOMETRIES.values()]
-    for name, plot in plots():
+    written = [*write_roads(roads, AUTHOR), *write_catalogs(scenarios)]
+    for name, scenario in (*plots(), *approaches(roads)):
         path = scenarios / f"{name}.xosc"
-        road = f"../../xodr/library/{plot.geometry.file}.xodr"
-        xosc.write(plot.document(path, road, "catalogs/vehicles"), path)
-        written += [path, _variation(name, plot, scenarios)]
+        file = scenario.geometry.file if isinstance(scenario, Plot) else scenario.encounter.file
+        xosc.write(scenario.document(path, f"../../xodr/library/{file}.xodr"), path)
+        written += [path, _variation(scenario, scenarios)]
     return written
 
 
-def _road(geometry: Geometry, folder: Path) -> Path:
-    return geometry.build().write(folder / f"{geometry.file}.xodr")
-
-
-def _variation(name: str, plot: Plot, folder: Path) -> Path:
+def _variation(scenario: Plot | Approach, folder: Path) -> Path:
     """One value, for a first run."""
-    parameter, value = next(iter(plot.defaults().items()))
+    name, (parameter, value) = scenario.name, next(iter(scenario.defaults().items()))
     values = DeterministicSingleParameterDistribution(parameter, DistributionSet((repr(value),)))
     path = folder / f"{name}_variation.xosc"
     distribution = ParameterValueDistribution(f"{name}.xosc", Deterministic((values,)))
-    xosc.write_distribution(distribution, path, header(f"Variation of {name}"))
+    xosc.write_distribution(distribution, path, header(f"Variation of {name}", scenario.tags))
     return path

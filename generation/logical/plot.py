@@ -8,22 +8,23 @@ and the leader is faster, the time is cut to what leaves a gap between them at t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from generation.logical import catalogs
 from generation.logical.geometries import Geometry, Limits
+from generation.logical.header import header, scenario_tags
 from generation.logical.maneuvers import EGO, Maneuver
 from generation.parameters import SEVEN, declared_name
 from schemas.errors import UsageError
 from xosc import maneuvers
 from xosc.document import Document
-from xosc.maneuvers import Conditions, Dynamics, Header
+from xosc.maneuvers import Conditions, Dynamics
+from xosc.tags import Tag
 
 SHAPE = "sinusoidal"
 """Shape of lane changes over time."""
 
-_DATE, _AUTHOR = datetime(2026, 11, 21), "xosc-toolchain"
 _BOXES = 4.5
 """Distance (m) of the reference points of two catalogue cars that touch bumper to bumper"""
 _APART = 2.0
@@ -45,30 +46,41 @@ class Plot:
     """A manoeuvre on a geometry.
 
     Attributes:
+        name: of the scenario.
+        situation: the manoeuvre in a word or two.
         maneuver, geometry: what and where.
     """
 
+    name: str
+    situation: str
     maneuver: Maneuver
     geometry: Geometry
 
-    def document(self, path: Path, road: str, catalog: str) -> Document:
+    @property
+    def tags(self) -> list[Tag]:
+        """Tags of the scenario."""
+        label = self.maneuver.label if self.geometry.is_motorway else self.maneuver.urban_label
+        return scenario_tags(self.name, self.situation, label, self.geometry.map.tags, ("car",))
+
+    def document(self, path: Path, road: str) -> Document:
         """The scenario.
 
         Args:
             path: the file that it is to become.
-            road, catalog: the road file and the folder of the vehicle catalogue, relative to it.
+            road: the road file, relative to it.
         """
         names = [EGO, *self._others()]
         return maneuvers.scenario(
             path,
-            header(f"{self.maneuver.words}, {self.geometry.words}"),
+            header(f"{self.maneuver.words}, {self.geometry.words}", self.tags),
             road=road,
-            entities={name: maneuvers.reference("vehicle_catalog", "car") for name in names},
+            entities={name: maneuvers.reference(catalogs.VEHICLE, "car") for name in names},
             init={name: self._init(name) for name in names},
             maneuvers=[(actor, self._maneuver(actor, target)) for actor, target in self._changes()],
             parameters=self._parameters(),
-            catalogs={"Vehicle": catalog},
+            catalogs={kind: catalogs.DIRECTORIES[kind] for kind in ("Controller", "Vehicle")},
             stop=self._stop(),
+            controllers={EGO: catalogs.SYSTEM},
         )
 
     def defaults(self) -> dict[str, float]:
@@ -82,7 +94,7 @@ class Plot:
     @property
     def _kept(self) -> float:
         """Speed of slower vehicles by default, m/s."""
-        return round(0.85 * self.geometry.ego_speed, 1)
+        return round(self.maneuver.pace * self.geometry.ego_speed, 1)
 
     def _others(self) -> list[str]:
         maneuver = self.maneuver
@@ -203,8 +215,3 @@ class Plot:
         limit = f"${{{times} + {_PATIENCE}}}"
         collisions = [[maneuvers.collision(EGO, name)] for name in self._others()]
         return [*collisions, [replace(done, delay=self._role("rest"))], [maneuvers.simulation_time(limit)]]
-
-
-def header(description: str) -> Header:
-    """What a file of the library says about itself."""
-    return Header(description, _AUTHOR, _DATE)

@@ -33,6 +33,7 @@ def scenario(
     catalogs: Mapping[str, str] | None = None,
     stop: Conditions = (),
     controllers: Mapping[str, Any] | None = None,
+    environment: Any | None = None,
     version: Version = (1, 3),
 ) -> Document:
     """A scenario document; `xosc.write(document, document.path)` makes the file.
@@ -48,6 +49,7 @@ def scenario(
         catalogs: directories by the kind of catalogue in them (see `CATALOG_KINDS`).
         stop: the scenario ends when these conditions hold; without one it is up to the simulator.
         controllers: the `controller`, or a `reference` to one, of participants.
+        environment: a `reference` to one that holds from the beginning.
         version: of the standard.
 
     Raises:
@@ -58,7 +60,7 @@ def scenario(
     if unknown:
         raise UsageError(f"{unknown[0]!r} is not among the entities {', '.join(entities)}")
     participants = _entities(entities, controllers or {})
-    built = [_catalogs(catalogs or {}), sg.RoadNetwork(road), participants, _storyboard(init, maneuvers, stop)]
+    built = [_catalogs(catalogs or {}), sg.RoadNetwork(road), participants, _storyboard(init, maneuvers, stop, environment)]
     if parameters:
         built.insert(0, declarations(parameters))
     return new_document(path, header, [rendered(part) for part in built], version)
@@ -106,8 +108,12 @@ def _entities(entities: Mapping[str, Any], controllers: Mapping[str, Any]) -> An
     return built
 
 
-def _storyboard(init: Mapping[str, Sequence[Any]], maneuvers: Sequence[tuple[str, Any]], stop: Conditions) -> Any:
+def _storyboard(
+    init: Mapping[str, Sequence[Any]], maneuvers: Sequence[tuple[str, Any]], stop: Conditions, environment: Any | None
+) -> Any:
     beginning = sg.Init()
+    if environment is not None:
+        beginning.add_global_action(sg.EnvironmentAction(environment))
     for name, actions in init.items():
         for action in actions:
             beginning.add_init_action(name, action)
