@@ -46,8 +46,8 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     Args:
         model: the model.
         folder: is made where it is absent.
-        samples: most labelled samples of each class to write, of those to fit and of those to calibrate; None writes all. They
-            matter where the model goes on to discover classes.
+        samples: most labelled samples of each class to write, of those to fit and of those to calibrate, in half precision;
+            None writes all as they are. They matter where the model goes on to discover classes.
 
     Raises:
         UsageError: the model has not been fitted, or the folder can't be written.
@@ -111,10 +111,12 @@ def _read_encoders(folder: Path) -> list[Encoder]:
 
 
 def _thinned(samples: Labelled, most: int | None) -> Labelled:
-    """The first samples of each class, in their order."""
+    """The first samples of each class, in their order and in half precision; all as they are without a number."""
+    if most is None:
+        return samples
     chosen = [np.flatnonzero(samples.labels == label)[:most] for label in np.unique(samples.labels)]
     rows = np.sort(np.concatenate(chosen))
-    return Labelled(samples.features[rows], samples.labels[rows])
+    return Labelled(samples.features[rows].astype(np.float16), samples.labels[rows])
 
 
 def _prefixed(prefix: str, arrays: Arrays) -> Arrays:

@@ -18,6 +18,9 @@ from sklearn.ensemble import RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 
 from recognition.config import Config
+from recognition.encoder.config import Architecture
+from recognition.encoder.model import Encoder
+from recognition.grids import Grid
 from recognition.store import load, save
 from recognition.trfe import TRFE
 from schemas.errors import InvalidFile, UsageError
@@ -69,6 +72,16 @@ def test_samples_can_be_thinned(model: TRFE, tmp_path: Path) -> None:
     assert [np.count_nonzero(thinned.known.fitted.labels == label) for label in (1, 2, 3)] == [5, 5, 5]
     samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
     assert np.array_equal(thinned.recognise(samples).labels, model.recognise(samples).labels)
+    kept = thinned.known.fitted.features
+    first = model.known.fitted.features[np.flatnonzero(model.known.fitted.labels == 1)[:5]]
+    assert kept.dtype == np.float32 and np.allclose(kept[:5], first, rtol=1e-3) and not np.array_equal(kept[:5], first)
+
+
+def test_a_model_with_encoders_for_other_features_is_refused(model: TRFE, tmp_path: Path) -> None:
+    encoder = Encoder(Architecture(dim=8, depth=1, heads=2, patch=(4, 32, 20)), Grid())
+    save(TRFE(CONFIG, (encoder,), model.known), tmp_path)
+    with pytest.raises(InvalidFile, match=r"its encoders give 8 features, not \d+"):
+        load(tmp_path)
 
 
 def test_an_unfitted_model_is_not_written(tmp_path: Path) -> None:
