@@ -72,9 +72,8 @@ def test_samples_can_be_thinned(model: TRFE, tmp_path: Path) -> None:
     assert [np.count_nonzero(thinned.known.fitted.labels == label) for label in (1, 2, 3)] == [5, 5, 5]
     samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
     assert np.array_equal(thinned.recognise(samples).labels, model.recognise(samples).labels)
-    kept = thinned.known.fitted.features
-    first = model.known.fitted.features[np.flatnonzero(model.known.fitted.labels == 1)[:5]]
-    assert kept.dtype == np.float32 and np.allclose(kept[:5], first, rtol=1e-3) and not np.array_equal(kept[:5], first)
+    kept, before = (one.known.fitted.features[one.known.fitted.labels == 1][:5] for one in (thinned, model))
+    assert kept.dtype == np.float32 and np.allclose(kept, before, rtol=1e-3) and not np.array_equal(kept, before)
 
 
 def test_a_model_with_encoders_for_other_features_is_refused(model: TRFE, tmp_path: Path) -> None:
