@@ -1,0 +1,86 @@
+"""The command `xosc-list`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from schemas.errors import ToolchainError, UsageError
+from schemas.version import version
+
+if TYPE_CHECKING:
+    from xosc.tags import Tag
+
+_EPILOG = "Exit codes: 0 listed, 2 wrong usage or nothing like that is there, 3 invalid file, 4 a file of an unknown version."
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"xosc-list {version()}")
+        raise typer.Exit
+
+
+@app.command(epilog=_EPILOG)
+def xosc_list(
+    paths: Annotated[
+        list[str] | None, typer.Argument(metavar="[PATH...]", help="Files, folders and globs.  [default: the shipped library]")
+    ] = None,
+    label: Annotated[str | None, typer.Option("--class", metavar="CLASS", help="Scenarios of this class only.")] = None,
+    tag: Annotated[
+        list[str] | None, typer.Option(metavar="NAME[=VALUE]", help="Scenarios with this tag only; may be given several times.")
+    ] = None,
+    format: Annotated[Literal["text", "json", "csv"], typer.Option(help="csv has the scenarios only.")] = "text",
+    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to a file.")] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print parameters, variations and tags as well.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """List scenarios: class, road, parameters with their limits, variations; and the catalogues that they use."""
+    from xosc import tables
+    from xosc.listing import LIBRARY, Listing, listing
+
+    found = listing(paths or [str(LIBRARY)])
+    chosen = Listing(found.scenarios, found.catalogues)
+    if label or tag:
+        chosen = Listing(found.chosen(label, map(_tag, tag or [])), [])
+    content = tables.text(chosen, verbose) if format == "text" else tables.FORMATS[format](chosen)
+    if output is None:
+        print(content, end="")
+        return
+    try:
+        output.write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"the list cannot be written: {error.strerror or error}", path=output) from None
+
+
+def _tag(text: str) -> Tag:
+    from xosc.tags import Tag
+
+    name, _, value = text.partition("=")
+    return Tag(name, value or None)
+
+
+def main() -> None:
+    """Entry point: an error is one line on standard error and an exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # file names may be anything
+    try:
+        app()
+    except ToolchainError as error:
+        print(f"xosc-list: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

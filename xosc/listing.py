@@ -1,0 +1,185 @@
+"""What a library of scenarios holds: each scenario with its tags, road, parameters and variations, and the catalogues."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from schemas.errors import UsageError
+from schemas.files import expand
+from xosc.distributions import ParameterSpace
+from xosc.document import Document, load
+from xosc.node import Node
+from xosc.tags import Tag, Value, tags_of
+
+LIBRARY = Path(__file__).parent / "library"
+"""The shipped one."""
+CLASS = "Class"
+"""Type of the tag that names a scenario's class."""
+_SIGNS = {
+    "equalTo": "=", "notEqualTo": "≠", "greaterThan": ">", "greaterOrEqual": "≥", "lessThan": "<", "lessOrEqual": "≤",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A parameter as it is declared.
+
+    Attributes:
+        name, type, value: as written.
+        limits: groups of constraints (rule, value), one group must hold; empty where any value is allowed.
+    """
+
+    name: str
+    type: str
+    value: str
+    limits: tuple[tuple[tuple[str, str], ...], ...]
+
+    @property
+    def allowed(self) -> str:
+        """The limits in short: `[5, 80]`, `car | van`, `> 0`; empty for none."""
+        return " | ".join(map(_allowed, self.limits))
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A file of variations and how many sets of parameters it has."""
+
+    path: Path
+    size: int
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A scenario.
+
+    Attributes:
+        description: what its FileHeader says.
+        road: name of its road file without the ending; empty where it has none.
+        tags: values by type; True where the type says all.
+    """
+
+    path: Path
+    description: str
+    road: str
+    tags: Mapping[str, Value]
+    parameters: tuple[Declared, ...]
+    variations: list[Variation] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Name of its file without the ending."""
+        return self.path.stem
+
+    @property
+    def label(self) -> str:
+        """Its class; empty where it has none."""
+        return str(self.tags.get(CLASS, ""))
+
+    def has(self, wanted: Tag) -> bool:
+        """Whether it has a tag of this type and, where one is given, of this value."""
+        return wanted.type in self.tags and (wanted.value is None or _text(self.tags[wanted.type]) == wanted.value)
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """A catalogue: its name, what it holds (`Vehicle`, …) and the names of its entries."""
+
+    path: Path
+    name: str
+    kind: str
+    entries: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Scenarios and catalogues, in the order of their files."""
+
+    scenarios: list[Listed]
+    catalogues: list[Catalogue]
+
+    def chosen(self, label: str | None, tags: Iterable[Tag]) -> list[Listed]:
+        """The scenarios of a class that have all of these tags.
+
+        Raises:
+            UsageError: no scenario has the class or one of the tags.
+        """
+        wanted = list(tags) + ([Tag(CLASS, label)] if label else [])
+        for tag in wanted:
+            if not any(each.has(tag) for each in self.scenarios):
+                raise UsageError(self._missing(tag))
+        return [each for each in self.scenarios if all(each.has(tag) for tag in wanted)]
+
+    def _missing(self, tag: Tag) -> str:
+        there = {_text(each.tags[tag.type]) for each in self.scenarios if tag.type in each.tags}
+        if there:
+            return f"no scenario has {tag.type} {tag.value!r}; there are: {', '.join(sorted(there))}"
+        types = sorted({name for each in self.scenarios for name in each.tags})
+        return f"no scenario has a tag {tag.type!r}; there are: {', '.join(types) or 'none'}"
+
+
+def listing(paths: Iterable[str]) -> Listing:
+    """What files, folders and globs hold. The scenario of a file of variations is part of it too; roads are left out.
+
+    Raises:
+        UsageError: a folder or a glob stands for no file.
+        InvalidFile, Unsupported: a file can't be read, or is no OpenSCENARIO file of a known version.
+    """
+    documents = [load(path) for path in expand(paths) if path.suffix.lower() != ".xodr"]
+    scenarios = {_key(each.path): _listed(each) for each in documents if each.kind == "scenario"}
+    for document in documents:
+        if document.kind == "distribution":
+            space = ParameterSpace(document.path)
+            scenario = scenarios.setdefault(_key(space.scenario), _listed(load(space.scenario)))
+            scenario.variations.append(Variation(document.path, space.size))
+    return Listing(list(scenarios.values()), [_catalogue(each) for each in documents if each.kind == "catalog"])
+
+
+def _key(path: Path) -> str:
+    return str(path.resolve())
+
+
+def _listed(document: Document) -> Listed:
+    root = document.node
+    road = root.find("RoadNetwork", "LogicFile")
+    declared = root.find("ParameterDeclarations")
+    return Listed(
+        path=document.path,
+        description=root.need("FileHeader").get("description", ""),
+        road=PurePosixPath(road.get("filepath").replace("\\", "/")).stem if road is not None else "",
+        tags={tag.type: True if tag.value is None else tag.value for tag in tags_of(document.path)},
+        parameters=tuple(map(_declared, declared.children("ParameterDeclaration"))) if declared is not None else (),
+    )
+
+
+def _declared(node: Node) -> Declared:
+    groups = [
+        tuple((each.get("rule"), each.get("value")) for each in group.children("ValueConstraint"))
+        for group in node.children("ConstraintGroup")
+    ]
+    return Declared(node.get("name"), node.get("parameterType"), node.get("value"), tuple(groups))
+
+
+def _catalogue(document: Document) -> Catalogue:
+    catalog = document.node.need("Catalog")
+    entries = catalog.children()
+    return Catalogue(
+        document.path, catalog.get("name", ""), entries[0].tag if entries else "", tuple(each.get("name", "") for each in entries)
+    )
+
+
+def _allowed(group: tuple[tuple[str, str], ...]) -> str:
+    rules = dict(group)
+    if rules.keys() == {"greaterOrEqual", "lessOrEqual"} and len(group) == 2:
+        return f"[{rules['greaterOrEqual']}, {rules['lessOrEqual']}]"
+    if rules.keys() == {"equalTo"}:
+        return rules["equalTo"]
+    return " and ".join(f"{_SIGNS.get(rule, rule)} {value}" for rule, value in group)
+
+
+def _text(value: Value) -> str:
+    """A tag's value as it is given on a command line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) else str(value)
