@@ -67,7 +67,9 @@ class Encounter:
     @property
     def speeds(self) -> tuple[Limits, float]:
         """Limits of the other one's speed, and its default, m/s."""
-        return ((0.8, 3.0), 1.5) if self.walks else ((4.0, 14.0), 8.0 if self.file == "roundabout" else 11.0)
+        if self.walks:
+            return (0.8, 3.0), 1.5
+        return ((4.0, 10.0), 7.0) if self.file == "roundabout" else ((4.0, 14.0), 11.0)
 
 
 _JUNCTIONS = {
@@ -122,8 +124,8 @@ ENCOUNTERS = _at_junctions() | {
         "roundabout", _course("4", "2"), "Pedestrian", Crossing(Lane("2", -1), 6.0), 2.0,
     ),
     "roundabout_circulating": Encounter(
-        "The ego goes round in a roundabout, a vehicle enters behind it", "roundabout circulating", Label.ROUNDABOUT_CIRCULATING,
-        "roundabout", _course("4", "3"), "Entering", _course("1", "3"), 2.5,
+        "The ego goes round in a roundabout, a vehicle enters in front of it", "roundabout circulating", Label.ROUNDABOUT_CIRCULATING,
+        "roundabout", _course("4", "3"), "Entering", _course("1", "3"), -1.5,
     ),
 }  # fmt: skip
 """By the names of their files."""
