@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from generation.density.base import Density
 from generation.evaluator import Outcomes
@@ -79,20 +80,29 @@ def choose(
     density: Density,
     careful: Evaluate,
     choice: Choice = Choice(),  # noqa: B008 - frozen
+    found: Floats | None = None,
 ) -> Cases:
     """The critical episodes with the greatest rewards, of equal ones the likeliest, that are far enough from each other.
 
     Args:
         density: of recorded parameters.
         careful: runs scenarios with the system under test `CAREFUL`.
+        found: points (m, d) that the cases are to be far enough from as well.
     """
     log_likelihood = density.log_density(episodes.theta)
     order = np.lexsort((-log_likelihood, -episodes.rewards))
     order = order[critical(episodes.outcomes)[order]]
+    if found is not None:
+        order = order[apart(space.unit(episodes.theta[order]), space.unit(found), choice.apart)]
     chosen = order[diverse(space.unit(episodes.theta[order]), choice)]
     outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
     theta = episodes.theta[chosen]
     return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], careful(theta))
+
+
+def apart(unit: Floats, others: Floats, least: float) -> NDArray[np.bool_]:
+    """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d), root mean square over the columns."""
+    return (cdist(unit, others) >= least * np.sqrt(unit.shape[1])).all(axis=1)
 
 
 def diverse(unit: Floats, choice: Choice) -> Whole:

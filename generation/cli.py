@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from runner.command_line import guarded, interruptible, parameters_of
+from runner.command_line import guarded, interruptible, parameters_of, progress_bar
 from schemas.errors import UsageError
 from schemas.version import version as toolchain_version
 
@@ -125,7 +124,7 @@ def _found(search: Search, settings: Settings, quiet: bool, catalogue: bool) -> 
     from generation.pipeline import generate
 
     try:
-        with _progress(search.scenario.stem, settings.budget, quiet) as progress:
+        with progress_bar(search.scenario.stem, settings.budget, quiet) as progress:
             generated = generate(search.scenario, search.recorded, search.out, settings, progress)
     except UsageError as error:
         if not catalogue:
@@ -135,21 +134,6 @@ def _found(search: Search, settings: Settings, quiet: bool, catalogue: bool) -> 
     if not quiet:
         print("\n".join(_report(search.scenario, generated, settings)))
     return bool(generated.files)
-
-
-@contextmanager
-def _progress(name: str, budget: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """A bar on standard error, where that is a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda runs: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=budget)
-        yield lambda runs: bar.advance(task, runs)
 
 
 def _report(scenario: Path, generated: Generated, settings: Settings) -> Iterator[str]:

@@ -85,6 +85,7 @@ def generate(
     out: Path,
     settings: Settings,
     progress: Callable[[int], None] = lambda runs: None,
+    found: Floats | None = None,
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
@@ -96,6 +97,8 @@ def generate(
         out: folder for the files.
         settings: what to search for.
         progress: told the number of runs after each batch of them.
+        found: critical points (m, d) of earlier searches of the same space: this one starts from them, where its method
+            starts from scenarios at all, and none of its cases is much like one of them.
 
     Raises:
         UsageError: a setting is wrong, too few recorded manoeuvres are inside the box, or something is in the way in the folder.
@@ -114,10 +117,10 @@ def generate(
             return outcomes
 
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
-        problem = Problem(space, evaluate, reward, real.theta)
+        problem = Problem(space, evaluate, reward, real.theta, found)
         history = search(problem, settings.budget, settings.seed)
     with _evaluator(scenario, space, settings, CAREFUL) as careful:
-        cases = choose(space, history, density, careful, settings.choice)
+        cases = choose(space, history, density, careful, settings.choice, found)
     files = _write(scenario, space, out, settings, cases, density) if len(cases) else []
     return Generated(space, len(real.theta), history, cases, files)
 

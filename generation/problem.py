@@ -61,12 +61,19 @@ class Problem:
         evaluate: runs scenarios; what it is asked for counts against the budget.
         reward: what MCSG is after; its density says what is plausible.
         real: parameters (n, d) extracted from recordings, within the box.
+        found: critical points (m, d) that earlier searches of the same space have found; None for none.
     """
 
     space: Space
     evaluate: Evaluate
     reward: Reward
     real: Floats
+    found: Floats | None = None
+
+    @property
+    def starts(self) -> Floats:
+        """What the first episodes of a search start from (k, d): what was found before, else real scenarios."""
+        return self.real if self.found is None else self.found
 
 
 class Calls:

@@ -150,7 +150,7 @@ class _Baseline:
 
 
 class _Starts:
-    """What episodes start from: real scenarios at first, then the elite of all episodes so far.
+    """What episodes start from: real scenarios (or what was found before) at first, then the elite of all episodes so far.
 
     The elite is chosen by criticality − w·t·max((NLL − Q99)/IQR, 0), t the share of the budget that is spent. The reward's
     realism term is the same far from traffic as a little outside; this one goes on falling, so that what is critical is drawn
@@ -171,7 +171,8 @@ class _Starts:
     def draw(self, n: int, spent: float, generator: np.random.Generator) -> Floats:
         """Starts (n, d), when that share of the budget is spent."""
         if not self._settings.elite or len(self._theta) < self._settings.batch:
-            return self._problem.real[generator.integers(len(self._problem.real), size=n)]
+            starts = self._problem.starts
+            return starts[generator.integers(len(starts), size=n)]
         score = self._critical - self._problem.reward.weight * spent * self._excess
         count = max(int(self._settings.elite * len(score)), self._settings.batch // 2)
         ranked = self._theta[np.argsort(-score, kind="stable")]

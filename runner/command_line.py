@@ -47,6 +47,21 @@ def interruptible(name: str, hint: str = "") -> Iterator[None]:
         raise typer.Exit(PIPE_CLOSED) from None
 
 
+@contextmanager
+def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """A bar on standard error, where that is a terminal; yields what tells it how many more are done."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(doing, total=total)
+        yield lambda count: bar.advance(task, count)
+
+
 def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
     """Values of parameters by name, from the texts of an option.
 

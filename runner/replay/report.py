@@ -40,7 +40,9 @@ def write_report(out: Path) -> Path:
         InvalidFile: its table of runs is damaged.
     """
     path = out / REPORT
-    write_page(path, page(f"{out.resolve().name} – report", ("base.css", "report.css"), ("dom.js", "report.js"), report(out)))
+    write_page(
+        path, page(f"{out.resolve().name} – report", ("base.css", "report.css"), ("dom.js", "axes.js", "report.js"), report(out))
+    )
     return path
 
 

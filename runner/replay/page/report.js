@@ -2,9 +2,6 @@
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const STATES = ["passed", "failed", "error"], PAGE = 200, BINS = 24;
-const style = getComputedStyle(document.documentElement);
-const colour = name => style.getPropertyValue("--" + name).trim();
-const short = value => (typeof value !== "number" ? value ?? "–" : Math.abs(value) < 1e6 ? String(Number(value.toPrecision(4))) : value.toExponential(1));
 const link = run => `${run.replay.split("/").map(encodeURIComponent).join("/")}#t=${run.moment}`;
 
 /** What a run can be placed, sorted and counted by: a name, a title, the value of a run, and how many runs have one. */
@@ -53,27 +50,6 @@ function histogram(column) {
     axes(ctx, [30, width - 6], [y(0), y(most)], [low, low + wide * BINS], [0, most], height);
   });
   return el("div", null, el("h3", null, column.title), canvas, el("p", { class: "muted" }, told));
-}
-
-/** Extremes of arrays of any length. */
-const least = values => values.reduce((a, b) => Math.min(a, b));
-const greatest = values => values.reduce((a, b) => Math.max(a, b));
-
-/** Lines and numbers along two axes; `xs`, `ys` in pixels stand for `us`, `vs`. */
-function axes(ctx, xs, ys, us, vs, height) {
-  ctx.strokeStyle = colour("line");
-  ctx.fillStyle = colour("muted");
-  ctx.font = "11px system-ui, sans-serif";
-  ctx.lineWidth = 1;
-  ctx.beginPath();
-  ctx.moveTo(xs[0], ys[1]);
-  ctx.lineTo(xs[0], ys[0]);
-  ctx.lineTo(xs[1], ys[0]);
-  ctx.stroke();
-  ctx.textAlign = "center";
-  for (const u of ticks(us[0], us[1], 5)) ctx.fillText(short(u), xs[0] + (u - us[0]) / (us[1] - us[0] || 1) * (xs[1] - xs[0]), height - 4);
-  ctx.textAlign = "right";
-  for (const v of ticks(vs[0], vs[1], 4)) ctx.fillText(short(v), xs[0] - 4, ys[0] + (v - vs[0]) / (vs[1] - vs[0] || 1) * (ys[1] - ys[0]) + 4);
 }
 
 const histograms = Object.keys(data.measures).map(id => histogram(columns.find(column => column.id === id))).filter(Boolean);
