@@ -108,7 +108,7 @@ class Recording:
         self.locate()
         tracks = list(self.tracks.values())
         if not tracks:
-            return pa.table({name: pa.array([], _arrow_type(name)) for name in ("time", "entity", *COLUMNS[1:])})
+            return pa.table({name: pa.array([], arrow_type(name)) for name in ("time", "entity", *COLUMNS[1:])})
         time = np.concatenate([track.columns["time"] for track in tracks])
         order = np.argsort(time, kind="stable")
         names = np.repeat(np.arange(len(tracks)), [len(track.columns["time"]) for track in tracks])[order]
@@ -116,11 +116,12 @@ class Recording:
         table = {"time": pa.array(time[order]), "entity": entity}
         for name in COLUMNS[1:]:
             joined = np.concatenate([track.columns[name] for track in tracks])[order]
-            table[name] = pa.array(joined, _arrow_type(name))
+            table[name] = pa.array(joined, arrow_type(name))
         return pa.table(table)
 
 
-def _arrow_type(name: str) -> pa.DataType:
+def arrow_type(name: str) -> pa.DataType:
+    """The type of a column of the long form."""
     import pyarrow as pa
 
     return {"entity": pa.string(), "road_id": pa.string(), "lane_id": pa.int64()}.get(name, pa.float64())

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.entities import BoundingBox
-from runner.recording import COLUMNS, Recording, Track
+from runner.recording import COLUMNS, Recording, Track, arrow_type
 from runner.result import RunResult, Verdict
 from runner.simulation import LogEntry
 from schemas.errors import InvalidFile
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
     from xodr.network import RoadNetwork
 
 RESULT, TRAJECTORIES, EVENTS = "result.json", "trajectories.parquet", "events.jsonl"
+_GREATEST = 1e9
+"""No run has a value beyond this, in whatever unit"""
+_SHORTEST, _LONGEST = 0.001, 1e6
+"""Limits of steps and runs, s"""
 
 
 def load_run(folder: Path, road: Path | None = None) -> RunResult:
@@ -38,17 +43,17 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
         settings = dict(values["settings"])
         recording = Recording(
             _tracks(folder / TRAJECTORIES, values["entities"]),
-            float(settings["timestep"]),
+            _number(settings, "timestep", _SHORTEST),
             _network(values["files"]["road"], road, path),
         )
         return RunResult(
             scenario=Path(values["files"]["scenario"]),
             parameters={str(name): str(value) for name, value in values["parameters"].items()},
             status=str(values["status"]),
-            end_time=float(values["end_time"]),
+            end_time=_number(values, "end_time", 0.0, _LONGEST),
             verdict=Verdict(values["verdict"] == "passed", tuple(map(str, values["reasons"]))),
             remarks=tuple(map(str, values["remarks"])),
-            ego=values["ego"],
+            ego=None if values["ego"] is None else str(values["ego"]),
             sut=str(values["sut"]),
             settings=settings,
             events=_events(folder / EVENTS),
@@ -59,12 +64,23 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
         raise InvalidFile(f"this is not the result of a run: {type(error).__name__}: {error}", path=path) from None
 
 
+def _number(values: Mapping[str, Any], name: str, least: float = -_GREATEST, most: float = _GREATEST) -> float:
+    value = values[name]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ValueError(f"{name} is {value!r}")
+    return float(value)
+
+
 def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidFile(f"the results of a run can't be read: {reason}", path=path) from None
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: Exception) -> InvalidFile:
+    reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+    return InvalidFile(f"the results of a run can't be read: {reason}", path=path)
 
 
 def _object(path: Path, text: str, line: int | None = None) -> dict[str, Any]:
@@ -83,7 +99,7 @@ def _events(path: Path) -> list[LogEntry]:
         if line:
             entry = _object(path, line, number)
             try:
-                events.append(LogEntry(float(entry["time"]), *(str(entry[name]) for name in ("kind", "subject", "text"))))
+                events.append(LogEntry(_number(entry, "time"), *(str(entry[name]) for name in ("kind", "subject", "text"))))
             except (KeyError, TypeError, ValueError):
                 raise InvalidFile("this line is not of an event log", path=path, line=number) from None
     return events
@@ -113,21 +129,37 @@ def _tracks(path: Path, entities: dict[str, Any]) -> list[Track]:
     rows = dict(zip(names, np.split(np.argsort(codes, kind="stable"), ends[:-1]), strict=True)) if names else {}
     none = np.zeros(0, np.int64)
     return [
-        Track(name, who["kind"], who["category"], BoundingBox(**who["box"]), partial(_columns, table, rows.get(name, none)))
+        Track(
+            name, str(who["kind"]), str(who["category"]), _box(who["box"]), partial(_columns, table, rows.get(name, none), path)
+        )
         for name, who in entities.items()
     ]
+
+
+def _box(values: Mapping[str, Any]) -> BoundingBox:
+    return BoundingBox(*(_number(values, name) for name in BoundingBox._fields))
 
 
 def _table(path: Path) -> pa.Table:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    schema = pa.schema({name: arrow_type(name) for name in ("entity", *COLUMNS)})
     try:
-        return pq.read_table(path, columns=["entity", *COLUMNS])
-    except (OSError, pa.ArrowException) as error:
-        raise InvalidFile(f"the trajectories can't be read: {str(error).splitlines()[0]}", path=path) from None
+        with path.open("rb") as file:
+            return pq.read_table(file, columns=schema.names).cast(schema)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise _unreadable(path, error) from None
 
 
-def _columns(table: pa.Table, rows: np.ndarray) -> dict[str, np.ndarray]:
+def _columns(table: pa.Table, rows: np.ndarray, path: Path) -> dict[str, np.ndarray]:
+    import numpy as np
+
     mine = table.take(rows)
-    return {name: mine[name].to_numpy(zero_copy_only=False).copy() for name in COLUMNS}
+    columns = {name: mine[name].to_numpy(zero_copy_only=False).copy() for name in COLUMNS}
+    for name, values in columns.items():
+        if name != "road_id" and not (np.abs(values) <= _GREATEST).all():
+            raise InvalidFile(f"the column {name} has values that no run has", path=path)
+    if (np.diff(columns["time"]) <= 0.0).any():
+        raise InvalidFile(f"the times of {mine['entity'][0]} do not ascend", path=path)
+    return columns

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import runner
@@ -70,7 +73,11 @@ def without(name: str) -> Callable[[str], str]:
         (RESULT, lambda text: text.replace('"Lead": {', '"Leader": {'), "'Lead' is not among the entities"),
         (EVENTS, lambda text: text + '{"time": 1}\n', "not of an event log"),
         (EVENTS, lambda text: text + "end\n", "not readable as JSON"),
-        (TRAJECTORIES, lambda _: "PAR1", "the trajectories can't be read"),
+        (RESULT, lambda text: text.replace('"end_time": ', '"end_time": NaN, "was": '), "end_time is nan"),
+        (RESULT, lambda text: text.replace('"timestep": 0.05', '"timestep": 0'), "timestep is 0"),
+        (RESULT, lambda text: text.replace('"length": 5.0', '"length": Infinity'), "length is inf"),
+        (EVENTS, lambda text: text + '{"time": NaN, "kind": "note", "subject": "a", "text": "b"}\n', "not of an event log"),
+        (TRAJECTORIES, lambda _: "PAR1", "the results of a run can't be read"),
     ],
 )
 def test_damaged_results_are_refused(copy: Path, file: str, change: Callable[[str], str], complaint: str) -> None:
@@ -80,8 +87,27 @@ def test_damaged_results_are_refused(copy: Path, file: str, change: Callable[[st
         load_run(copy).trajectories
 
 
+@pytest.mark.parametrize(
+    ("column", "values", "complaint"),
+    [
+        ("x", lambda old: [math.nan] * len(old), "column x has values"),
+        ("y", lambda old: [1e300] * len(old), "column y has values"),
+        ("h", lambda old: [None] * len(old), "column h has values"),
+        ("speed", lambda old: ["fast"] * len(old), "'fast'"),
+        ("time", lambda old: old[::-1], "times of Ego do not ascend"),
+    ],
+)
+def test_values_that_no_run_has_are_refused(copy: Path, column: str, values: Callable[[list], list], complaint: str) -> None:
+    table = pq.read_table(copy / TRAJECTORIES)
+    index = table.column_names.index(column)
+    changed = table.set_column(index, column, pa.array(values(table[column].to_pylist())))
+    pq.write_table(changed, copy / TRAJECTORIES)
+    with pytest.raises(InvalidFile, match=complaint):
+        load_run(copy).trajectories
+
+
 @pytest.mark.parametrize("file", [RESULT, EVENTS, TRAJECTORIES])
 def test_missing_files_are_named(copy: Path, file: str) -> None:
     (copy / file).unlink()
-    with pytest.raises(InvalidFile, match=file):
+    with pytest.raises(InvalidFile, match=f"{file}: .*No such file"):
         load_run(copy)
