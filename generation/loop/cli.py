@@ -1,0 +1,112 @@
+"""The command `xosc-loop`: a folder of recordings or scenarios goes through the whole loop, and a page shows what came of it."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from runner.command_line import guarded, interruptible, progress_bar
+from schemas.errors import UsageError
+from schemas.version import version as toolchain_version
+
+NAME = "xosc-loop"
+_EPILOG = (
+    "Exit codes: 0 the page is written, 1 it is, but a file that was made is not valid, 2 wrong usage, 3 invalid file, 4 valid "
+    "file that asks for something that is not done here, 5 internal error."
+)
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"{NAME} {toolchain_version()}")
+        raise typer.Exit
+
+
+@app.command(epilog=_EPILOG)
+def xosc_loop(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for all that comes of it; index.html in it is the page.")],
+    sut: Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")] = "cas",
+    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search: one a class and round.")] = 300,
+    rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")] = 2,
+    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = 6,
+    shown: Annotated[int, typer.Option(min=1, metavar="N", help="Recorded scenarios of each class with a replay.")] = 12,
+    method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = "mcsg",
+    labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
+    model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 2,
+    _verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Recognise scenarios in recordings, vary them into edge cases for a system under test, check, run and show them.
+
+    Edge cases of one round are what the next one starts from. What is done stays: after an interruption the same command goes
+    on. index.html in the output folder shows everything, with replays, scenario and road files and tags to open.
+    """
+    from generation.loop.loop import run_loop
+    from generation.loop.page import write
+    from generation.loop.settings import Settings
+
+    settings = Settings(sut, _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
+    _refuse_wrong(settings)
+    with interruptible(NAME, "the same command goes on where it was"):
+        found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
+        page = write(found, out)
+        if not quiet:
+            print(f"{page} shows all of it")
+    raise typer.Exit(1 if found["checked"]["problems"] else 0)
+
+
+def _model(labels: str, model: Path | None) -> Path | None:
+    from recognition.catalogue.pipeline import SHIPPED
+
+    if labels == "rules":
+        if model is not None:
+            raise UsageError("--model and --labels rules exclude each other")
+        return None
+    if model is not None and not model.is_dir():
+        raise UsageError("there is no model in this folder; --labels rules does without", path=model)
+    return model or SHIPPED
+
+
+def _refuse_wrong(settings: Any) -> None:
+    """What can't be is better known at once than after the recognition."""
+    from generation.methods import method
+    from runner.sut import find_system
+
+    method(settings.method)
+    find_system(settings.sut)
+
+
+def _told(quiet: bool, stage: str, found: dict[str, Any], seconds: float | None) -> None:
+    """A line for each finished stage."""
+    if quiet:
+        return
+    from generation.loop.words import summary
+
+    when = "done before" if seconds is None else f"{seconds:.1f} s"
+    print(f"{when:>11}  {summary(stage, found)}", flush=True)
+    for name, error in found.get("failures", {}).items():
+        print(f"{NAME}: {name}: {error}", file=sys.stderr)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    sys.path.append("")  # for systems under test named as module:Class
+    guarded(NAME, app)
+
+
+if __name__ == "__main__":
+    main()

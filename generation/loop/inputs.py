@@ -1,0 +1,49 @@
+"""What a user's folder holds: recordings, and scenarios."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import xosc
+from recognition import datasets
+from recognition.catalogue.pipeline import cache_roads
+from recognition.datasets import Source
+from recognition.files import digest
+from schemas.errors import InvalidFile
+
+
+class Inputs(NamedTuple):
+    """What is in a folder.
+
+    Attributes:
+        folder: the folder.
+        recordings: of the formats that recognition reads.
+        scenarios: OpenSCENARIO files that can be run: scenarios and variation files.
+    """
+
+    folder: Path
+    recordings: list[Source]
+    scenarios: list[Path]
+
+    @classmethod
+    def of(cls, folder: Path) -> Inputs:
+        """Look through a folder and all below it.
+
+        Raises:
+            InvalidFile: it does not exist, holds neither recordings nor scenarios, or a file in it is malformed.
+        """
+        scenarios = [path for path in sorted(folder.rglob("*.xosc")) if xosc.load(path).kind != "catalog"]
+        try:
+            recordings = datasets.open(folder, cache_roads()).sources
+        except InvalidFile as error:
+            if not scenarios or error.path != str(folder):  # a path of its own is that of a malformed file
+                raise
+            recordings = []
+        return cls(folder, recordings, scenarios)
+
+    @property
+    def identity(self) -> str:
+        """A short name for the files of the folder, by their names and sizes."""
+        files = sorted(path for path in self.folder.rglob("*") if path.is_file())
+        return digest(repr([(path.relative_to(self.folder).as_posix(), path.stat().st_size) for path in files]).encode())

@@ -1,0 +1,165 @@
+"""The loop itself: stage after stage, each done once, and a page of all at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from generation.loop import recognising
+from generation.loop.inputs import Inputs
+from generation.loop.running import run_all
+from generation.loop.searching import found_by, search
+from generation.loop.settings import Bar, Settings
+from generation.loop.stages import Found, Stages
+from generation.loop.targets import Refused, Target, of_classes, of_scenario, split
+from generation.units import Samples
+from recognition.catalogue.episodes import plain
+from runner.jobs import Job, Outcome, jobs_of
+from schemas import check_many
+from schemas.errors import UsageError
+from schemas.files import expand
+
+CATALOGUE = "catalogue"
+UNITS = "units.parquet"
+RUNS, RECOGNISED = "runs", "recognised"
+"""Folders of a round: runs of its edge cases, and the catalogue of what is recognised in these runs"""
+
+
+def run_loop(folder: Path, out: Path, settings: Settings, bar: Bar, done: Callable[[str, Found, float | None], None]) -> Found:
+    """Go through the loop, or on with it where it was interrupted.
+
+    Args:
+        folder: recordings and scenarios of the user.
+        out: folder for all that comes of it.
+        settings: what to do.
+        bar: shows progress.
+        done: told of each finished stage: name, finding, and time (s) unless it was finished before.
+
+    Returns:
+        What all stages found, for `generation.loop.page`.
+
+    Raises:
+        InvalidFile: there is nothing in the folder that can be read.
+        UsageError: a setting is wrong, or the output folder has something else.
+    """
+    inputs = _inputs(folder, out)
+    stages = Stages(out, settings.deciding() | {"inputs": inputs.identity}, done)
+    work = _Loop(inputs, out, settings, bar, stages)
+    recognised, targets, refused = work.recognise()
+    rounds = [work.round(number, targets) for number in range(1, settings.rounds + 1)] if targets else []
+    return {
+        "settings": settings.deciding(),
+        "recordings": len(inputs.recordings),
+        "recognised": recognised,
+        "refused": [each._asdict() for each in refused],
+        "rounds": rounds,
+        "played": work.play() if inputs.recordings else {},
+        "scenarios": work.run_scenarios() if inputs.scenarios else {},
+        "checked": stages.once("check", work.check),
+    }
+
+
+def _inputs(folder: Path, out: Path) -> Inputs:
+    if out.resolve().is_relative_to(folder.resolve()):
+        raise UsageError("the output folder is inside the folder of the recordings, where it would be taken for one", path=out)
+    return Inputs.of(folder)
+
+
+class _Loop:
+    """What the stages do."""
+
+    def __init__(self, inputs: Inputs, out: Path, settings: Settings, bar: Bar, stages: Stages) -> None:
+        self._inputs, self._out, self._settings, self._bar, self._once = inputs, out, settings, bar, stages.once
+        self._earlier: dict[str, list[Found]] = {}
+
+    def recognise(self) -> tuple[Found, list[Target], list[Refused]]:
+        """Make the catalogue; what to search, and what not."""
+        found: Found = {}
+        own: Samples | None = None
+        listed: Iterable[Target | Refused] = []
+        if self._inputs.recordings:
+            catalogue, model = self._out / CATALOGUE, self._out / recognising.MODEL
+            make = partial(recognising.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
+            found = self._once("recognise", make)
+            table = self._out / UNITS
+            self._once("measure", partial(recognising.units, self._inputs.recordings, table, self._bar))
+            own = Samples.read(table) if table.is_file() else None
+            listed = of_classes(recognising.rows_of(catalogue), catalogue, own)
+        targets, refused = split(chain(listed, (of_scenario(path, own) for path in self._inputs.scenarios)))
+        return found, targets, refused
+
+    def round(self, number: int, targets: Iterable[Target]) -> Found:
+        """Search everything, run what was found, and recognise it in the runs."""
+        searched = [
+            self._once(f"round_{number}_search_{target.name}", partial(self._search, number, target)) for target in targets
+        ]
+        for each in searched:
+            self._earlier.setdefault(each["target"], []).append(each)
+        files = [self._out / case["file"] for each in searched for case in each.get("cases", [])]
+        told: Found = {"number": number, "searches": searched, "runs": {}, "recognised": {}}
+        if files:
+            folder = self._out / f"round_{number}"
+            jobs = list(jobs_of(files, {}, True))
+            told["runs"] = self._once(f"round_{number}_run", partial(self._run, jobs, self._settings.sut, folder / RUNS))
+            told["recognised"] = self._once(f"round_{number}_label", partial(self._label, folder))
+        return told
+
+    def play(self) -> Found:
+        """Replay some recorded scenarios of each class, as they were recorded."""
+        jobs = [
+            Job(f"{plain(row['class'])}_{Path(row['file']).stem}", path, path)
+            for row in chosen(recognising.rows_of(self._out / CATALOGUE), self._settings.shown)
+            for path in [self._out / CATALOGUE / row["file"]]
+        ]
+        return self._once("play", partial(self._run, jobs, None, self._out / "played"))
+
+    def run_scenarios(self) -> Found:
+        """Run the user's own scenarios against the system under test."""
+        jobs = list(jobs_of(self._inputs.scenarios, {}, True))
+        return self._once("run_scenarios", partial(self._run, jobs, self._settings.sut, self._out / "scenarios"))
+
+    def check(self) -> Found:
+        """Check everything that was written, and the user's scenarios."""
+        files = [*expand([str(self._out)]), *self._inputs.scenarios]
+        problems = []
+        with self._bar("checking", len(files)) as advance:
+            for _, found in check_many(files):
+                problems += [str(problem) for problem in found if problem.level == "error"]
+                advance(1)
+        return {"files": len(files), "problems": problems}
+
+    def _search(self, number: int, target: Target) -> Found:
+        known = found_by(self._earlier.get(target.name, []))
+        with self._bar(f"searching {target.title}", self._settings.budget) as advance:
+            return search(target, number, self._out, self._settings, known, advance)
+
+    def _run(self, jobs: Sequence[Job | Outcome], sut: str | None, folder: Path) -> Found:
+        with self._bar("running", len(jobs)) as advance:
+            return run_all(jobs, sut, folder, self._out, self._settings.processes, advance)
+
+    def _label(self, folder: Path) -> Found:
+        """The classes that are recognised about the ego in each run; by the run's name."""
+        grown = self._out / recognising.MODEL
+        model = grown if grown.is_dir() else self._settings.model
+        recognising.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
+        found: Found = {}
+        for row in recognising.rows_of(folder / RECOGNISED):
+            if row["vehicle"] == "Ego":
+                found.setdefault(row["recording"], []).append({"class": row["class"], "file": row["file"]})
+        return found
+
+
+def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
+    """So many rows of each class, from those that the model is surest of to those that it is least sure of, evenly."""
+    classes: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        classes.setdefault(row["class"], []).append(row)
+    found = []
+    for title in sorted(classes):
+        listed = sorted(classes[title], key=lambda row: (-(row["confidence"] or 0.0), row["file"]))
+        count = min(most, len(listed))
+        found += [listed[round(index * (len(listed) - 1) / max(count - 1, 1))] for index in range(count)]
+    return found

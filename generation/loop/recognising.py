@@ -1,0 +1,79 @@
+"""Recognition as a stage of the loop: recordings, or runs as recordings, become a catalogue."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from generation.loop.settings import Bar
+from generation.loop.stages import Found
+from generation.units import Samples, extract_from
+from recognition.catalogue.pipeline import ByRules, Settings, build, cache_roads
+from recognition.datasets import Source
+from schemas.errors import ToolchainError
+
+MODEL = "model"
+"""Folder in the output folder with the model as it is after the recordings: the classes discovered in them are known to it"""
+
+
+def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar, keep: Path | None = None) -> Found:
+    """Make a catalogue of recordings.
+
+    Args:
+        paths: recordings.
+        folder: of the catalogue.
+        model: folder of the model; None for the rules alone.
+        keep: folder for the model as it is afterwards; None to forget it.
+    """
+
+    def along(sources: Sequence[Source], doing: str) -> Iterable[Source]:
+        with bar(doing, len(sources)) as advance:
+            for source in sources:
+                yield source
+                advance(1)
+
+    if model is None:
+        summary = build(paths, folder, Settings(), ByRules(), along)
+    else:
+        from recognition.catalogue.model import ByModel
+        from recognition.trfe import TRFE
+
+        trfe = TRFE.load(model)
+        summary = build(paths, folder, Settings(), ByModel(trfe), along)
+        if keep is not None:
+            trfe.buffer.remove(np.ones(len(trfe.buffer), dtype=bool))  # what waits is of these recordings, and is unknown
+            trfe.save(keep)
+    return {
+        "classes": dict(sorted(summary.classes.items())),
+        "states": dict(sorted(Counter(row["state"] for row in rows_of(folder)).items())),
+        "failures": {name: str(error) for name, error in summary.failures.items()},
+        "edited": summary.edited,
+    }
+
+
+def rows_of(folder: Path) -> list[dict[str, Any]]:
+    """The rows of a catalogue's index."""
+    rows: list[dict[str, Any]] = json.loads((folder / "index.json").read_text(encoding="utf-8"))["scenarios"]
+    return rows
+
+
+def units(sources: Sequence[Source], path: Path, bar: Bar) -> Found:
+    """Extract the parameters of the recordings' manoeuvres and write them as a table."""
+    parts, failures = [], {}
+    with bar("measuring manoeuvres", len(sources)) as advance:
+        for source in sources:
+            try:
+                parts.append(extract_from(source, cache_roads()))
+            except ToolchainError as error:
+                failures[source.name] = str(error)
+            advance(1)
+    samples = Samples.joined(parts) if parts else None
+    if samples is not None:
+        samples.write(path)
+    kinds = Counter(samples.kinds.tolist()) if samples is not None else Counter()
+    return {"kinds": dict(sorted(kinds.items())), "failures": failures}

@@ -1,0 +1,48 @@
+"""Running scenarios with replays, and what became of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+
+from generation.loop.stages import Found
+from runner.batch import Options, run_batch
+from runner.jobs import Job, Outcome
+from runner.replay.player import keep_replay
+from runner.replay.report import report, write_report
+
+
+def run_all(
+    jobs: Iterable[Job | Outcome], sut: str | None, folder: Path, out: Path, processes: int, progress: Callable[[int], None]
+) -> Found:
+    """Run jobs into a folder, with a replay page of each run and a report of all; goes on where it was interrupted.
+
+    Args:
+        sut: system under test; None for none, what was recorded is replayed.
+        folder: for the results, below `out`.
+        out: output folder of the loop.
+
+    Returns:
+        By the name of its file (relative to `out` where it is there) what `runner.replay.report` tells of each run; of several
+        runs of one file, a list.
+    """
+    outcomes = run_batch(
+        jobs, Options(sut=sut), out=folder, processes=processes, resume=True, also=[partial(keep_replay, out=folder)]
+    )
+    files = {}
+    for outcome in outcomes:
+        files[outcome.job.name] = outcome.job.source
+        progress(1)
+    write_report(folder)
+    place = folder.relative_to(out).as_posix()
+    found: Found = {}
+    for run in report(folder)["runs"]:
+        told = {key: run[key] for key in ("name", "state", "status", "message", "end", "measures")}
+        replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
+        found.setdefault(_named(files[run["name"]], out), []).append(told | {"replay": replay})
+    return found
+
+
+def _named(path: Path, out: Path) -> str:
+    return path.relative_to(out).as_posix() if path.is_relative_to(out) else path.name

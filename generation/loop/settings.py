@@ -1,0 +1,54 @@
+"""All that can be chosen of a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from generation.cases import Choice
+from generation.pipeline import Settings as Search
+
+Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
+"""Shows progress: takes what is being done and how much of it there is, gives what has to be told how many more are done."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a loop does.
+
+    Attributes:
+        sut: name of the system under test.
+        model: folder of the model that recognises; None for the rules alone.
+        rounds: how often is searched; each round after the first starts from the failures of those before.
+        budget: simulator calls of each search: one for each class or scenario and round.
+        most: edge cases that each search writes.
+        shown: recorded scenarios of each class that can be played on the page.
+        method: of the search.
+        seed: of everything random.
+        processes: how many runs at a time.
+    """
+
+    sut: str = "cas"
+    model: Path | None = None
+    rounds: int = 2
+    budget: int = 300
+    most: int = 6
+    shown: int = 12
+    method: str = "mcsg"
+    seed: int = 0
+    processes: int = 2
+
+    def deciding(self) -> dict[str, Any]:
+        """Those that decide what is found."""
+        return {name: str(value) for name, value in asdict(self).items() if name != "processes"}
+
+    def search(self, number: int) -> Search:
+        """The settings of the searches of a round, whose number counts from 1."""
+        seed = self.seed + 1000 * (number - 1)
+        return Search(
+            sut=self.sut, method=self.method, budget=self.budget, seed=seed, processes=self.processes,
+            choice=Choice(self.most), concrete=True,
+        )  # fmt: skip

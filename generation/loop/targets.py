@@ -1,0 +1,115 @@
+"""What is searched: for each recognised class a logical scenario, and what is recorded of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from generation.logical.library import SCENARIOS
+from generation.parameters import Space
+from generation.pipeline import LEAST
+from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_samples
+from generation.units import OWN, Samples
+from recognition.labels.classes import Label
+from schemas.errors import Unsupported, UsageError
+
+LIBRARY = {
+    Label.CAR_FOLLOWING: "congestion_highway",
+    Label.CUT_IN: "cut_in_highway",
+    Label.CUT_OUT: "cut_out_highway",
+    Label.LANE_CHANGE_LEFT: "lane_change_left_highway",
+    Label.LANE_CHANGE_RIGHT: "lane_change_right_highway",
+    Label.RAMP_ENTERING: "merging_highway",
+    Label.RAMP_EXITING: "diverging_highway",
+    Label.URBAN_CUT_IN: "cut_in_narrow_road",
+    Label.URBAN_CUT_OUT: "cut_out_narrow_road",
+    Label.RIGHT_TURN: "turn_off_four_way_intersection",
+}
+"""The library's logical scenario of a class, for classes with a manoeuvre that the seven parameters describe."""
+
+
+class Target(NamedTuple):
+    """Something to search.
+
+    Attributes:
+        name: of its folder.
+        title: the class, or the user's scenario.
+        scenario: the logical scenario.
+        recorded: gives the recorded parameters of its space.
+        prior: in words, whose parameters these are.
+    """
+
+    name: str
+    title: str
+    scenario: Path
+    recorded: Callable[[Space], Recorded]
+    prior: str
+
+
+class Refused(NamedTuple):
+    """A class or scenario that is not searched, and why."""
+
+    title: str
+    reason: str
+
+
+def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[Target | Refused]:
+    """What to search for each class of a catalogue, in the order of the classes.
+
+    Its own manoeuvres are varied where there are enough of them for a density; else the library's scenario of the class.
+
+    Args:
+        rows: of the catalogue's index.
+        catalogue: its folder.
+        own: units of the same recordings; None for none.
+    """
+    found = {scenario.path.parent.name: scenario for scenario in of_catalogue(catalogue)}
+    folders = {str(row["class"]): Path(row["file"]).parts[0] for row in rows}
+    labels = {label.title: label for label in Label}
+    for title in sorted(folders, key=lambda title: (labels.get(title, len(labels)), title)):
+        folder, label = folders[title], labels.get(title, Label.UNKNOWN)
+        if (target := _of_catalogue(folder, title, found.get(folder))) is not None:
+            yield target
+        elif label in LIBRARY:
+            yield of_scenario(SCENARIOS / f"{LIBRARY[label]}.xosc", own, folder, title)
+        else:
+            yield Refused(title, "it has no manoeuvre that the seven parameters describe")
+
+
+def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target | None:
+    """The catalogue's own scenario; None where there are too few of its like."""
+    if scenario is None:
+        return None
+    space = Space.of(scenario.path)
+    count = len(scenario.on(space).within(space).theta)
+    return Target(folder, title, scenario.path, scenario.on, f"{count} of these recordings") if count >= LEAST else None
+
+
+def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> Target | Refused:
+    """A logical scenario, with the parameters of these recordings where there are enough, else of the units that are shipped.
+
+    Args:
+        own: units of these recordings; None for none.
+        name, title: of the target; by default the file's.
+    """
+    name, title = name or path.stem, title or path.stem
+    try:
+        space, kind = Space.of(path), kind_of(path)
+        for samples, words in ((own, "of these recordings"), (Samples.read(OWN), "shipped with the package")):
+            if samples is None:
+                continue
+            recorded = partial(of_samples, samples.of_kind(kind))
+            count = len(recorded(space).within(space).theta)
+            if count >= LEAST:
+                return Target(name, title, path, recorded, f"{count} {words}")
+    except (UsageError, Unsupported) as error:
+        return Refused(title, error.message)
+    return Refused(title, f"fewer than {LEAST} recorded manoeuvres are like it")
+
+
+def split(found: Iterable[Target | Refused]) -> tuple[list[Target], list[Refused]]:
+    """What to search, and what not."""
+    listed: Sequence[Target | Refused] = list(found)
+    return [each for each in listed if isinstance(each, Target)], [each for each in listed if isinstance(each, Refused)]
