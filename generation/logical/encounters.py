@@ -89,7 +89,7 @@ EAST, NORTH, WEST, SOUTH = "1", "2", "3", "4"
 
 def _at_junctions() -> dict[str, Encounter]:
     """Those that there are at each of the two junctions; straight on, the T junction has one way only."""
-    found = {}
+    found: dict[str, Encounter] = {}
     for name, (file, where) in _JUNCTIONS.items():
         is_crossroad = name == "four_way_intersection"
         straight = (_course(SOUTH, NORTH), _course(WEST, EAST)) if is_crossroad else (_course(WEST, EAST), _course(SOUTH, WEST))

@@ -45,7 +45,8 @@ def approaches(roads: Path = ROADS) -> Iterator[tuple[str, Approach]]:
 def write(scenarios: Path = SCENARIOS, roads: Path = ROADS) -> list[Path]:
     """Write the files into two folders that stand to each other as those of the library do; their paths."""
     written = [*write_roads(roads, AUTHOR), *write_catalogs(scenarios)]
-    for name, scenario in (*plots(), *approaches(roads)):
+    made: list[tuple[str, Plot | Approach]] = [*plots(), *approaches(roads)]
+    for name, scenario in made:
         path = scenarios / f"{name}.xosc"
         file = scenario.geometry.file if isinstance(scenario, Plot) else scenario.encounter.file
         xosc.write(scenario.document(path, f"../../xodr/library/{file}.xodr"), path)
