@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.samples import Floats
 from runner.batch import Options
 from runner.jobs import Job, Outcome, failure
 from runner.pool import Pool
@@ -24,8 +25,6 @@ from runner.rss import parameter_set
 if TYPE_CHECKING:
     from generation.parameters import Space
     from runner.criticality import Criticality
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,14 +11,12 @@ from dataclasses import dataclass, field
 from os import PathLike
 
 import numpy as np
-from numpy.typing import NDArray
 
 import xosc
+from recognition.samples import Floats
 from schemas.errors import UsageError
 from xosc.node import Node
 from xosc.parameters import Scope, nearest
-
-Floats = NDArray[np.float64]
 
 DIGITS = 6
 """Decimal digits of values in files."""

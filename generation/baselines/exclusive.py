@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from generation.baselines.otherwise import rewarded
 from generation.problem import History, Problem
-from generation.search import search as mcsg
+from generation.search import Settings
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:
     """MCSG by the exclusive reward."""
-    found = mcsg(replace(problem, reward=replace(problem.reward, form="exclusive")), budget, seed)
-    return found._replace(rewards=problem.reward(found.theta, found.outcomes))
+    return rewarded(problem, budget, seed, Settings(), form="exclusive")

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.parameters import SEVEN, Floats
+from generation.parameters import SEVEN
+from recognition.samples import Floats
 from schemas.errors import InvalidFile
 
 DIGITS = 2
