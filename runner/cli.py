@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.command_line import guarded, interruptible, parameters_of
+from runner.run_options import Ego, MaxTime, Param, Seed, Sut, Timestep, World
+from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
-from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
     from runner.batch import Also
@@ -27,13 +28,7 @@ _EPILOG = (
 )
 _GRAVEST_FIRST = (5, 3, 4, 2, 1, 0)
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"xosc-run {toolchain_version()}")
-        raise typer.Exit
+app = new_app()
 
 
 @app.command(epilog=_EPILOG)
@@ -41,19 +36,13 @@ def xosc_run(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Scenarios, and distributions: every parameter set is run.")
     ],
-    param: Annotated[
-        list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter (repeatable).")
-    ] = None,
-    sut: Annotated[
-        str, typer.Option(help="System under test that drives the ego: cas, sumo, none, one installed by pip, module:Class.")
-    ] = "cas",
-    ego: Annotated[str | None, typer.Option(metavar="NAME", help="The ego, where it is not found by itself.")] = None,
-    timestep: Annotated[float, typer.Option(metavar="SECONDS", help="Time step.")] = 0.05,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
-    max_time: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.  [default: 300]")
-    ] = None,
-    world: Annotated[str, typer.Option(help="sumo, or kinematic: scripted motion without a simulator.")] = "sumo",
+    param: Param = None,
+    sut: Sut = "cas",
+    ego: Ego = None,
+    timestep: Timestep = 0.05,
+    seed: Seed = 0,
+    max_time: MaxTime = None,
+    world: World = "sumo",
     constraints: Annotated[
         bool,
         typer.Option(
@@ -81,11 +70,9 @@ def xosc_run(
         typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Load and compile everything, run nothing.")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures and errors only.")] = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
     from runner.batch import Options, rehearse_batch, run_batch

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 import traceback
@@ -11,6 +10,7 @@ from contextlib import contextmanager
 
 import typer
 
+from schemas.command_line import print_anything
 from schemas.errors import ToolchainError, UsageError
 
 INTERRUPTED, PIPE_CLOSED = 130, 141
@@ -19,9 +19,7 @@ INTERRUPTED, PIPE_CLOSED = 130, 141
 
 def guarded(name: str, app: Callable[[], object]) -> None:
     """Run a command's app: errors become one line and an exit code; a traceback only with -v."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files may be of any bytes
+    print_anything()
     try:
         app()
     except (ToolchainError, OSError) as error:

@@ -10,20 +10,14 @@ from typing import Annotated, Literal
 
 import typer
 
+from schemas.command_line import Version, new_app, print_anything
 from schemas.errors import ToolchainError, UsageError
 from schemas.problems import LEVELS, Problem
-from schemas.version import version
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 _EPILOG = "Exit codes: 0 all files are accepted (no error; with --strict no warning either), 1 some are not, 2 wrong usage."
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"xosc-check {version()}")
-        raise typer.Exit
+app = new_app()
 
 
 def _print_rules(wanted: bool) -> None:
@@ -45,9 +39,7 @@ def xosc_check(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Name the sound files as well.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
     _rules: Annotated[bool, typer.Option("--rules", callback=_print_rules, is_eager=True, help="List all rules.")] = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    _version: Version = False,
 ) -> None:
     """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules."""
     from schemas.files import expand
@@ -117,9 +109,7 @@ def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: P
 
 def main() -> None:
     """Entry point: problems of the call itself are one line on standard error and exit code 2."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")  # file names may be anything
+    print_anything()
     try:
         app()
     except ToolchainError as error:

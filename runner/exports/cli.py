@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.command_line import guarded, interruptible
+from runner.command_line import guarded, interruptible, parameters_of
 from runner.exports import TARGETS
+from runner.run_options import Ego, MaxTime, Param, Seed, Sut, Timestep, World
+from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
-from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
     from runner.exports.exporting import Exported
@@ -23,13 +24,7 @@ _EPILOG = (
 )
 _GRAVEST_FIRST = (5, 3, 4, 2, 0)
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"xosc-export {toolchain_version()}")
-        raise typer.Exit
+app = new_app()
 
 
 def _print_targets(wanted: bool) -> None:
@@ -44,27 +39,22 @@ def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write into; nothing in it is overwritten.")],
-    param: Annotated[
-        list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter of the runs.")
-    ] = None,
-    sut: Annotated[str, typer.Option(help="System under test that drives the ego in the runs.")] = "cas",
-    ego: Annotated[str | None, typer.Option(metavar="NAME", help="The ego, where it is not found by itself.")] = None,
-    timestep: Annotated[float, typer.Option(metavar="SECONDS", help="Time step of the runs.")] = 0.05,
-    seed: Annotated[int, typer.Option(help="Seed of everything random in the runs.")] = 0,
-    max_time: Annotated[float | None, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")] = None,
-    world: Annotated[str, typer.Option(help="sumo, or kinematic: scripted motion without a simulator.")] = "sumo",
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    param: Param = None,
+    sut: Sut = "cas",
+    ego: Ego = None,
+    timestep: Timestep = 0.05,
+    seed: Seed = 0,
+    max_time: MaxTime = None,
+    world: World = "sumo",
+    _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print what is not exported only.")] = False,
     _targets: Annotated[
         bool, typer.Option("--targets", callback=_print_targets, is_eager=True, help="List all targets.")
     ] = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    _version: Version = False,
 ) -> None:
     """Export OpenSCENARIO files, or runs of them, to what other tools read."""
     from runner.batch import Options
-    from runner.command_line import parameters_of
     from runner.exports.exporting import export_documents, export_runs
     from xosc.exports.folder import Folder
 

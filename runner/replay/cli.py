@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.command_line import guarded, interruptible
+from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
-from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
     from runner.result import RunResult
@@ -20,13 +20,7 @@ _SUFFIXES = (".html", ".png", ".gif")
 _MOST = 2
 """Runs that a replay shows side by side"""
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"{NAME} {toolchain_version()}")
-        raise typer.Exit
+app = new_app()
 
 
 @app.command(epilog=_EPILOG)
@@ -43,11 +37,9 @@ def xosc_replay(
     ] = None,
     road: Annotated[Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file, where it has moved.")] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play in SUMO's own window instead.")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    _version: Version = False,
 ) -> None:
     """Make a page that plays a run, or two side by side; a picture or an animation; of a whole batch a report with replays."""
     from runner import journal
