@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import traci
 
 import runner
 from runner.replay.sumo_gui import need_display, show
@@ -38,6 +39,9 @@ def test_no_display_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         need_display()
 
 
-def test_a_run_is_played_to_its_end(display: None, tmp_path: Path) -> None:
-    result = runner.run(scenario(tmp_path, stop=0.5), sut=None, world="kinematic")
+def test_a_run_is_played_to_its_end(display: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = runner.run(scenario(tmp_path, stop=0.5), sut=None, world="kinematic", timestep=0.1)
+    step, present = traci.simulationStep, []
+    monkeypatch.setattr(traci, "simulationStep", lambda: (step(), present.append(len(traci.vehicle.getIDList()))))
     show(result, stay=False)
+    assert present == [2] * 6

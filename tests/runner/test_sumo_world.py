@@ -125,9 +125,13 @@ def test_participants_come_and_go_at_any_time(world: sumo.SumoWorld) -> None:
 
 
 def test_names_that_sumo_does_not_take_are_fine(world: sumo.SumoWorld) -> None:
-    for name in ("a b", "ü", "<&>", "", "a b"):
-        world.add(Entity(name, "vehicle", "car", CAR, x=100.0, y=-1.75, placed=True))
+    names = ("a b", "ü", "<&>", "", "a b")
+    everyone = [Entity(name, "vehicle", "car", CAR, x=100.0, y=-1.75, placed=True) for name in names]
+    for participant in everyone:
+        world.add(participant)
+    world.mirror(everyone)
     world.step()
+    assert len(sumo.libsumo.vehicle.getIDList()) == len(everyone)
 
 
 @pytest.mark.parametrize(
