@@ -16,7 +16,7 @@ HARDEST = 0.774 * GRAVITY
 """Braking of a careful and competent human on a dry road, m/s²."""
 JERK = 12.65
 """How fast that braking builds up, m/s³."""
-ROUNDING = 1e-9
+ROUNDING = 1e-6
 """What is nearer to a limit than this has reached it: positions are sums of many steps."""
 
 
