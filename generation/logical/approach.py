@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from generation.logical import catalogs
-from generation.logical.encounters import Course, Encounter
+from generation.logical.courses import Course
+from generation.logical.encounters import Encounter
 from generation.logical.header import header, scenario_tags
 from generation.logical.maneuvers import EGO
 from generation.logical.ways import Meeting, meeting

@@ -11,7 +11,9 @@ from typing import Any
 from scenariogeneration import xosc as sg
 
 import xosc
-from generation.logical.encounters import ENCOUNTERS, Course
+from generation.logical.courses import Course
+from generation.logical.encounters import ENCOUNTERS
+from generation.logical.geometries import GEOMETRIES
 from generation.logical.header import header
 from xosc import maneuvers
 from xosc.maneuvers import Dynamics
@@ -56,16 +58,21 @@ def _catalogs() -> Iterator[tuple[str, str, str, list[Any]]]:
     yield CONTROLLER, "Controller", "Controllers", [system]
     yield ENVIRONMENT, "Environment", "Environments", [_environment(name) for name in ENVIRONMENTS]
     yield MANEUVER, "Maneuver", "Manoeuvres", [_change_speed()]
-    courses = {route_name(each.file, course): course for each in ENCOUNTERS.values() for course in _courses(each)}
-    yield ROUTE, "Route", "Routes through the library's junctions", [_route(*item) for item in sorted(courses.items())]
+    routes = {route_name(file, course): _route(file, course) for file, course in _courses()}
+    yield ROUTE, "Route", "Routes through the library's junctions", [routes[name] for name in sorted(routes)]
 
 
-def _courses(encounter: Any) -> list[Course]:
-    return [each for each in (encounter.ego, encounter.way) if isinstance(each, Course)]
+def _courses() -> Iterator[tuple[str, Course]]:
+    """Road files and courses on them that scenarios refer to."""
+    for each in ENCOUNTERS.values():
+        yield from ((each.file, course) for course in (each.ego, each.way) if isinstance(course, Course))
+    for geometry in GEOMETRIES.values():
+        if geometry.turn is not None:
+            yield geometry.file, geometry.turn
 
 
-def _route(name: str, course: Course) -> Any:
-    return maneuvers.route(name, [maneuvers.lane_position(road, lane, FAR) for road, lane in course])
+def _route(file: str, course: Course) -> Any:
+    return maneuvers.route(route_name(file, course), [maneuvers.lane_position(road, lane, FAR) for road, lane in course])
 
 
 def _change_speed() -> Any:

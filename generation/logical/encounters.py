@@ -3,32 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
+from generation.logical.courses import Course, Crossing, Lane
 from generation.logical.geometries import Limits
 from generation.logical.roads import ROADS, LibraryRoad
 from recognition.labels import Label
-
-
-class Lane(NamedTuple):
-    """A lane of an arm: road and lane id."""
-
-    road: str
-    lane: int
-
-
-class Course(NamedTuple):
-    """A way of a vehicle: from a lane that leads to the junction to one that leads away from it."""
-
-    origin: Lane
-    target: Lane
-
-
-class Crossing(NamedTuple):
-    """A way of a pedestrian: across an arm, from the right of the lane that leads away on it, `s` (m) from the junction."""
-
-    lane: Lane
-    s: float
 
 
 @dataclass(frozen=True)
@@ -124,7 +103,7 @@ ENCOUNTERS = _at_junctions() | {
         "roundabout", _course("4", "2"), "Pedestrian", Crossing(Lane("2", -1), 6.0), 2.0,
     ),
     "roundabout_circulating": Encounter(
-        "The ego goes round in a roundabout, a vehicle enters in front of it", "roundabout circulating", Label.ROUNDABOUT_CIRCULATING,
+        "The ego goes round in a roundabout, a vehicle enters before it", "roundabout circulating", Label.ROUNDABOUT_CIRCULATING,
         "roundabout", _course("4", "3"), "Entering", _course("1", "3"), -1.5,
     ),
 }  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
+from generation.logical.courses import Course, Lane
 from generation.logical.roads import ROADS, LibraryRoad
 
 Limits = tuple[float, float]
@@ -22,7 +23,7 @@ class Geometry:
         road, left, right: the road's id, and those of the two lanes as their traffic sees them.
         spot: s (m) of the leader when the manoeuvre begins; of a manoeuvre's end where `ends_there`.
         side: +1 where the lanes lead towards increasing s, −1 where against.
-        turn: road and lane that a right turn from the right lane leads to; None where there is none.
+        turn: the course of a right turn from the right lane; None where there is none.
         speeds, gaps: limits of the parameters, m/s and m.
         ego_speed, gap: defaults.
     """
@@ -35,7 +36,7 @@ class Geometry:
     spot: float
     side: int = 1
     ends_there: bool = False
-    turn: tuple[str, int] | None = None
+    turn: Course | None = None
     speeds: Limits = (10.0, 40.0)
     gaps: Limits = (5.0, 80.0)
     ego_speed: float = 30.0
@@ -54,7 +55,7 @@ class Geometry:
 
 _rural = partial(Geometry, speeds=(5.0, 20.0), gaps=(5.0, 60.0), ego_speed=17.0, gap=13.0)
 _urban = partial(Geometry, speeds=(4.0, 15.0), gaps=(3.0, 40.0), ego_speed=12.0, gap=10.0)
-_arm = partial(_urban, road="3", left=1, right=2, spot=5.0, side=-1, ends_there=True, turn=("4", -2))
+_arm = partial(_urban, road="3", left=1, right=2, spot=5.0, side=-1, ends_there=True, turn=Course(Lane("3", 2), Lane("4", -2)))
 
 GEOMETRIES = {
     "highway": Geometry("highway_straight", "on a straight motorway", "1", -1, -2, 500.0),

@@ -35,8 +35,6 @@ _ANY = 1000.0
 """A gap (m) that nobody exceeds"""
 _EVADED = 10.0
 """Gap (m) to the vehicle in front of which the leader left its lane, when it has left"""
-_ROUTE = 399.0
-"""Where routes begin and end on the arms of junctions, s in m"""
 _PATIENCE = 10.0
 """Time (s) after which a scenario ends whose gap never came, beyond the time that it would have taken"""
 
@@ -70,6 +68,7 @@ class Plot:
             road: the road file, relative to it.
         """
         names = [EGO, *self._others()]
+        kinds = ("Controller", *(["Route"] if self.maneuver.turns else []), "Vehicle")
         return maneuvers.scenario(
             path,
             header(f"{self.maneuver.words}, {self.geometry.words}", self.tags),
@@ -78,7 +77,7 @@ class Plot:
             init={name: self._init(name) for name in names},
             maneuvers=[(actor, self._maneuver(actor, target)) for actor, target in self._changes()],
             parameters=self._parameters(),
-            catalogs={kind: catalogs.DIRECTORIES[kind] for kind in ("Controller", "Vehicle")},
+            catalogs={kind: catalogs.DIRECTORIES[kind] for kind in kinds},
             stop=self._stop(),
             controllers={EGO: catalogs.SYSTEM},
         )
@@ -155,12 +154,10 @@ class Plot:
         return actions
 
     def _turn(self) -> Any:
-        """The route to the right from before all places where the leader may begin."""
-        place = self.geometry
-        if place.turn is None:
-            raise UsageError(f"nobody can turn off {place.words}")
-        ends = (place.road, place.right, _ROUTE), (*place.turn, _ROUTE)
-        return maneuvers.route("turn off", [maneuvers.lane_position(*end) for end in ends])
+        """The route to the right."""
+        if self.geometry.turn is None:
+            raise UsageError(f"nobody can turn off {self.geometry.words}")
+        return maneuvers.reference(catalogs.ROUTE, catalogs.route_name(self.geometry.file, self.geometry.turn))
 
     def _place(self, name: str) -> Any:
         place, side = self.geometry, self.geometry.side

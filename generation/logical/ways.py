@@ -1,4 +1,4 @@
-"""Ways through junctions, and where they meet."""
+"""Where ways through junctions meet."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.logical.encounters import Course, Crossing
+from generation.logical.courses import Course, Crossing
 from schemas.errors import UsageError
 from xodr.network import RoadNetwork
 

@@ -168,5 +168,5 @@ def test_the_leader_turns_off_when_it_has_braked(name: str) -> None:
     tracks = done.recording.locate().tracks
     roads, plot = {each: list(dict.fromkeys(tracks[each].columns["road_id"])) for each in ("Ego", "TurnOff")}, PLOTS[name]
     assert plot.geometry.turn is not None
-    assert (roads["TurnOff"][0], roads["TurnOff"][-1]) == (plot.geometry.road, plot.geometry.turn[0])
+    assert (roads["TurnOff"][0], roads["TurnOff"][-1]) == (plot.geometry.road, plot.geometry.turn.target.road)
     assert roads["Ego"] == [plot.geometry.road]
