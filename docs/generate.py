@@ -12,7 +12,7 @@ import enum
 import inspect
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
@@ -45,7 +45,19 @@ _ITEM = re.compile(r"([\w*, ]+): (.*)")
 def pages() -> dict[Path, str]:
     """The pages of the reference by file."""
     packages = dict.fromkeys(path.partition(".")[0] for path in MODULES)
-    return {REFERENCE / "commands.md": commands_page()} | {REFERENCE / f"{name}.md": python_page(name) for name in packages}
+    texts = {"README": index_page(packages), "commands": commands_page()} | {name: python_page(name) for name in packages}
+    return {REFERENCE / f"{name}.md": text for name, text in texts.items()}
+
+
+def index_page(packages: Iterable[str]) -> str:
+    """What there is a reference of."""
+    lines = [f"- [`import {name}`]({name}.md): {_first_line(inspect.getdoc(import_module(name)) or '')}" for name in packages]
+    commands = f"- [Commands](commands.md): {', '.join(f'`{name}`' for name, _ in apps())}"
+    return "\n".join(["# Reference", "", _GENERATED.replace("this page is", "these pages are"), "", commands, *lines]) + "\n"
+
+
+def _first_line(doc: str) -> str:
+    return doc.partition("\n\n")[0].replace("\n", " ")
 
 
 # commands -----------------------------------------------------------------------------------

@@ -1,0 +1,171 @@
+"""What the README, the tutorials and the pages on extending say can be typed is typed here, in the order of the page.
+
+A page is played in an empty folder that has the libraries where a clone has them. Its blocks are
+
+- `sh`: a command a line, which ends with 0, or with what its comment says (`# exit code 1`);
+- any language whose first line is a comment with nothing but a file's name: saved under that name;
+- `python` otherwise: run as a program;
+- `text`: printed by the block before, line by line, in any order; `…` stands for anything.
+
+Files that the page names in its text have to be there in the end.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
+    *sorted((ROOT / "docs" / "extending").glob("*.md")),
+]
+SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
+
+NOT_RUN = {
+    "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
+    "make test": "is what runs this",
+    "pip install .": "continuous integration installs the wheel into an empty environment and runs a scenario there",
+}
+"""Commands that are not run here, and why."""
+
+LANGUAGES = {"sh", "python", "text", "xml", "toml", "yaml"}
+_BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_FILE = re.compile(r"(?:# |<!-- )([\w.-]+\.\w+)(?: -->)?")
+_NAMED = re.compile(
+    r"(?<!`)`((?:[\w.*-]+/)*[\w*-]+\.(?:xosc|xodr|html|json|jsonl|parquet|csv|png|gif|mcap|sarif|xml|md|py|yml))`"
+)
+_PLACEHOLDER = re.compile(r"NAME|SITE|CLASS|FILE")
+_SECONDS = 600
+
+
+class Block(NamedTuple):
+    """A block of code: its language and its text."""
+
+    language: str
+    text: str
+
+    @property
+    def file(self) -> str | None:
+        """Name of the file that it is, if any."""
+        named = _FILE.fullmatch(self.text.partition("\n")[0])
+        return named[1] if named else None
+
+    @property
+    def commands(self) -> list[str]:
+        """Commands of a shell's block, with their comments."""
+        lines = self.text.replace("\\\n", " ").splitlines() if self.language == "sh" else []
+        return [line for line in lines if line.strip()]
+
+
+def blocks(page: Path) -> list[Block]:
+    """The blocks of code of a page."""
+    return [Block(*found) for found in _BLOCK.findall(page.read_text(encoding="utf-8"))]
+
+
+def bare(command: str) -> str:
+    """A command without its comment."""
+    return command.partition(" #")[0].strip()
+
+
+ALL = [bare(command) for page in PAGES for block in blocks(page) for command in block.commands]
+
+
+def name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with what a page may count on."""
+    for package in ("xosc", "xodr"):
+        shutil.copytree(ROOT / package / "library", tmp_path / package / "library")
+    return tmp_path
+
+
+def call(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return subprocess.run(
+        arguments,
+        cwd=folder,
+        env=os.environ | {"PATH": path, "COLUMNS": "120"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=_SECONDS,
+    )
+
+
+def play(page: Path, folder: Path) -> None:
+    """Do what a page says."""
+    printed = ""
+    for block in blocks(page):
+        if block.file is not None:
+            (folder / block.file).write_text(block.text, encoding="utf-8")
+        elif block.language == "sh":
+            printed = "".join(answers(block, folder))
+        elif block.language == "python":
+            done = call([sys.executable, "-c", block.text], folder)
+            assert done.returncode == 0, done.stdout
+            printed = done.stdout
+        elif block.language == "text":
+            missing = [line for line in block.text.splitlines() if not is_printed(line, printed)]
+            assert not missing, printed
+
+
+def answers(block: Block, folder: Path) -> Iterator[str]:
+    """What the commands of a block print; each has to end with the code that is announced."""
+    for command in block.commands:
+        if bare(command) not in NOT_RUN:
+            announced = re.search(r"exit code (\d)", command)
+            done = call(["bash", "-c", bare(command)], folder)
+            assert done.returncode == (int(announced[1]) if announced else 0), f"{command}: {done.stdout}"
+            yield done.stdout
+
+
+def is_printed(line: str, printed: str) -> bool:
+    pattern = ".*".join(re.escape(part) for part in line.rstrip().split("…"))
+    return any(re.fullmatch(pattern, given.rstrip()) for given in printed.splitlines())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_page_does_what_it_says(page: Path, folder: Path) -> None:
+    play(page, folder)
+    text = _BLOCK.sub("", page.read_text(encoding="utf-8"))
+    named = {one for one in _NAMED.findall(text) if not _PLACEHOLDER.search(one)}
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+    lost = [one for one in sorted(named) if not any(Path(path).match(one) for path in there) and not list(ROOT.glob(one))]
+    assert not lost
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_block_says_what_it_is(page: Path) -> None:
+    assert {block.language for block in blocks(page)} <= LANGUAGES
+
+
+def test_what_is_not_run_is_listed_with_its_reason() -> None:
+    assert set(NOT_RUN) <= set(ALL)
+    unknown = {shlex.split(command)[0] for command in ALL if command not in NOT_RUN} - set(SCRIPTS)
+    assert unknown <= {"python", "cp", "mkdir", "sed", "rm"}
+
+
+@pytest.mark.parametrize("command", [command for command in NOT_RUN if command.startswith("make ")])
+def test_make_has_the_target(command: str) -> None:
+    planned = subprocess.run(["make", "--dry-run", *command.split()[1:]], cwd=ROOT, capture_output=True, text=True)
+    assert planned.returncode == 0, planned.stderr
+
+
+def test_readme_shows_every_command() -> None:
+    shown = {bare(command).split()[0] for block in blocks(ROOT / "README.md") for command in block.commands}
+    assert shown >= set(SCRIPTS)
