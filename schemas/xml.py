@@ -30,7 +30,10 @@ def parse(path: str | PathLike[str]) -> etree._ElementTree:
             (neither OpenSCENARIO nor OpenDRIVE has one, and entities are how XML attacks its readers).
     """
     path = Path(path)
-    return parse_bytes(_read(path), path)
+    data = read_bytes(path)
+    if not data.strip():
+        raise InvalidFile("the file is empty", path=path, line=1)
+    return parse_bytes(data, path)
 
 
 def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
@@ -70,7 +73,12 @@ def local_name(element: etree._Element) -> str:
     return tag.rpartition("}")[2] if isinstance(tag, str) else ""
 
 
-def _read(path: Path) -> bytes:
+def read_bytes(path: Path) -> bytes:
+    """The content of a file that may be anything, a device without an end included.
+
+    Raises:
+        InvalidFile: it is missing, no regular file, or larger than `MAX_BYTES`.
+    """
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
@@ -79,15 +87,12 @@ def _read(path: Path) -> bytes:
             raise InvalidFile("this is not a regular file", path=path)
         if status.st_size > MAX_BYTES:
             raise InvalidFile(f"{status.st_size} bytes are more than the {MAX_BYTES} that are read", path=path)
-        data = path.read_bytes()
+        return path.read_bytes()
     except FileNotFoundError:
         raise InvalidFile("no such file", path=path) from None
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file cannot be read: {reason}", path=path) from None
-    if not data.strip():
-        raise InvalidFile("the file is empty", path=path, line=1)
-    return data
 
 
 def _doctype_refused(path: Path, line: int | None) -> InvalidFile:

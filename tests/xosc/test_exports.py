@@ -12,7 +12,7 @@ import pytest
 import runner
 import schemas
 import xosc
-from schemas.errors import Unsupported, UsageError
+from schemas.errors import InvalidFile, Unsupported, UsageError
 from tests.runner.files import at_time, car, distribution, place, scenario, speed_action, story
 from xosc.exports import carla, esmini, standard
 from xosc.exports.concrete import concrete
@@ -158,6 +158,16 @@ def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
     random = "<PrivateAction><RoutingAction><RandomRouteAction/></RoutingAction></PrivateAction>"
     path = scenario(tmp_path, stories=story("Ego", [(0.5, random)]))
     assert "RandomRouteAction" in refused(standard.export, path, "1.1", tmp_path)
+
+
+@pytest.mark.parametrize(("road", "reason"), [("nowhere.xodr", "no such file"), ("/dev/zero", "this is not a regular file")])
+@pytest.mark.parametrize("target", ["1.1", "esmini", "carla"])
+def test_a_road_that_cannot_be_taken_along_is_named(road: str, reason: str, target: str, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=BRAKES)
+    path.write_text(path.read_text().replace("straight.xodr", road))
+    export = {"esmini": esmini.export, "carla": carla.export}.get(target, standard.export)
+    with pytest.raises(InvalidFile, match=rf"scenario\.xosc:\d+: LogicFile: .*{road} cannot be taken along: {reason}"):
+        export(path, target, Folder(tmp_path / "out"))
 
 
 # carla --------------------------------------------------------------------------------------

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.errors import UsageError
+from schemas.xml import read_bytes
 
 
 class Folder:
@@ -69,10 +70,7 @@ class Folder:
             InvalidFile: the source can't be read.
             UsageError: as in `write`.
         """
-        try:
-            content = source.read_bytes()
-        except (OSError, ValueError) as error:
-            raise InvalidFile(f"the file cannot be read: {error}", path=source) from None
+        content = read_bytes(source)
         name = self.name(source, wanted)
         self.write(name, content)
         return name

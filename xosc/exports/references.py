@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from schemas.errors import InvalidFile
+from schemas.xml import read_bytes
 from xosc.catalogs import catalog_files, file_reference
 from xosc.document import Document, load
 from xosc.exports.folder import Folder
@@ -35,9 +37,9 @@ def take_roads(document: Document, folder: Folder) -> Draft:
         if not node.get("filepath").strip() or (node.tag == "SceneGraphFile" and not source.is_file()):
             continue
         try:
-            content = source.read_bytes()
-        except (OSError, ValueError):
-            raise node.invalid(f"the file {source} does not exist or cannot be read") from None
+            content = read_bytes(source)
+        except InvalidFile as error:
+            raise node.invalid(f"{source} cannot be taken along: {error.message}") from None
         name = folder.name(source, f"{ROADS if node.tag == 'LogicFile' else MODELS}/{source.name}")
         node.element.set("filepath", name)
         taken[name] = content
