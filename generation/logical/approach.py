@@ -27,7 +27,7 @@ from xosc.tags import Tag
 
 _LEAST = 1.0
 """Time (s) before the ego slows down, at least"""
-_AFTER = 4.0
+_AFTER = 6.0
 """How long (s) a scenario goes on when both have been where their ways meet"""
 _VEHICLES, _PEDESTRIANS = ("car", "van", "truck", "motorbike"), ("adult", "child")
 _ENVIRONMENT = "Environment_Entry"
