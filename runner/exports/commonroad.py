@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from lxml import etree
 
-from runner.exports.commonroad_map import decimal, map_elements, point
+from runner.exports.commonroad_map import map_elements, point
 from runner.exports.lanelets import lanelets
-from runner.exports.moments import box_centre, rate
+from runner.exports.moments import box_centre, date, decimal, rate, stands, wrapped
 from runner.exports.refusals import unsupported
-from xosc.document import load
 
 if TYPE_CHECKING:
     from runner.recording import Track
@@ -31,7 +30,6 @@ _OBSTACLES = {
 """CommonRoad's types by OpenSCENARIO category; everything else is `unknown`."""
 _UNKNOWN_PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
 """What CommonRoad scenarios say that are nowhere on earth."""
-_STILL = 1e-9
 
 
 def export(result: RunResult, name: str, folder: Folder) -> list[str]:
@@ -67,7 +65,7 @@ def scenario(result: RunResult, name: str) -> etree._Element:
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "simulated")
     root.extend(map_elements(list(lanelets(network).values()), numbers))
     others = [track for track in tracks.values() if track.name != result.ego]
-    standing = [track for track in others if track.kind == "miscellaneous" and not np.any(np.ptp(box_centre(track), 0) > _STILL)]
+    standing = [track for track in others if stands(track)]
     for track in (*standing, *(each for each in others if each not in standing)):
         root.append(_obstacle(track, track in standing, next(numbers), result.recording.timestep))
     root.append(_problem(tracks[result.ego], next(numbers), result.recording.timestep))
@@ -79,7 +77,7 @@ def _header(result: RunResult, name: str) -> dict[str, str]:
     return {
         "timeStepSize": decimal(result.recording.timestep), "commonRoadVersion": "2020a", "author": "xosc-toolchain",
         "affiliation": "xosc-toolchain", "source": result.scenario.name, "benchmarkID": f"ZAM_{words or 'Run'}-1_1_T-1",
-        "date": str(load(result.scenario).node.need("FileHeader").get("date"))[:10],
+        "date": date(result)[:10],
     }  # fmt: skip
 
 
@@ -99,8 +97,7 @@ def _states(track: Track, step: float) -> list[etree._Element]:
     columns, centre = track.columns, box_centre(track)
     times = np.rint(columns["time"] / step).astype(int)
     turning = rate(np.unwrap(columns["h"].astype(float)), columns["time"])
-    heading = np.remainder(columns["h"].astype(float) + np.pi, 2 * np.pi) - np.pi
-    rows = zip(centre, heading, times, columns["speed"], columns["acceleration"], turning, strict=True)
+    rows = zip(centre, wrapped(columns["h"]), times, columns["speed"], columns["acceleration"], turning, strict=True)
     states = []
     for number, (place, h, time, speed, acceleration, turn) in enumerate(rows):
         state = etree.Element("state" if number else "initialState")
@@ -127,14 +124,14 @@ def _problem(track: Track, number: int, step: float) -> etree._Element:
     start = etree.SubElement(problem, "initialState")
     etree.SubElement(start, "position").append(point(centre[0]))
     turning = rate(np.unwrap(columns["h"].astype(float)), columns["time"])[0]
-    values = {"velocity": columns["speed"][0], "orientation": _wrapped(columns["h"][0]), "yawRate": turning, "slipAngle": 0.0}
+    values = {"velocity": columns["speed"][0], "orientation": wrapped(columns["h"])[0], "yawRate": turning, "slipAngle": 0.0}
     _exact(start, {**values, "time": 0, "acceleration": columns["acceleration"][0]})
     goal = etree.SubElement(problem, "goalState")
     time = etree.SubElement(goal, "time")
     etree.SubElement(time, "intervalStart").text = "0"
     etree.SubElement(time, "intervalEnd").text = str(max(round(float(columns["time"][-1]) / step), 1))
     area = _rectangle(track)
-    etree.SubElement(area, "orientation").text = decimal(_wrapped(columns["h"][-1]))
+    etree.SubElement(area, "orientation").text = decimal(wrapped(columns["h"])[-1])
     middle = point(centre[-1])
     middle.tag = "center"
     area.append(middle)
@@ -152,7 +149,3 @@ def _rectangle(track: Track) -> etree._Element:
 def _exact(state: etree._Element, values: dict[str, float]) -> None:
     for tag, value in values.items():
         etree.SubElement(etree.SubElement(state, tag), "exact").text = str(value) if isinstance(value, int) else decimal(value)
-
-
-def _wrapped(angle: float) -> float:
-    return float(np.remainder(angle + np.pi, 2 * np.pi) - np.pi)

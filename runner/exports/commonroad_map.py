@@ -11,6 +11,7 @@ from itertools import count
 from lxml import etree
 
 from runner.exports.lanelets import Lanelet
+from runner.exports.moments import decimal
 
 _LANES = {
     "sidewalk": "sidewalk", "walking": "sidewalk", "biking": "bicycleLane", "shoulder": "shoulder", "stop": "shoulder",
@@ -81,8 +82,3 @@ def point(place: Sequence[float]) -> etree._Element:
     for tag, value in zip("xy", place, strict=False):
         etree.SubElement(element, tag).text = decimal(value)
     return element
-
-
-def decimal(value: float) -> str:
-    """A decimal as XML Schema has it, to the millionth."""
-    return f"{value:.6f}".rstrip("0").rstrip(".")

@@ -1,4 +1,4 @@
-"""What exports of a run share: points fixed to a participant in the world, their rates, and the run moment by moment."""
+"""What exports of a run share: points fixed to a participant in the world, their rates, who stands, the run moment by moment."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from xosc.document import load
+
 if TYPE_CHECKING:
     from runner.recording import Recording, Track
+    from runner.result import RunResult
 
 Floats = np.ndarray
+_STILL = 1e-9
+"""What is never further (m) than this from where it was first stands"""
 Moment = tuple[float, list[tuple[int, int]]]
 """A time (s), and for everyone who is there then the number of the track and of its row."""
 
@@ -41,6 +46,26 @@ def box_centre(track: Track) -> Floats:
 def rate(values: Floats, time: Floats) -> Floats:
     """Derivative of the rows of `values` by time (s), zero where there is one row only."""
     return np.gradient(values, time, axis=0) if len(time) > 1 else np.zeros_like(values)
+
+
+def wrapped(angles: Floats) -> Floats:
+    """Angles (rad) from -π to π."""
+    return np.arctan2(np.sin(angles), np.cos(angles))
+
+
+def stands(track: Track) -> bool:
+    """Whether it is a thing that never gets away from where it was first."""
+    return track.kind == "miscellaneous" and bool(np.ptp(box_centre(track), axis=0).max() < _STILL)
+
+
+def date(result: RunResult) -> str:
+    """Date and time that the scenario's FileHeader names, to the second, without zone: the same whenever it is exported."""
+    return str(load(result.scenario).node.need("FileHeader").get("date"))[:19]
+
+
+def decimal(value: float) -> str:
+    """A decimal as XML Schema has it, to the millionth."""
+    return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
 def moments(recording: Recording) -> Iterator[Moment]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runner.exports.moments import box_centre, moments
+from runner.exports.moments import box_centre, moments, wrapped
 from xosc.tags import openlabel, tags_of
 
 if TYPE_CHECKING:
@@ -65,8 +65,7 @@ def _cuboids(track: Track) -> list[list[float]]:
     columns, box = track.columns, track.box
     angles = np.column_stack([columns["roll"], columns["pitch"], columns["h"]]).astype(float)
     size = np.tile([box.length, box.width, box.height], (len(angles), 1))
-    wrapped = np.arctan2(np.sin(angles), np.cos(angles))
-    return np.round(np.hstack([box_centre(track), wrapped, size]), _DIGITS).tolist()
+    return np.round(np.hstack([box_centre(track), wrapped(angles), size]), _DIGITS).tolist()
 
 
 def _intervals(frames: list[int]) -> list[dict[str, int]]:

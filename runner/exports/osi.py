@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runner.exports.moments import box_centre, moments, rate
+from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
 from schemas.errors import UsageError
 from schemas.version import version
-from xosc.document import load
 
 if TYPE_CHECKING:
     from runner.jobs import Job, Outcome
@@ -34,8 +33,6 @@ _TYPES = {
 """OSI's vehicle types by OpenSCENARIO category."""
 _KINDS = {"vehicle": "TYPE_VEHICLE", "pedestrian": "TYPE_PEDESTRIAN"}
 _NANO = 1_000_000_000
-_STILL = 1e-9
-"""An object that never gets further (m) than this from where it was first is a stationary one."""
 
 
 def export(result: RunResult, name: str, folder: Folder) -> list[str]:
@@ -57,7 +54,7 @@ def trace_name(result: RunResult, name: str, suffix: str) -> str:
     osi = _Osi()
     own = "".join(c if c.isalnum() or c in "-~" else "-" for c in name)
     frames = sum(1 for _ in moments(result.recording))
-    when = "".join(c for c in _date(result) if c not in "-:")
+    when = "".join(c for c in date(result) if c not in "-:")
     numbers = [".".join(text.split(".")[:3]) for text in (osi.osi_version, osi.protobuf_version)]
     return f"{when}Z_gt_{numbers[0]}_{numbers[1]}_{frames}_{own}{suffix}"
 
@@ -74,7 +71,7 @@ def write_trace(result: RunResult, path: Path) -> None:
         "version": version(),
         **dict.fromkeys(("min_osi_version", "max_osi_version"), osi.osi_version),
         **dict.fromkeys(("min_protobuf_version", "max_protobuf_version"), osi.protobuf_version),
-        **dict.fromkeys(("zero_time", "creation_time"), f"{_date(result)}Z"),
+        **dict.fromkeys(("zero_time", "creation_time"), f"{date(result)}Z"),
         "description": result.scenario.name,
         "authors": "xosc-toolchain",
         "data_sources": "simulation",
@@ -115,7 +112,7 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
     osi = _Osi()
     tracks = list(result.recording.tracks.values())
     tables = [_table(track) for track in tracks]
-    standing = [track.kind == "miscellaneous" and bool(np.ptp(box_centre(track), axis=0).max() < _STILL) for track in tracks]
+    standing = [stands(track) for track in tracks]
     network = result.recording.network
     for time, there in moments(result.recording):
         message = osi.groundtruth.GroundTruth()
@@ -150,8 +147,7 @@ def _table(track: Track) -> list[list[float]]:
     columns, time, centre = track.columns, track.columns["time"], box_centre(track)
     angles = np.column_stack([np.unwrap(columns[name].astype(float)) for name in ("h", "pitch", "roll")])
     velocity = rate(centre, time)
-    wrapped = np.arctan2(np.sin(angles), np.cos(angles))
-    return np.hstack([centre, wrapped, velocity, rate(velocity, time), rate(angles, time)]).tolist()
+    return np.hstack([centre, wrapped(angles), velocity, rate(velocity, time), rate(angles, time)]).tolist()
 
 
 def _fill_base(base: Any, track: Track, values: list[float], moves: bool) -> None:
@@ -171,11 +167,6 @@ def _fill_type(each: Any, track: Track, osi: _Osi) -> None:
         each.vehicle_classification.type = moving.VehicleClassification.Type.Value(_TYPES.get(track.category, "TYPE_OTHER"))
         rear = each.vehicle_attributes.bbcenter_to_rear
         rear.x, rear.y, rear.z = -track.box.x, -track.box.y, -track.box.z
-
-
-def _date(result: RunResult) -> str:
-    """Date and time of the scenario's FileHeader, without fractions and zone."""
-    return str(load(result.scenario).node.need("FileHeader").get("date"))[:19]
 
 
 class _Osi:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from lxml import etree
 
-from runner.exports.moments import fixed_point, moments
+from runner.exports.moments import decimal, fixed_point, moments
 from runner.exports.refusals import unsupported
 from runner.sumo_kinds import KINDS, OBSTACLE
 from schemas.xml import parse
@@ -166,15 +166,15 @@ def _type(track: recording.Track, name: str, hurry: float) -> etree._Element:
     kind = KINDS.get(track.category, OBSTACLE)
     size = {"length": track.box.length, "width": track.box.width, "height": track.box.height}
     limits = {"accel": kind.acceleration, "decel": kind.deceleration, "maxSpeed": kind.speed}
-    numbers = {key: _text(max(value, 0.1)) for key, value in {**size, **limits, "speedFactor": 1.001 * hurry}.items()}
+    numbers = {key: decimal(max(value, 0.1)) for key, value in {**size, **limits, "speedFactor": 1.001 * hurry}.items()}
     return etree.Element("vType", {"id": name, "vClass": kind.vehicle_class, "sigma": "0", "speedDev": "0", **numbers})
 
 
 def _vehicle(track: recording.Track, name: str, first: _Place, edges: Sequence[str]) -> etree._Element:
-    vehicle = etree.Element("vehicle", id=name, type=f"type.{name}", depart=_text(track.columns["time"][0]))
+    vehicle = etree.Element("vehicle", id=name, type=f"type.{name}", depart=decimal(track.columns["time"][0]))
     vehicle.set("departLane", first.lane.rpartition("_")[2])
-    vehicle.set("departPos", _text(first.position))
-    vehicle.set("departSpeed", _text(max(track.columns["speed"][0], 0.0)))
+    vehicle.set("departPos", decimal(first.position))
+    vehicle.set("departSpeed", decimal(max(track.columns["speed"][0], 0.0)))
     etree.SubElement(vehicle, "route", edges=" ".join(edges))
     return vehicle
 
@@ -185,16 +185,16 @@ def _fcd(result: RunResult, ids: Sequence[str], places: Sequence[_Places]) -> et
     fronts = [fixed_point(track, track.box.x + track.box.length / 2, track.box.y, 0.0) for track in tracks]
     walks = [KINDS.get(track.category, OBSTACLE).vehicle_class == "pedestrian" for track in tracks]
     for time, there in moments(result.recording):
-        step = etree.SubElement(root, "timestep", time=_text(time))
+        step = etree.SubElement(root, "timestep", time=decimal(time))
         for number, row in sorted(there, key=lambda each: walks[each[0]]):  # persons come after vehicles
             columns, place = tracks[number].columns, places[number][row]
             each = etree.SubElement(step, "person" if walks[number] else "vehicle", id=ids[number])
             for axis, value in zip("xyz", fronts[number][row], strict=True):
-                each.set(axis, _text(value))
-            each.set("angle", _text(float(np.mod(90.0 - np.degrees(columns["h"][row]), 360.0))))
-            each.set("speed", _text(abs(columns["speed"][row])))
+                each.set(axis, decimal(value))
+            each.set("angle", decimal(float(np.mod(90.0 - np.degrees(columns["h"][row]), 360.0))))
+            each.set("speed", decimal(abs(columns["speed"][row])))
             if place is not None:
-                each.set("pos", _text(place.position))
+                each.set("pos", decimal(place.position))
                 each.set(*(("edge", place.lane.rpartition("_")[0]) if walks[number] else ("lane", place.lane)))
     return root
 
@@ -205,9 +205,5 @@ def _configuration(network: str, routes: str, result: RunResult) -> etree._Eleme
     etree.SubElement(files, "net-file", value=network)
     etree.SubElement(files, "route-files", value=routes)
     for tag, value in (("begin", 0.0), ("end", result.end_time), ("step-length", result.recording.timestep)):
-        etree.SubElement(time, tag, value=_text(value))
+        etree.SubElement(time, tag, value=decimal(value))
     return root
-
-
-def _text(value: float) -> str:
-    return f"{value:.6f}".rstrip("0").rstrip(".")
