@@ -78,7 +78,7 @@ class Approach:
                 other: maneuvers.reference(catalog, f"${other}_Model"),
             },
             init={EGO: self._init_ego(), other: self._init_other()},
-            maneuvers=[(EGO, self._slow_down())],
+            maneuvers=self._maneuvers(),
             parameters=self._parameters(),
             catalogs={kind: catalogs.DIRECTORIES[kind] for kind in sorted(kinds)},
             stop=self._stop(),
@@ -139,13 +139,14 @@ class Approach:
         return [maneuvers.teleport(maneuvers.world_position(x, y, h=round(heading, 6))), maneuvers.speed(speed)]
 
     def _on_arm(self, course: Course, s: str, speed: str) -> list[Any]:
-        route = maneuvers.reference(catalogs.ROUTE, catalogs.route_name(self.encounter.file, course))
-        place = maneuvers.lane_position(*course.origin, s)
-        return [maneuvers.teleport(place), maneuvers.speed(speed), maneuvers.assign_route(route)]
+        return [maneuvers.teleport(maneuvers.lane_position(*course.origin, s)), maneuvers.speed(speed)]
 
-    def _slow_down(self) -> Any:
+    def _maneuvers(self) -> list[tuple[str, Any]]:
+        """Who takes which route, and that the ego slows down."""
+        ways = {EGO: self.encounter.ego, self.encounter.other: self.encounter.way}
+        routes = [catalogs.take_route(name, self.encounter.file, way) for name, way in ways.items() if isinstance(way, Course)]
         assigned = {"Delay_s": f"${_START}", "Duration_s": "$Ego_SlowingTime_s", "EndSpeed_mps": "$Ego_JunctionSpeed_mps"}
-        return maneuvers.reference(catalogs.MANEUVER, "change_speed", assigned)
+        return [*routes, (EGO, maneuvers.reference(catalogs.MANEUVER, "change_speed", assigned))]
 
     def _stop(self) -> Conditions:
         """At a collision of the ego, or when both should have been where their ways meet for a while."""

@@ -41,6 +41,13 @@ def route_name(file: str, course: Course) -> str:
     return f"{file}_road_{origin}_to_{target}_lane_{lane}"
 
 
+def take_route(actor: str, file: str, course: Course) -> tuple[str, Any]:
+    """The actor and its manoeuvre of taking a route at once: in the story, as CARLA's scenario_runner knows no routes in Init."""
+    route = maneuvers.assign_route(maneuvers.reference(ROUTE, route_name(file, course)))
+    event = maneuvers.event(f"{actor} takes route", [route], maneuvers.simulation_time(0.0, "greaterOrEqual"))
+    return actor, maneuvers.maneuver(f"{actor} route", [event])
+
+
 def write_catalogs(folder: Path) -> list[Path]:
     """Write the catalogues into folders of this folder; their paths."""
     written = []

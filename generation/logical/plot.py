@@ -75,7 +75,7 @@ class Plot:
             road=road,
             entities={name: maneuvers.reference(catalogs.VEHICLE, "car") for name in names},
             init={name: self._init(name) for name in names},
-            maneuvers=[(actor, self._maneuver(actor, target)) for actor, target in self._changes()],
+            maneuvers=[(actor, self._maneuver(actor, lanes)) for actor, lanes in self._changes()] + self._turn(),
             parameters=self._parameters(),
             catalogs={kind: catalogs.DIRECTORIES[kind] for kind in kinds},
             stop=self._stop(),
@@ -148,16 +148,7 @@ class Plot:
     # parts of the scenario
 
     def _init(self, name: str) -> list[Any]:
-        actions = [maneuvers.teleport(self._place(name)), maneuvers.speed(self._speed(name))]
-        if self.maneuver.turns and name == self.maneuver.leader:
-            actions.append(maneuvers.assign_route(self._turn()))
-        return actions
-
-    def _turn(self) -> Any:
-        """The route to the right."""
-        if self.geometry.turn is None:
-            raise UsageError(f"nobody can turn off {self.geometry.words}")
-        return maneuvers.reference(catalogs.ROUTE, catalogs.route_name(self.geometry.file, self.geometry.turn))
+        return [maneuvers.teleport(self._place(name)), maneuvers.speed(self._speed(name))]
 
     def _place(self, name: str) -> Any:
         place, side = self.geometry, self.geometry.side
@@ -196,6 +187,14 @@ class Plot:
             maneuvers.event(f"{actor} settles", [settle], changed),
         ]
         return maneuvers.maneuver(f"{actor} maneuver", events)
+
+    def _turn(self) -> list[tuple[str, Any]]:
+        """The leader's route, where it turns off."""
+        if not self.maneuver.turns:
+            return []
+        if self.geometry.turn is None:
+            raise UsageError(f"nobody can turn off {self.geometry.words}")
+        return [catalogs.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
 
     def _start(self) -> list[Any]:
         """When the time is over and the gap reached; a gap that grows has been reached if the ego was late."""
