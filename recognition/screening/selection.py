@@ -36,7 +36,7 @@ def choose_delta(
 
     Macro-F1 is what open-set recognition is judged by; with balanced accuracy in its place δ grows too large for many classes,
     where a sample rejected by mistake costs more than one accepted by mistake. Each time, half of the calibration samples
-    calibrate and the other half are judged.
+    calibrate and the other half are judged; classes of which that half has no sample calibrate with all they have.
 
     Args:
         features, labels: samples (n, d) to fit forests on, their classes (n,).
@@ -55,6 +55,7 @@ def choose_delta(
     truth = class_labels(calibration_labels, len(held), FEWEST_CLASSES)
     random = np.random.default_rng(seed)
     half = random.permutation(len(held)) % 2 == 0
+    half |= ~np.isin(truth, truth[half])
     rows = np.sort(drawn_of_each(known, _MOST, random))
     gains = []
     for out in np.unique(known):

@@ -201,6 +201,13 @@ def test_delta_is_chosen_by_leaving_classes_out() -> None:
     assert choose_delta(*fitting, *calibrating, trees=40, deltas=[1e-12, delta, 1.0]) == delta, "neither all nor nothing"
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_class_with_one_calibration_sample_calibrates_with_it(seed: int) -> None:
+    features, labels = clouds([1, 2, 3, 4], 30, seed=1)
+    kept = np.append(np.flatnonzero(labels != 4), np.flatnonzero(labels == 4)[:1])
+    assert choose_delta(*clouds([1, 2, 3, 4], 40, seed=0), features[kept], labels[kept], trees=20, seed=seed) > 0.0
+
+
 def noisy(labels: list[int], each: int, seed: int, noise: float) -> tuple[Features, Whole]:
     """Samples seen through a worse sensor."""
     features, truth = clouds(labels, each, seed, APART)
