@@ -1,47 +1,69 @@
 """Collisions of the systems under test on the same cases, each marked avoidable or not by a careful and competent driver.
 
-    python benchmarks/compare_systems.py FILE... [--systems NAME...] [--draw N] [--processes N] [--timestep S] [--out DIR]
+    python benchmarks/compare_systems.py PATH... [--systems NAME...] [--method NAME] [--most N] [--scenarios DIR] [--draw N]
+        [--processes N] [--timestep S] [--out DIR]
 
-Files are scenarios, or variation files such as `xosc-generate` writes: every parameter set is a case. With `--draw`, so many
-uniform points of each logical scenario's parameter space are cases instead. The table is printed; with `--out` it is written to
-systems.md, and every case with every system to cases.parquet.
+Paths are what `xosc-generate` wrote into a folder, the folder of a study (`python -m generation.evaluation`), scenarios, or
+variation files; every parameter set is a case. Of a study, the cases are the best ones of `--method`, at most `--most`, of all
+its seeds, no two of them much alike; its scenario is looked for in `--scenarios`. With `--draw`, so many uniform points of each
+logical scenario's parameter space are cases instead. The table is printed; with `--out` it is written to systems.md, and every
+case with every system to cases.parquet.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from generation.cases import Choice
+from generation.evaluation.edge_cases import CONFIGURATION, edge_cases
+from generation.logical.library import SCENARIOS
 from generation.parameters import Space
 from generation.systems import SYSTEMS, compare
 from runner.jobs import Job, Outcome, jobs_of
+from schemas.errors import ToolchainError, UsageError
 
 
-def drawn(scenarios: Iterable[Path], count: int) -> list[Job | Outcome]:
-    """Uniform points of logical scenarios."""
-    cases: list[Job | Outcome] = []
-    for path in scenarios:
-        space = Space.of(path)
-        points = space.draw(count, np.random.default_rng(0))
-        cases += [Job(f"{path.stem}~{n:06d}", path, path, {**space.pinned, **space.values(row)}) for n, row in enumerate(points)]
-    return cases
+def drawn(path: Path, count: int) -> Iterator[Job]:
+    """Uniform points of a logical scenario."""
+    space = Space.of(path)
+    for number, row in enumerate(space.draw(count, np.random.default_rng(0))):
+        yield Job(f"{path.stem}~{number:06d}", path, path, {**space.pinned, **space.values(row)})
+
+
+def cases_of(path: Path, options: argparse.Namespace) -> list[Job | Outcome]:
+    """The cases that a path stands for."""
+    if options.draw:
+        return list(drawn(path, options.draw))
+    if (path / CONFIGURATION).exists():
+        return list(edge_cases(path, options.method, Choice(options.most), options.scenarios))
+    files = sorted(path.rglob("*_edge_cases.xosc")) if path.is_dir() else [path]
+    if not files:
+        raise UsageError("neither a study nor edge cases of xosc-generate are in this folder", path=path)
+    return list(jobs_of(files, {}, True))
 
 
 def main() -> None:
     """Print the table."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("files", type=Path, nargs="+")
+    arguments.add_argument("paths", type=Path, nargs="+")
     arguments.add_argument("--systems", nargs="+", default=SYSTEMS)
+    arguments.add_argument("--method", default="mcsg")
+    arguments.add_argument("--most", type=int, default=Choice().most, metavar="N")
+    arguments.add_argument("--scenarios", type=Path, default=SCENARIOS, metavar="DIR")
     arguments.add_argument("--draw", type=int, metavar="N")
     arguments.add_argument("--processes", type=int, default=2)
     arguments.add_argument("--timestep", type=float, default=0.05, help="s")
     arguments.add_argument("--out", type=Path)
     options = arguments.parse_args()
-    cases = drawn(options.files, options.draw) if options.draw else list(jobs_of(options.files, {}, True))
+    try:
+        cases = [case for path in options.paths for case in cases_of(path, options)]
+    except ToolchainError as error:
+        sys.exit(str(error))
     found = compare(
         cases,
         options.systems,

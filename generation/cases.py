@@ -90,14 +90,19 @@ def choose(
         found: points (m, d) that the cases are to be far enough from as well.
     """
     log_likelihood = density.log_density(episodes.theta)
+    chosen = best(space, episodes, log_likelihood, choice, found)
+    outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
+    theta = episodes.theta[chosen]
+    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], careful(theta))
+
+
+def best(space: Space, episodes: Episodes, log_likelihood: Floats, choice: Choice, found: Floats | None = None) -> Whole:
+    """Indices of the episodes that `choose` chooses, given their log-densities (n,)."""
     order = np.lexsort((-log_likelihood, -episodes.rewards))
     order = order[critical(episodes.outcomes)[order]]
     if found is not None:
         order = order[apart(space.unit(episodes.theta[order]), space.unit(found), choice.apart)]
-    chosen = order[diverse(space.unit(episodes.theta[order]), choice)]
-    outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
-    theta = episodes.theta[chosen]
-    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], careful(theta))
+    return order[diverse(space.unit(episodes.theta[order]), choice)]
 
 
 def apart(unit: Floats, others: Floats, least: float) -> NDArray[np.bool_]:
