@@ -21,12 +21,14 @@ class Method(NamedTuple):
         title: for tables.
         meaning: one line for people.
         realistic: whether it keeps to what is plausible: its reward has a realism term, or it draws from recorded parameters.
+        knots: whether its problem is that of trajectories (`generation.knots`), not that of manoeuvres.
     """
 
     module: str
     title: str
     meaning: str
     realistic: bool
+    knots: bool = False
 
 
 METHODS = {
@@ -42,12 +44,15 @@ METHODS = {
     "rlbe": Method("baselines.rlbe", "RLBE", "proximal policy optimisation of edits, risk and plausibility", True),
     "no-rl": Method("baselines.no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True),
     "no-kde": Method("baselines.no_kde", "No-KDE", "MCSG without the realism term", False),
+    "no-maneuver": Method("search", "No-Maneuver", "MCSG on trajectories, without manoeuvre parameters", True, knots=True),
     "no-learning": Method("baselines.no_learning", "No-Learning", "MCSG with an untrained policy", True),
     "no-elite": Method("baselines.no_elite", "No-Elite", "MCSG that starts from real scenarios throughout", True),
     "no-coordination": Method("baselines.no_coordination", "No-Coordination", "MCSG with edits of single parameters", True),
     "exclusive": Method("baselines.exclusive", "exclusive reward", "MCSG where a collision pays the same whatever R_risk", True),
 }
 """In the order of tables."""
+ABLATIONS = ("no-rl", "no-kde", "no-maneuver", "no-learning", "no-elite", "no-coordination", "exclusive")
+"""Those that are MCSG without a part of it."""
 
 
 def method(name: str) -> Search:

@@ -8,12 +8,11 @@ from pathlib import Path
 
 from generation.cases import CAREFUL, Cases, Choice, choose
 from generation.density.base import Density
-from generation.density.selection import held_out, model
-from generation.evaluator import Evaluator, Outcomes
+from generation.evaluator import Evaluator
 from generation.memory import Memory
-from generation.methods import method
+from generation.methods import METHODS, method
 from generation.parameters import Space
-from generation.problem import History, Problem
+from generation.problem import History, Problem, counted
 from generation.recorded import Recorded
 from generation.reward import Realism, Reward
 from generation.variations import Evidence, Writer
@@ -101,37 +100,33 @@ def generate(
             starts from scenarios at all, and none of its cases is much like one of them.
 
     Raises:
-        UsageError: a setting is wrong, too few recorded manoeuvres are inside the box, or something is in the way in the folder.
+        UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are inside the box, or something
+            is in the way in the folder.
         InvalidFile: the scenario is malformed.
     """
     search = method(settings.method)
+    if METHODS[settings.method].knots:
+        raise UsageError(f"{settings.method} searches trajectories: it is a part of python -m generation.evaluation only")
     space = Space.of(scenario, settings.pinned, settings.free)
     real = recorded(space).within(space)
-    density, realism = _prior(real, settings.density, scenario)
+    realism = _prior(real, settings.density, scenario)
     with _evaluator(scenario, space, settings, settings.sut) as evaluator:
-        remembered = Memory(evaluator, _runs_file(scenario, space, out, settings))
-
-        def evaluate(theta: Floats) -> Outcomes:
-            outcomes = remembered(theta)
-            progress(len(theta))
-            return outcomes
-
+        evaluate = counted(Memory(evaluator, _runs_file(scenario, space, out, settings)), progress)
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
         problem = Problem(space, evaluate, reward, real.theta, found)
         history = search(problem, settings.budget, settings.seed)
     with _evaluator(scenario, space, settings, CAREFUL) as careful:
-        cases = choose(space, history, density, careful, settings.choice, found)
-    files = _write(scenario, space, out, settings, cases, density) if len(cases) else []
+        cases = choose(space, history, realism.density, careful, settings.choice, found)
+    files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
     return Generated(space, len(real.theta), history, cases, files)
 
 
-def _prior(real: Recorded, name: str, scenario: Path) -> tuple[Density, Realism]:
-    """The density of recorded parameters, and what it makes of realism."""
+def _prior(real: Recorded, name: str, scenario: Path) -> Realism:
+    """What recorded parameters make of realism."""
     if len(real.theta) < LEAST:
         reason = f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at least {LEAST} are needed"
         raise UsageError(reason, path=scenario)
-    density = model(name).fit(real.theta, real.recordings)
-    return density, Realism.of(density, held_out(name, real.theta, real.recordings))
+    return Realism.fitted(name, real.theta, real.recordings)
 
 
 def _runs_file(scenario: Path, space: Space, out: Path, settings: Settings) -> Path:

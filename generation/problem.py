@@ -33,8 +33,9 @@ class History(Episodes):
 
     def save(self, path: Path) -> None:
         """Write it whole or not at all."""
-        draft = path.with_suffix(".draft.npz")
-        np.savez_compressed(draft, theta=self.theta, rewards=self.rewards, **asdict(self.outcomes))
+        draft = path.with_suffix(".draft")
+        with draft.open("wb") as file:
+            np.savez_compressed(file, theta=self.theta, rewards=self.rewards, **asdict(self.outcomes))
         draft.replace(path)
 
     @classmethod
@@ -101,6 +102,17 @@ class Calls:
         """All episodes so far."""
         thetas, outcomes, rewards = zip(*self._parts, strict=True)
         return History(np.concatenate(thetas), joined(outcomes), np.concatenate(rewards))
+
+
+def counted(evaluate: Evaluate, progress: Callable[[int], None]) -> Evaluate:
+    """Evaluate, and tell the progress the number of points each time."""
+
+    def evaluating(theta: Floats) -> Outcomes:
+        outcomes = evaluate(theta)
+        progress(len(theta))
+        return outcomes
+
+    return evaluating
 
 
 def joined(parts: Sequence[Outcomes]) -> Outcomes:

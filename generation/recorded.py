@@ -24,15 +24,24 @@ _RECORDING = f"{PREFIX}Recording"
 
 
 class Recorded(NamedTuple):
-    """Parameters (n, d) in the order of a space, and the recording (n,) that each row is from."""
+    """What was recorded of the parameters of a space.
+
+    Attributes:
+        theta: parameters (n, d) in its order.
+        recordings: the recording (n,) that each row is from.
+        errors: root mean squares (n, 2), m, across and along the lane, of the motion that all seven parameters of the unit stand
+            for; None where that is not known.
+    """
 
     theta: Floats
     recordings: NDArray[np.str_]
+    errors: Floats | None = None
 
     def within(self, space: Space) -> Recorded:
         """Those inside the box."""
         inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
-        return Recorded(self.theta[inside], self.recordings[inside])
+        errors = None if self.errors is None else self.errors[inside]
+        return Recorded(self.theta[inside], self.recordings[inside], errors)
 
 
 class Scenario(NamedTuple):
@@ -77,8 +86,10 @@ def kind_of(scenario: Path) -> str:
     """The kind of recorded units that a scenario of the library is about, by its name.
 
     Raises:
-        UsageError: it has none of those names.
+        UsageError: it has none of those names, or is not there.
     """
+    if not scenario.is_file():
+        raise UsageError("no such file", path=scenario)
     found = next((each.kind for name, each in MANEUVERS.items() if scenario.stem.startswith(f"{name}_")), None)
     if found is None:
         names = ", ".join(MANEUVERS)
@@ -99,7 +110,7 @@ def of_samples(samples: Samples, space: Space) -> Recorded:
     unknown = [name for name in space.names if name not in told]
     if unknown:
         raise UsageError(f"recordings tell nothing about the parameter {unknown[0]}: pin it")
-    return Recorded(np.stack([told[name] for name in space.names], axis=1), samples.recordings)
+    return Recorded(np.stack([told[name] for name in space.names], axis=1), samples.recordings, samples.errors)
 
 
 def _actors(space: Space) -> set[str]:

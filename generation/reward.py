@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from generation.density.base import Density
+from generation.density.selection import held_out, model
 from generation.evaluator import Outcomes
 from recognition.samples import Floats
 from schemas.errors import UsageError
@@ -44,6 +46,19 @@ class Realism:
     density: Density
     limit: float
     scale: float
+
+    @classmethod
+    def fitted(cls, name: str, theta: Floats, recordings: NDArray[np.str_]) -> Realism:
+        """By a density that is fitted on recorded parameters (n, d).
+
+        Args:
+            name: of the density (`generation.density.selection`).
+            recordings: of each row (n,).
+
+        Raises:
+            UsageError: there is no such density, or the rows hold none.
+        """
+        return cls.of(model(name).fit(theta, recordings), held_out(name, theta, recordings))
 
     @classmethod
     def of(cls, density: Density, held_out: Floats) -> Realism:

@@ -17,14 +17,13 @@ from matplotlib.figure import Figure
 from generation.evaluation.measures import curves, last_third
 from generation.evaluation.report import FIGURES, results
 from generation.evaluation.study import Key, Study
-from generation.methods import METHODS
+from generation.methods import ABLATIONS, METHODS
 from generation.parameters import SEVEN
 from generation.problem import Episodes
 from generation.units.reconstruction import reconstruct
 from recognition.samples import Floats
 
 REAL, GENERATED, HARMLESS = "#2e7d32", "#c62828", "#f4a6a0"
-ABLATIONS = ("mcsg", "no-rl", "no-kde", "no-learning", "no-elite", "no-coordination", "exclusive")
 _COLOURS = mpl.colormaps["tab20"]
 _SHOWN = 600
 """Points of each kind in a projection, at most."""
@@ -39,7 +38,7 @@ def write_figures(study: Study, folder: Path) -> list[Path]:
     if keys:
         drawn["learning"] = _learning(study, keys)
         drawn["methods"] = _methods(study, keys)
-    if any(key.method != "mcsg" and key.method in ABLATIONS for key in keys):
+    if any(key.method in ABLATIONS for key in keys):
         drawn["ablations"] = _ablations(study)
     own = next((key for key in keys if key.method == "mcsg"), None)
     if own is not None:
@@ -76,7 +75,7 @@ def _learning(study: Study, keys: list[Key]) -> Figure:
 
 def _ablations(study: Study) -> Figure:
     """Bars of MCSG and its ablations; lines are standard deviations over seeds."""
-    found = {name: seeds for name, seeds in results(study).items() if name in ABLATIONS}
+    found = {name: seeds for name, seeds in results(study).items() if name in ("mcsg", *ABLATIONS)}
     shown = ("r_risk", "collisions", "edge_cases", "log_likelihood")
     canvas = Figure(figsize=(12, 3.8), layout="constrained")
     for axes, figure in zip(canvas.subplots(1, len(shown)), shown, strict=True):

@@ -8,10 +8,12 @@ from statistics import fmean
 import numpy as np
 
 from generation.density import selection
+from generation.evaluation import trajectories
 from generation.evaluation.measures import Measures, last_third, measure
 from generation.evaluation.study import Key, Study
-from generation.methods import METHODS
+from generation.methods import ABLATIONS, METHODS
 from recognition.protocol.tables import Table, spread
+from recognition.samples import Floats
 
 PUBLISHED = "Published figures of MCSG, on other data and another simulator, for orientation only: R_risk 0.779, CR 0.663."
 FIGURES = {
@@ -58,9 +60,30 @@ def tables(study: Study) -> list[Table]:
     found = [
         Table("generated", "What the methods generate", _LAST_NOTE, (*header, "avoidable"), _rows(last, study)),
         Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(whole)),
-        selection.comparison(*study.recorded),
+        reconstruction(study.recorded.errors),
+        trajectories.table(study),
+        selection.comparison(study.recorded.theta, study.recorded.recordings),
     ]
     return [table for table in found if table.rows]
+
+
+def reconstruction(errors: Floats | None) -> Table:
+    """How far the seven parameters lead from the recordings that they are from.
+
+    Args:
+        errors: root mean squares (n, 2), m, of each unit, across and along the lane; None where they are not known.
+    """
+    note = (
+        "Root mean square of each recorded manoeuvre's distance from the motion that its seven parameters stand for, at 1 Hz "
+        "through its scene, both at one place when it begins; mean over manoeuvres, and the value that 95 % keep below. The same "
+        "for every method that has these parameters. Published: RMSE_t 0.237 m, RMSE_s 3.362 m, on other data."
+    )
+    header = ("manoeuvres", "RMSE_t [m]", "95 %", "RMSE_s [m]", "95 %")
+    rows: list[tuple[str, ...]] = []
+    if errors is not None:
+        figures = np.stack([errors.mean(axis=0), np.percentile(errors, 95, axis=0)], axis=1).ravel()
+        rows.append((str(len(errors)), *(f"{figure:.3f}" for figure in figures)))
+    return Table("reconstruction", "Reconstruction from the parameters", note, header, rows)
 
 
 def _rows(found: Results, study: Study | None = None) -> list[tuple[str, ...]]:
@@ -114,15 +137,20 @@ def _introduction(study: Study) -> str:
 
 def _verdict(found: Results) -> str:
     """Where MCSG leads and where it does not, among all methods that are no ablation of it."""
-    if "mcsg" not in found or len(found) < 2:
-        return ""
     means = {
         name: {figure: fmean(getattr(one, figure) for one in seeds.values()) for figure in FIGURES}
         for name, seeds in found.items()
+        if name not in ABLATIONS
     }
+    if "mcsg" not in means or len(means) < 2:
+        return ""
     lines = []
     for figure in ("r_risk", "collisions", "log_likelihood", "edge_cases", "distinct"):
         ranked = sorted(means, key=lambda name: -means[name][figure])
+        realistic = [name for name in ranked if METHODS[name].realistic]
         best = [f"{METHODS[name].title.strip('*')} {means[name][figure]:.3g}" for name in ranked[:3]]
-        lines.append(f"- {FIGURES[figure]}: MCSG is number {ranked.index('mcsg') + 1} of {len(ranked)} ({', '.join(best)})")
+        lines.append(
+            f"- {FIGURES[figure]}: MCSG is number {realistic.index('mcsg') + 1} of the {len(realistic)} methods that keep to the "
+            f"plausible (†), number {ranked.index('mcsg') + 1} of all {len(ranked)} ({', '.join(best)})"
+        )
     return "\n".join(lines)

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
@@ -13,13 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from generation.cases import CAREFUL
-from generation.density.selection import held_out, model
 from generation.evaluation.measures import avoided
-from generation.evaluator import Evaluator, Outcomes
+from generation.evaluation.trajectories import Trajectories
+from generation.evaluator import Evaluator
+from generation.knots.motion import knots_of
+from generation.knots.scenario import setting_of, write
 from generation.memory import Memory
 from generation.methods import METHODS, method
 from generation.parameters import Space
-from generation.problem import Evaluate, History, Problem
+from generation.problem import Evaluate, History, Problem, counted
 from generation.recorded import Recorded
 from generation.reward import Form, Realism, Reward
 from recognition.protocol.store import Key as Place
@@ -67,11 +70,12 @@ class Study:
         out: folder of the results.
         settings: what makes results comparable.
         processes: how many runs at a time; results do not depend on it.
-        evaluators: makes what runs scenarios, given the name of a system under test; by default, real runs.
+        evaluators: makes what runs a scenario at points of a space, given the name of a system under test; by default, real
+            runs.
 
     Attributes:
         recorded: parameters from recordings that lie in the box.
-        problem: what all methods are given.
+        problem: what all methods are given, but those that search trajectories.
 
     Raises:
         InvalidFile: the scenario is malformed.
@@ -85,19 +89,16 @@ class Study:
         out: Path,
         settings: Settings,
         processes: int = 2,
-        evaluators: Callable[[str], Evaluate] | None = None,
+        evaluators: Callable[[str, Path, Space], Evaluate] | None = None,
     ) -> None:
         self.scenario, self.out, self.settings, self.store = scenario, out, settings, Store(out)
         self.space = Space.of(scenario, settings.pinned)
         self.recorded = recorded(self.space).within(self.space)
         self.store.open({**asdict(settings), "scenario": scenario.name, "inputs": self._fingerprint()})
         self._processes, self._stack = processes, ExitStack()
-        self._careful: Evaluate | None = None
+        self._careful: dict[Path, Evaluate] = {}
         self._evaluators = evaluators or self._simulator
-        density = model(settings.density).fit(*self.recorded)
-        realism = Realism.of(density, held_out(settings.density, *self.recorded))
-        reward = Reward(realism, settings.weight, settings.form)
-        self.problem = Problem(self.space, self._evaluators(settings.sut), reward, self.recorded.theta)
+        self.problem = self._posed(scenario, self.space, self.recorded.theta)
 
     def __enter__(self) -> Study:
         return self
@@ -113,21 +114,34 @@ class Study:
     def run(self, pending: Sequence[Key], progress: Callable[[int], None] = lambda calls: None) -> Iterator[Key]:
         """Make searches; each is given back when it is on disk. `progress` is told the number of points just evaluated."""
 
-        def evaluate(theta: Floats) -> Outcomes:
-            outcomes = self.problem.evaluate(theta)
-            progress(len(theta))
-            return outcomes
-
         for key in pending:
-            path = self._path(key)
+            path, knots = self._path(key), METHODS[key.method].knots
+            scenario, problem = (
+                (self.trajectories.scenario, self.trajectories.problem) if knots else (self.scenario, self.problem)
+            )
             path.parent.mkdir(parents=True, exist_ok=True)
             calls = path.with_suffix(".jsonl")
-            problem = replace(self.problem, evaluate=Memory(evaluate, calls))
-            history = method(key.method)(problem, self.settings.budget, key.seed)
-            self._judge(key, history)
+            remembered = Memory(counted(problem.evaluate, progress), calls)
+            history = method(key.method)(replace(problem, evaluate=remembered), self.settings.budget, key.seed)
+            self._judge(key, history, scenario, problem.space)
+            if knots:
+                history.save(self._knots(key))
+                history = self.trajectories.as_maneuvers(history, self.problem.reward)
             history.save(path)
             calls.unlink(missing_ok=True)
             yield key
+
+    @cached_property
+    def trajectories(self) -> Trajectories:
+        """What methods are given that search trajectories: the same recorded manoeuvres, told by knots.
+
+        Raises:
+            UsageError: there are no trajectories beside the scenario.
+        """
+        setting = setting_of(self.scenario, self.space)
+        scenario = write(self.out / "knots", self.space, setting)
+        space = Space.of(scenario, self.settings.pinned)
+        return Trajectories(scenario, setting, self._posed(scenario, space, space.clip(knots_of(self.recorded.theta, setting))))
 
     def searches(self) -> list[Key]:
         """Searches that are there, methods in their order."""
@@ -135,29 +149,40 @@ class Study:
         return sorted(found, key=lambda key: (list(METHODS).index(key.method), key.seed))
 
     def history(self, key: Key) -> History:
-        """What a search left."""
+        """What a search left, in the parameters of the scenario: of trajectories, the manoeuvres nearest to them."""
         return History.load(self._path(key))
+
+    def knots(self, key: Key) -> History:
+        """What a search of trajectories left, in its own parameters."""
+        return History.load(self._knots(key))
 
     def avoidable(self, key: Key) -> float | None:
         """Share of a search's collisions that a careful and competent driver avoids; None without collisions."""
         found: float | None = self.store.read(_place(key))["avoidable"]
         return found
 
-    def _judge(self, key: Key, history: History) -> None:
-        """Have the careful and competent driver of UN R157 drive the collisions."""
-        if self._careful is None:
-            self._careful = self._evaluators(CAREFUL)
-        self.store.write(_place(key), {"avoidable": avoided(history, self._careful)})
+    def _posed(self, scenario: Path, space: Space, real: Floats) -> Problem:
+        """The problem of a scenario, given its recorded parameters."""
+        realism = Realism.fitted(self.settings.density, real, self.recorded.recordings)
+        reward = Reward(realism, self.settings.weight, self.settings.form)
+        return Problem(space, self._evaluators(self.settings.sut, scenario, space), reward, real)
 
-    def _simulator(self, sut: str) -> Evaluate:
+    def _judge(self, key: Key, history: History, scenario: Path, space: Space) -> None:
+        """Have the careful and competent driver of UN R157 drive the collisions."""
+        if scenario not in self._careful:
+            self._careful[scenario] = self._evaluators(CAREFUL, scenario, space)
+        self.store.write(_place(key), {"avoidable": avoided(history, self._careful[scenario])})
+
+    def _simulator(self, sut: str, scenario: Path, space: Space) -> Evaluate:
         settings = self.settings
-        evaluator = Evaluator(
-            self.scenario, self.space, sut=sut, rss=settings.rss, timestep=settings.timestep, processes=self._processes
-        )
+        evaluator = Evaluator(scenario, space, sut=sut, rss=settings.rss, timestep=settings.timestep, processes=self._processes)
         return self._stack.enter_context(evaluator)
 
     def _path(self, key: Key) -> Path:
         return self.out / "searches" / key.method / f"{key.seed}.npz"
+
+    def _knots(self, key: Key) -> Path:
+        return self.out / "knots" / f"{key.method}-{key.seed}.npz"
 
     def _fingerprint(self) -> str:
         """Of the scenario's text and the recorded parameters."""

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.parameters import Floats
 from generation.units.motion import Motion, motion
 from generation.units.reconstruction import errors, ways
 from generation.units.samples import Samples
@@ -18,6 +17,7 @@ from recognition.datasets import Source
 from recognition.datasets import open as open_data
 from recognition.labels.rules import Rules
 from recognition.labels.scene import prepare
+from recognition.samples import Floats
 from recognition.sites import site_of
 from schemas.errors import UsageError
 
@@ -54,7 +54,17 @@ def _speeds(motion: Motion, unit: Unit, duration: float, rest: float) -> Floats:
     rows = np.arange(unit.first, unit.last + 1, scene.rows(_EVERY))
     way = motion.way[rows] - motion.way[unit.start]
     model = ways(scene.time[rows] - scene.time[unit.start], duration, rest)
-    seen = scene.speed[[unit.start, unit.end, unit.last]]
+    return fitted_speeds(model, way, scene.speed[[unit.start, unit.end, unit.last]])
+
+
+def fitted_speeds(model: Floats, way: Floats, seen: Floats) -> Floats:
+    """Start, end and final speed (3,), m/s, that follow a way best and stay near the speeds seen at their instants.
+
+    Args:
+        model: what each speed adds to the way (n, 3), s (`generation.units.reconstruction.ways`).
+        way: since the manoeuvre began (n,), m.
+        seen: speeds at its beginning, its end, and the scene's end (3,), m/s.
+    """
     target = np.concatenate([way, _SPEED_WEIGHT * seen])
     found = np.linalg.lstsq(np.vstack([model, _SPEED_WEIGHT * np.eye(3)]), target)[0]
     return np.maximum(found, 0.0)

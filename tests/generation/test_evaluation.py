@@ -10,16 +10,22 @@ import numpy as np
 import pytest
 
 import xosc
+from generation.cases import Choice
+from generation.evaluation import trajectories
+from generation.evaluation.edge_cases import edge_cases
 from generation.evaluation.figures import write_figures
-from generation.evaluation.measures import avoided, curves, measure, taken
-from generation.evaluation.report import write_report
+from generation.evaluation.measures import avoided, curves, last_third, measure, taken
+from generation.evaluation.report import reconstruction, write_report
 from generation.evaluation.study import Key, Settings, Study
 from generation.evaluator import Outcomes
+from generation.knots.motion import Setting, maneuvers_of
 from generation.parameters import Space
+from generation.pipeline import Settings as Generate
+from generation.pipeline import generate
 from generation.problem import History, Problem
 from generation.recorded import Recorded
 from recognition.samples import Floats
-from schemas.errors import UsageError
+from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import Kinematic, driven
 
 SCENARIO = Path(xosc.__file__).with_name("library") / "cut_in_highway.xosc"
@@ -27,11 +33,16 @@ METHODS = ["mcsg", "random", "kde", "no-elite"]
 
 
 def recorded(space: Space) -> Recorded:
-    return Recorded(driven(200), np.array([f"r{number % 10}" for number in range(200)]))
+    errors = np.column_stack([np.full(200, 0.2), np.arange(200) / 199.0])
+    return Recorded(driven(200), np.array([f"r{number % 10}" for number in range(200)]), errors)
 
 
 def study(out: Path, evaluate: Callable[[Floats], Outcomes] | None = None, budget: int = 90) -> Study:
-    return Study(SCENARIO, recorded, out, Settings(budget=budget), evaluators=lambda sut: evaluate or Kinematic())
+    def evaluators(sut: str, scenario: Path, space: Space) -> Callable[[Floats], Outcomes]:
+        own = evaluate or Kinematic()
+        return own if scenario == SCENARIO else lambda knots: own(maneuvers_of(knots, Setting(30.0, 3.75)).theta)
+
+    return Study(SCENARIO, recorded, out, Settings(budget=budget), evaluators=evaluators)
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +84,12 @@ def test_all_methods_have_the_same_calls_and_the_report_shows_each(done: Study) 
     tables = {table.name: table for table in write_report(done)}
     assert [row[0] for row in tables["generated"].rows] == ["**MCSG** †", "random", "KDE sampling †", "No-Elite †"]
     assert len(tables["generated"].header) == len(tables["generated"].rows[0])
+    assert "reconstruction" in tables
+    assert "trajectories" not in tables
     text = (done.out / "report.md").read_text()
     assert "Ego_Speed_mps 30" in text
-    assert "MCSG is number" in text
+    assert "MCSG is number 1 of the 2 methods that keep to the plausible (†)" in text
+    assert "of all 3 (" in text  # an ablation is no rival
     with (done.out / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 16
@@ -84,6 +98,59 @@ def test_all_methods_have_the_same_calls_and_the_report_shows_each(done: Study) 
         row = next(row for row in rows if (row["episodes"], row["method"], row["seed"]) == ("all", key.method, str(key.seed)))
         assert float(row["r_risk"]) == own.r_risk
         assert float(row["distinct"]) == own.distinct
+
+
+def test_the_report_tells_how_well_the_parameters_reconstruct(done: Study) -> None:
+    assert reconstruction(done.recorded.errors).rows == [("200", "0.200", "0.200", "0.500", "0.950")]
+    assert reconstruction(None).rows == []
+
+
+def test_searches_of_trajectories_are_told_by_both_kinds_of_parameters(tmp_path: Path) -> None:
+    found = study(tmp_path)
+    keys = list(found.run(found.pending(1, ["mcsg", "no-maneuver"])))
+    assert keys == [Key("mcsg", 0), Key("no-maneuver", 0)]
+    own, told = found.knots(keys[1]), found.history(keys[1])
+    assert own.theta.shape == (90, 11)
+    np.testing.assert_array_equal(told.theta, maneuvers_of(own.theta, found.trajectories.setting).theta)
+    np.testing.assert_array_equal(told.outcomes.collision, own.outcomes.collision)
+    np.testing.assert_allclose(told.rewards, found.problem.reward(told.theta, told.outcomes))
+    rows = {row[0]: row[1:] for row in trajectories.table(found).rows}
+    assert list(rows) == ["recorded, by their knots", "**MCSG**", "No-Maneuver"]
+    assert rows["**MCSG**"][-1] == "1.000"
+    assert float(rows["recorded, by their knots"][-1]) >= 0.97
+    assert float(rows["recorded, by their knots"][1]) > 0.9
+    assert float(rows["No-Maneuver"][5]) == pytest.approx(measure(last_third(told), found.problem).edge_cases, abs=6e-4)
+    with pytest.raises(UsageError, match="searches trajectories"):
+        generate(SCENARIO, recorded, tmp_path / "files", Generate(method="no-maneuver"))
+
+
+def test_there_are_trajectories_beside_all_seven_parameters_only(tmp_path: Path) -> None:
+    part = Study(
+        SCENARIO, lambda space: Recorded(driven(60)[:, :6], np.arange(60).astype(str)), tmp_path,
+        Settings(pinned={"CutIn_RestTime_s": "2"}), evaluators=lambda sut, scenario, space: Kinematic(),
+    )  # fmt: skip
+    with pytest.raises(UsageError, match="all seven parameters of cut_in_highway only"):
+        list(part.run([Key("no-maneuver", 0)]))
+
+
+def test_edge_cases_of_a_study_are_the_best_of_all_its_seeds(done: Study) -> None:
+    found = edge_cases(done.out, "random", Choice(4), SCENARIO.parent)
+    searches = [done.history(Key("random", seed)) for seed in (0, 1)]
+    theta, rewards = (np.concatenate([getattr(one, name) for one in searches]) for name in ("theta", "rewards"))
+    reward_of = dict(zip((tuple(done.space.values(row).values()) for row in theta), rewards.tolist(), strict=True))
+    chosen = [reward_of[tuple(job.parameters[name] for name in done.space.names)] for job in found]
+    assert len(found) == 4
+    assert chosen == sorted(chosen, reverse=True)
+    assert chosen[0] == rewards.max()
+    assert {(job.scenario, job.parameters["Ego_Speed_mps"]) for job in found} == {(SCENARIO, "30.0")}
+
+
+def test_folders_without_what_is_to_be_compared_are_refused(done: Study, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no manoeuvres that gacs searched"):
+        edge_cases(done.out, "gacs", Choice(), SCENARIO.parent)
+    (tmp_path / "configuration.json").write_text("[1]")
+    with pytest.raises(InvalidFile, match="no study's configuration"):
+        edge_cases(tmp_path, "mcsg", Choice(), SCENARIO.parent)
 
 
 def test_figures_are_drawn_for_what_is_there(done: Study, tmp_path: Path) -> None:

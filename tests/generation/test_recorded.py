@@ -91,3 +91,5 @@ def test_the_kind_goes_by_the_scenarios_name() -> None:
     assert kinds == {"cut_in", "cut_out", "lane_change", "braking"}
     with pytest.raises(UsageError, match="--kind"):
         kind_of(SCENARIOS / "r157_cut_in.xosc")
+    with pytest.raises(UsageError, match="no such file"):
+        kind_of(SCENARIOS / "cut_in_nowhere.xosc")
