@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
 from runner.command_line import guarded, interruptible, parameters_of, progress_bar
+from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
-from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
     from generation.evaluator import Outcomes
     from generation.parameters import Space
     from generation.pipeline import Generated, Settings
-    from generation.recorded import Recorded
+    from generation.recorded import Recorded as Units
 
 NAME = "xosc-generate"
 _LISTED = 3
@@ -28,21 +29,15 @@ _EPILOG = (
     "something the runner does not do, 5 internal error."
 )
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+app = new_app()
 
 
 class Search(NamedTuple):
     """A scenario to search, what gives the recorded parameters of its space, and the folder for its files."""
 
     scenario: Path
-    recorded: Callable[[Space], Recorded]
+    recorded: Callable[[Space], Units]
     out: Path
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"{NAME} {toolchain_version()}")
-        raise typer.Exit
 
 
 @app.command(epilog=_EPILOG)
@@ -52,14 +47,9 @@ def xosc_generate(
         typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A logical scenario, or a catalogue's folder from xosc-recognize."),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files; nothing in it is overwritten.")],
-    sut: Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")] = "cas",
-    recorded: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own recordings' units]"),
-    ] = None,
-    kind: Annotated[
-        str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")
-    ] = None,
+    sut: Sut = "cas",
+    recorded: Recorded = None,
+    kind: Kind = None,
     method: Annotated[
         str, typer.Option(help="Search method: mcsg, random, kde, conscend, cma-es, gacs, ibo, ccsf, rltester, rlbe, …")
     ] = "mcsg",
@@ -68,10 +58,8 @@ def xosc_generate(
     weight: Annotated[
         float | None, typer.Option(min=0.0, help="Weight of realism in the reward.  [default: the method's]")
     ] = None,
-    density: Annotated[
-        str, typer.Option(help="Density of recorded parameters: kde, independent, gaussian, mixture, flow.")
-    ] = "kde",
-    pin: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")] = None,
+    density: Density = "kde",
+    pin: Pin = None,
     free: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Search a parameter besides the actor's (repeatable).")
     ] = None,
@@ -79,13 +67,11 @@ def xosc_generate(
     apart: Annotated[float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")] = 0.05,
     concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
     rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = "ad-rss",
-    timestep: Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")] = 0.05,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 2,
-    _verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    timestep: Timestep = 0.05,
+    jobs: Jobs = 2,
+    _verbose: Verbose = False,
+    quiet: Quiet = False,
+    _version: Version = False,
 ) -> None:
     """Search for plausible edge cases of a logical scenario: collisions, and violations of RSS distances.
 
@@ -115,7 +101,10 @@ def _searches(source: Path, recorded: Path | None, kind: str | None, out: Path) 
         return
     if recorded is not None or kind is not None:
         raise UsageError("a catalogue brings its recorded parameters along: --recorded and --kind are for single scenarios")
-    for each in of_catalogue(source):
+    catalogue = list(of_catalogue(source))
+    if not catalogue:
+        raise UsageError("no scenario with parameters to search is in this folder or those in it", path=source)
+    for each in catalogue:
         yield Search(each.path, each.on, out / each.path.parent.name)
 
 

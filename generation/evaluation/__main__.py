@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.command_line import guarded, interruptible, parameters_of
+from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
+from runner.command_line import guarded, interruptible, parameters_of, progress_bar
+from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from generation.evaluation.study import Key, Study
+    from generation.evaluation.study import Study
 
 NAME = "python -m generation.evaluation"
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command()
@@ -24,17 +26,17 @@ def evaluate(
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds.")] = 5,
     budget: Annotated[int, typer.Option(min=3, metavar="N", help="Simulator calls of each search.")] = 3000,
     methods: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")] = None,
-    recorded: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own]")
-    ] = None,
-    kind: Annotated[str | None, typer.Option(help="Kind of recorded units.  [default: by the scenario's name]")] = None,
-    sut: Annotated[str, typer.Option(help="System under test.")] = "cas",
-    density: Annotated[str, typer.Option(help="Density of recorded parameters.")] = "kde",
-    pin: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")] = None,
-    timestep: Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")] = 0.05,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 2,
+    recorded: Recorded = None,
+    kind: Kind = None,
+    sut: Sut = "cas",
+    density: Density = "kde",
+    pin: Pin = None,
+    timestep: Timestep = 0.05,
+    jobs: Jobs = 2,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
+    quiet: Quiet = False,
+    _verbose: Verbose = False,
+    _version: Version = False,
 ) -> None:
     """Compare MCSG with every method beside it: same problem, same simulator, same number of its calls.
 
@@ -50,7 +52,10 @@ def evaluate(
         interruptible(NAME, "the same command goes on where it was"),
         Study(scenario, lambda space: of_samples(samples, space), out, settings, jobs) as study,
     ):
-        _run(study, study.pending(seeds, names), quiet)
+        pending = study.pending(seeds, names)
+        with progress_bar("simulator calls", len(pending) * budget, quiet) as progress:
+            for _ in study.run(pending, progress):
+                pass
         _write(study, figures, quiet)
 
 
@@ -61,18 +66,6 @@ def _methods(chosen: list[str] | None) -> list[str] | None:
         if name not in METHODS:
             raise UsageError(f"there is no search method {name!r}; methods: {', '.join(METHODS)}")
     return chosen
-
-
-def _run(study: Study, pending: list[Key], quiet: bool) -> None:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
-        task = progress.add_task("simulator calls", total=len(pending) * study.settings.budget)
-        for key in study.run(pending, lambda calls: progress.advance(task, calls)):
-            progress.update(task, description=f"after {key.method}, seed {key.seed}")
 
 
 def _write(study: Study, figures: bool, quiet: bool) -> None:
