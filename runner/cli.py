@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -87,21 +87,11 @@ def xosc_run(
         junit.parent.mkdir(parents=True, exist_ok=True)
         junit.open("a").close()  # what can't be written is better known before the runs than after them
     source = jobs_of(files, parameters_of(param or []), constraints)
-    also: list[Also] = []
     if osi is not None:
-        from runner.exports.osi import alone, write_trace
+        from runner.exports.osi import alone
 
         source = alone(source, osi)
-        also.append(partial(write_trace, path=osi))
-    if replay:
-        from runner.replay.player import keep_replay
-
-        also.append(partial(keep_replay, out=out))
-    if gui:
-        from runner.replay.sumo_gui import need_display, show
-
-        need_display()
-        also.append(show)
+    also = list(_also(osi, replay, gui, out))
     if dry_run:
         outcomes = rehearse_batch(source, options)
     else:
@@ -119,6 +109,23 @@ def xosc_run(
 
         write_report(out)
     raise typer.Exit(code)
+
+
+def _also(osi: Path | None, replay: bool, gui: bool, out: Path | None) -> Iterator[Also]:
+    """What is to be done with each result besides writing it; options as in `xosc_run`."""
+    if osi is not None:
+        from runner.exports.osi import write_trace
+
+        yield partial(write_trace, path=osi)
+    if replay:
+        from runner.replay.player import keep_replay
+
+        yield partial(keep_replay, out=out)
+    if gui:
+        from runner.replay.sumo_gui import need_display, show
+
+        need_display()
+        yield show
 
 
 def _follow(outcomes: Generator[Outcome], table: Table, kept: list[Outcome] | None) -> int:
