@@ -14,15 +14,9 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP)
 
-demo: install  ## from recordings to a report of runs, left in out/demo
+demo: install  ## from recordings to edge cases, once around; the page of it is out/demo/index.html
 	rm -rf out/demo
-	$(BIN)/xosc-check xosc/library xodr/library
-	$(BIN)/xosc-recognize record out/demo/recordings --scale 0.01 --site motorway_two_lanes
-	$(BIN)/xosc-recognize out/demo/recordings --out out/demo/catalogue
-	$(BIN)/xosc-generate xosc/library/cut_in_highway.xosc --sut cas --budget 200 --most 10 --out out/demo/edge_cases
-	$(BIN)/xosc-run xosc/library/*_highway.xosc xosc/library/highway_*.xosc out/demo/edge_cases/cut_in_highway_edge_cases.xosc \
-	  --out out/demo/runs --replay --jobs 2 --junit out/demo/junit.xml; test $$? -le 1
-	@echo "out/demo/runs/report.html shows the runs, each with its replay; out/demo/catalogue what was recognised in the recordings."
+	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut cas --budget 100 --rounds 2 --most 4 --shown 6
 
 test: install  ## the whole test suite, in parallel
 	$(BIN)/python -m pytest -n auto

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from runner.command_line import guarded, interruptible, progress_bar
+from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
-from schemas.version import version as toolchain_version
 
 NAME = "xosc-loop"
 _EPILOG = (
@@ -19,13 +19,7 @@ _EPILOG = (
     "file that asks for something that is not done here, 5 internal error."
 )
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"{NAME} {toolchain_version()}")
-        raise typer.Exit
+app = new_app()
 
 
 @app.command(epilog=_EPILOG)
@@ -44,11 +38,9 @@ def xosc_loop(
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 2,
-    _verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")] = False,
+    _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    _version: Version = False,
 ) -> None:
     """Recognise scenarios in recordings, vary them into edge cases for a system under test, check, run and show them.
 

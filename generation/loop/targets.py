@@ -16,18 +16,18 @@ from recognition.labels.classes import Label
 from schemas.errors import Unsupported, UsageError
 
 LIBRARY = {
-    Label.CAR_FOLLOWING: "congestion_highway",
+    Label.FREE_CRUISE: "free_cruise_highway",
+    Label.CAR_FOLLOWING: "car_following_highway",
     Label.CUT_IN: "cut_in_highway",
     Label.CUT_OUT: "cut_out_highway",
     Label.LANE_CHANGE_LEFT: "lane_change_left_highway",
     Label.LANE_CHANGE_RIGHT: "lane_change_right_highway",
-    Label.RAMP_ENTERING: "merging_highway",
-    Label.RAMP_EXITING: "diverging_highway",
+    Label.RAMP_ENTERING: "ramp_entering_highway",
+    Label.RAMP_EXITING: "ramp_exiting_highway",
     Label.URBAN_CUT_IN: "cut_in_narrow_road",
     Label.URBAN_CUT_OUT: "cut_out_narrow_road",
-    Label.RIGHT_TURN: "turn_off_four_way_intersection",
 }
-"""The library's logical scenario of a class, for classes with a manoeuvre that the seven parameters describe."""
+"""The library's logical scenario of a class, for those whose parameters can be measured in recordings."""
 
 
 class Target(NamedTuple):
@@ -75,7 +75,7 @@ def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | N
         elif label in LIBRARY:
             yield of_scenario(SCENARIOS / f"{LIBRARY[label]}.xosc", own, folder, title)
         else:
-            yield Refused(title, "it has no manoeuvre that the seven parameters describe")
+            yield Refused(title, "nothing is recorded of parameters by which it could be varied")
 
 
 def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target | None:
@@ -84,7 +84,9 @@ def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target 
         return None
     space = Space.of(scenario.path)
     count = len(scenario.on(space).within(space).theta)
-    return Target(folder, title, scenario.path, scenario.on, f"{count} of these recordings") if count >= LEAST else None
+    return (
+        Target(folder, title, scenario.path, scenario.on, f"{count} manoeuvres of these recordings") if count >= LEAST else None
+    )
 
 
 def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> Target | Refused:
@@ -103,7 +105,7 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
             recorded = partial(of_samples, samples.of_kind(kind))
             count = len(recorded(space).within(space).theta)
             if count >= LEAST:
-                return Target(name, title, path, recorded, f"{count} {words}")
+                return Target(name, title, path, recorded, f"{count} manoeuvres {words}")
     except (UsageError, Unsupported) as error:
         return Refused(title, error.message)
     return Refused(title, f"fewer than {LEAST} recorded manoeuvres are like it")

@@ -29,7 +29,7 @@ def _searched(found: Found) -> str:
     cases = len(found["cases"])
     return (
         f"{found['title']}: {found['calls']} runs, {found['collisions']} collisions, {found['distinct']} of them unlike "
-        f"each other ({found['new']} new), {cases} edge cases written; parameters of {found['prior']}"
+        f"each other ({found['new']} new), {cases} edge cases written; density of {found['prior']}"
     )
 
 

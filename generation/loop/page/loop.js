@@ -64,7 +64,7 @@ function recognised() {
 function group(each) {
   const sure = each.rows.map(row => row.confidence).filter(value => value !== null), range = sure.length ? `confidence ${short(least(sure))} to ${short(greatest(sure))}` : "";
   const shown = each.rows.length < each.count ? `${each.rows.length} shown` : "";
-  const columns = [["", null], ["confidence", null], ["vehicle", null], ["recording", null], ["time (s)", "number"], ["participants", "number"], ["least TTC (s)", "number"], ["least distance (m)", "number"], [each.state === "known" ? "rules say" : "nearest class", null], ["files", null]];
+  const columns = [["replay", null], ["confidence", null], ["vehicle", null], ["recording", null], ["time (s)", "number"], ["participants", "number"], ["least TTC (s)", "number"], ["least distance (m)", "number"], [each.state === "known" ? "rules say" : "nearest class", null], ["files", null]];
   return el("details", { class: "group", open: each.state === "discovered" },
     el("summary", null, el("span", { class: "count" }, String(each.count)), el("h3", null, each.title), badge(each.state, each.state), el("span", { class: "muted" }, [range, shown].filter(Boolean).join(", "))),
     table(each.title, columns, each.rows.map(row => recorded(row, each.state))));
@@ -89,8 +89,8 @@ function generated() {
 }
 
 function searched(search) {
-  const columns = [["", null], ["verdict", null], ["careful driver", null], ["log-likelihood", "number"], ["R_risk", "number"], ["recognised in the run", null], ["files", null], ["parameters", null]];
-  const told = `${many(search.calls, "run")}, ${many(search.collisions, "collision")}, ${search.new} new and unlike each other; ${search.prior} in the density`;
+  const columns = [["replay", null], ["verdict", null], ["careful driver", null], ["log-likelihood", "number"], ["R_risk", "number"], ["recognised in the run", null], ["files", null], ["parameters", null]];
+  const told = `${many(search.calls, "run")}, ${many(search.collisions, "collision")}, ${search.new} new and unlike each other; density of ${search.prior}`;
   return el("details", { class: "group", open: search.cases.length > 0 && search === done[0] },
     el("summary", null, el("span", { class: "count" }, String(search.cases.length)), el("h3", null, search.title), badge("plain", `round ${search.round}`), el("span", { class: "muted" }, told)),
     search.cases.length ? table(`${search.title}, round ${search.round}`, columns, search.cases.map(each => edge(each))) : el("p", { class: "muted" }, "No run was critical."),
@@ -102,7 +102,7 @@ function edge(each) {
   const careful = avoidable(each) ? badge("avoidable", "avoids it") : el("span", { class: "muted" }, each.careful === "collision" ? "collides too" : each.careful);
   const seen = each.recognised.length ? each.recognised.map(({ title, file }, i) => el("span", null, i ? ", " : "", el("a", { href: link(file) }, title))) : ["–"];
   const theta = Object.entries(each.theta).map(([name, value]) => `${name} ${short(value)}`).join(", ");
-  return el("tr", null, el("td", null, play(each.play, each.name)), el("td", null, verdict), el("td", null, careful), number(each.likelihood), number(each.risk), el("td", null, ...seen), files(each.files, each.name), el("td", { class: "muted" }, theta));
+  return el("tr", null, el("td", null, play(each.play, each.name)), el("td", null, verdict), el("td", null, careful), number(each.likelihood), number(each.risk), el("td", null, ...seen), files(each.files, each.name), el("td", { class: "theta muted" }, theta));
 }
 
 // parameter space -----------------------------------------------------------------------------
@@ -179,7 +179,7 @@ function space() {
 
 function own() {
   if (!data.scenarios.length) return null;
-  const columns = [["", null], ["scenario", null], ["verdict", null], ["why", null], ["end (s)", "number"], ["least TTC (s)", "number"], ["least distance (m)", "number"]];
+  const columns = [["replay", null], ["scenario", null], ["verdict", null], ["why", null], ["end (s)", "number"], ["least TTC (s)", "number"], ["least distance (m)", "number"]];
   const rows = data.scenarios.map(run => el("tr", null, el("td", null, play(run.play, run.name)), el("td", null, run.name), el("td", null, badge(run.state, run.state)), el("td", { class: "muted" }, run.message || "–"), number(run.end), number(run.measures.min_ttc), number(run.measures.min_distance)));
   return el("section", { class: "panel" }, el("h2", null, "Your scenarios"), table("Your scenarios", columns, rows));
 }

@@ -1,0 +1,56 @@
+"""What is taken for recordings and scenarios of a user's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from generation.loop.inputs import Inputs
+from generation.loop.loop import run_loop
+from generation.loop.settings import Settings
+from runner.command_line import progress_bar
+from schemas.errors import InvalidFile, UsageError
+from tests.recognition.motorway import write_motorway
+from tests.runner.files import distribution, scenario
+
+
+def test_recordings_and_scenarios_are_told_apart(tmp_path: Path) -> None:
+    write_motorway(tmp_path / "recordings")
+    scenario(tmp_path, stop=1.0)
+    distribution(tmp_path, "gaps", {"Gap": (10, 20, 10)})
+    found = Inputs.of(tmp_path)
+    assert [source.name for source in found.recordings] == ["recordings/01"]
+    assert [path.name for path in found.scenarios] == ["gaps.xosc", "scenario.xosc"]
+
+
+def test_scenarios_alone_are_enough(tmp_path: Path) -> None:
+    scenario(tmp_path, stop=1.0)
+    assert Inputs.of(tmp_path).recordings == []
+
+
+def test_a_recording_that_is_no_table_is_named_though_there_are_scenarios(tmp_path: Path) -> None:
+    scenario(tmp_path, stop=1.0)
+    (tmp_path / "tracks.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InvalidFile, match=r"tracks\.csv"):
+        Inputs.of(tmp_path)
+
+
+def test_a_folder_with_neither_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("nothing")
+    with pytest.raises(InvalidFile, match="no recording of a known format"):
+        Inputs.of(tmp_path)
+
+
+def test_the_output_may_not_be_among_the_recordings(tmp_path: Path) -> None:
+    scenario(tmp_path, stop=1.0)
+    with pytest.raises(UsageError, match="inside the folder"):
+        run_loop(tmp_path, tmp_path / "out", Settings(), lambda *_: progress_bar("", 0, quiet=True), lambda *_: None)
+
+
+def test_other_files_are_another_identity(tmp_path: Path) -> None:
+    scenario(tmp_path, stop=1.0)
+    before = Inputs.of(tmp_path).identity
+    assert Inputs.of(tmp_path).identity == before
+    (tmp_path / "more.txt").write_text("more")
+    assert Inputs.of(tmp_path).identity != before

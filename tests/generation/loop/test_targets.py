@@ -1,0 +1,62 @@
+"""What is searched for each recognised class."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from generation.logical.library import SCENARIOS
+from generation.loop.targets import LIBRARY, Refused, Target, of_classes, of_scenario
+from generation.parameters import Space
+from generation.pipeline import LEAST
+from generation.recorded import kind_of
+from generation.units import OWN, Samples
+
+
+def rows(*titles: str) -> list[dict[str, object]]:
+    return [{"class": title, "file": f"{title.replace(' ', '_')}/one.xosc"} for title in titles]
+
+
+def own(count: int) -> Samples:
+    """So many cut-ins as these recordings would have."""
+    return (cut_ins := Samples.read(OWN).of_kind("cut_in")).where(np.arange(len(cut_ins.theta))[:count])
+
+
+def test_the_librarys_scenario_of_every_class_can_be_searched() -> None:
+    for name in LIBRARY.values():
+        path = SCENARIOS / f"{name}.xosc"
+        target = of_scenario(path, None)
+        assert isinstance(target, Target), target
+        assert len(target.recorded(Space.of(path)).within(Space.of(path)).theta) >= LEAST
+        assert target.prior.endswith("manoeuvres shipped with the package")
+
+
+def test_a_class_without_enough_manoeuvres_of_its_own_is_varied_by_the_library(tmp_path: Path) -> None:
+    (target,) = of_classes(rows("highway cut in"), tmp_path, own(5))
+    assert isinstance(target, Target)
+    assert target.scenario == SCENARIOS / "cut_in_highway.xosc"
+    assert (target.name, target.title) == ("highway_cut_in", "highway cut in")
+    assert "shipped" in target.prior
+
+
+def test_manoeuvres_of_the_recordings_are_the_density_where_there_are_enough(tmp_path: Path) -> None:
+    (target,) = of_classes(rows("highway cut in"), tmp_path, own(400))
+    assert isinstance(target, Target)
+    assert target.prior.endswith("manoeuvres of these recordings")
+    assert len(target.recorded(Space.of(target.scenario)).theta) == 400
+
+
+def test_classes_of_which_nothing_is_recorded_say_so(tmp_path: Path) -> None:
+    found = list(of_classes(rows("unknown", "roundabout entering", "discovered 01"), tmp_path, None))
+    assert [each.title for each in found] == ["unknown", "roundabout entering", "discovered 01"]
+    assert all(isinstance(each, Refused) and "nothing is recorded" in each.reason for each in found)
+
+
+def test_a_scenario_whose_manoeuvre_is_not_known_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "mine.xosc"
+    path.write_bytes((SCENARIOS / "cut_in_highway.xosc").read_bytes())
+    refused = of_scenario(path, None)
+    assert isinstance(refused, Refused)
+    assert "--kind" not in refused.reason
+    assert kind_of(SCENARIOS / "cut_in_highway.xosc") == "cut_in"
