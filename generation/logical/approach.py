@@ -131,7 +131,7 @@ class Approach:
         length = f"{speed} * (${_ARRIVAL} + ${name}_ArrivalGap_s)"
         if isinstance(way, Course):
             return self._on_arm(way, f"${{max({length} - {self.meeting.other}, 0)}}", speed)
-        heading = self.network.pose(self.network.lane_point(*way.lane, way.s)).h + 0.5 * math.pi
+        heading = self.network.pose(self.network.lane_point(*way.lane, way.s)).h + 0.5 * math.pi  # to the left of the lane
         x, y = (
             f"${{{place} - ({round(step, 6)}) * {length}}}"
             for place, step in ((self.meeting.x, math.cos(heading)), (self.meeting.y, math.sin(heading)))

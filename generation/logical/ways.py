@@ -23,13 +23,12 @@ class Meeting(NamedTuple):
     """Where two ways meet.
 
     Attributes:
-        x, y, h: place, and direction of the ego's way there, m and rad.
+        x, y: place, m.
         ego, other: how far that is from where each one's arm ends, along its way, m; 0 for pedestrians.
     """
 
     x: float
     y: float
-    h: float
     ego: float
     other: float
 
@@ -47,26 +46,23 @@ def meeting(network: RoadNetwork, ego: Course, other: Course | Crossing) -> Meet
     if not len(near):
         raise UsageError(f"the ways {ego} and {other} do not meet")
     row = int(near[0] + apart[near[0] : near[0] + round(2 * _SAME / _STEP)].min(axis=1).argmin())
-    x, y, h = mine[row].tolist()
+    x, y = mine[row].tolist()
     along = 0.0 if isinstance(other, Crossing) else _STEP * float(apart[row].argmin())
-    return Meeting(round(x, 3), round(y, 3), round(h, 6), round(_STEP * row, 1), round(along, 1))
+    return Meeting(round(x, 3), round(y, 3), round(_STEP * row, 1), round(along, 1))
 
 
 def _points(network: RoadNetwork, course: Course) -> Points:
-    """x, y and heading (n, 3) along a course from where its arm ends."""
+    """x and y (n, 2) along a course from where its arm ends."""
     start, end = (network.lane_point(road, lane, 0.0) for road, lane in course)
     path = network.route([start, end])
     if path is None:
         raise UsageError(f"no way leads along {course}")
-    poses = []
-    for number in range(round(_REACH / _STEP)):
-        point, forward, _ = network.travel(start, number * _STEP, False, path.choose)
-        pose = network.pose(point)
-        poses.append((pose.x, pose.y, pose.h if forward else pose.h + np.pi))
-    return np.array(poses)
+    distances = _STEP * np.arange(round(_REACH / _STEP))
+    poses = [network.pose(network.travel(start, distance, False, path.choose).point) for distance in distances.tolist()]
+    return np.array([(pose.x, pose.y) for pose in poses])
 
 
 def _across(network: RoadNetwork, crossing: Crossing) -> Points:
-    """x, y and heading of the middle of the lane that a pedestrian crosses."""
+    """x and y (1, 2) of the middle of the lane that a pedestrian crosses."""
     pose = network.pose(network.lane_point(*crossing.lane, crossing.s))
-    return np.array([(pose.x, pose.y, pose.h + 0.5 * np.pi)])
+    return np.array([(pose.x, pose.y)])

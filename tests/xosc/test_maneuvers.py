@@ -118,6 +118,14 @@ def test_a_manoeuvre_of_a_catalogue_takes_its_parameters_from_the_scenario() -> 
     assert document.node.need("Entities", "ScenarioObject", "ObjectController").children()[0].get("entryName") == "driver"
 
 
+def test_an_environment_holds_from_the_beginning() -> None:
+    drive = m.event("drive", [m.speed(9)], m.simulation_time(1))
+    document = driven([drive], catalogs={"Environment": "weather"}, environment=m.reference("weather", "rain"))
+    assert is_valid(document)
+    found = document.root.find("Storyboard/Init/Actions/GlobalAction/EnvironmentAction/CatalogReference")
+    assert found is not None and found.get("entryName") == "rain"
+
+
 def test_coordinate_systems_came_with_1_1() -> None:
     trigger = m.time_headway("Ego", "Target", 1.5, kind="longitudinal", coordinates="road")
     assert is_valid(driven([m.event("e", [m.speed(1)], trigger)], (1, 1)))

@@ -1,0 +1,46 @@
+"""Where ways through junctions meet."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import pytest
+
+import xodr
+from generation.logical.courses import Course, Crossing, Lane
+from generation.logical.library import ROADS
+from generation.logical.ways import meeting
+from schemas.errors import UsageError
+
+CROSSING = xodr.load(ROADS / "intersection_four_way_two_lanes.xodr")
+EASTWARDS = Course(Lane("3", 1), Lane("1", -1))
+NORTHWARDS = Course(Lane("4", 1), Lane("2", -1))
+REACH = 15.0
+"""From the middle of the junction to where its arms end, m."""
+
+
+def test_ways_that_cross_meet_where_they_do() -> None:
+    found = meeting(CROSSING, NORTHWARDS, EASTWARDS)
+    assert (found.x, found.y) == pytest.approx((1.75, -1.75), abs=0.3)
+    assert found.ego == pytest.approx(REACH - 1.75, abs=0.3)
+    assert found.other == pytest.approx(REACH + 1.75, abs=0.3)
+
+
+def test_ways_that_join_meet_where_they_come_together() -> None:
+    turn = Course(Lane("4", 2), Lane("1", -2))
+    found = meeting(CROSSING, turn, Course(Lane("3", 2), Lane("1", -2)))
+    assert found.y == pytest.approx(-5.25, abs=1.1)
+    assert 0.0 < found.x < REACH
+
+
+def test_a_pedestrian_is_met_in_the_lane_that_it_crosses() -> None:
+    found = meeting(CROSSING, NORTHWARDS, Crossing(Lane("2", -1), 6.0))
+    assert hypot(found.x - 1.75, found.y - (REACH + 6.0)) < 1.0
+    assert (found.ego, found.other) == (pytest.approx(2 * REACH + 6.0, abs=1.0), 0.0)
+
+
+def test_ways_that_do_not_meet_are_refused() -> None:
+    with pytest.raises(UsageError, match="do not meet"):
+        meeting(CROSSING, NORTHWARDS, Course(Lane("2", 1), Lane("4", -1)))
+    with pytest.raises(UsageError, match="no way leads along"):
+        meeting(CROSSING, Course(Lane("4", 1), Lane("4", -1)), NORTHWARDS)
