@@ -42,5 +42,3 @@ def test_a_pedestrian_is_met_in_the_lane_that_it_crosses() -> None:
 def test_ways_that_do_not_meet_are_refused() -> None:
     with pytest.raises(UsageError, match="do not meet"):
         meeting(CROSSING, NORTHWARDS, Course(Lane("2", 1), Lane("4", -1)))
-    with pytest.raises(UsageError, match="no way leads along"):
-        meeting(CROSSING, Course(Lane("4", 1), Lane("4", -1)), NORTHWARDS)
