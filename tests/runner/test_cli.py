@@ -5,39 +5,21 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from lxml import etree
 
-from runner import cli
 from schemas.version import version
+from tests.commands import Command
 from tests.runner.files import car, distribution, place, scenario, story
 
 
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Command = Callable[..., Answer]
-
-
 @pytest.fixture
-def xosc_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """The command in this process, in the kinematic world."""
-
-    def call(*arguments: object) -> Answer:
-        monkeypatch.setattr(sys, "path", list(sys.path))
-        monkeypatch.setattr(sys, "argv", ["xosc-run", "--world", "kinematic", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return Answer(int(end.value.code or 0), *capsys.readouterr())
-
-    return call
+def xosc_run(command: Command) -> Command:
+    """The command in the kinematic world."""
+    return partial(command, "xosc-run", "--world", "kinematic")
 
 
 @pytest.fixture

@@ -2,41 +2,23 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
-from runner.exports import TARGETS, cli
+from runner.exports import TARGETS
+from tests.commands import Command
 from tests.runner.files import distribution, place, scenario, speed_action, story
 
 DOCS = Path(__file__).parents[2] / "docs" / "exports.md"
 BRAKES = story("Lead", [(0.2, speed_action(5))])
 
 
-class Answer(NamedTuple):
-    code: int
-    out: list[str]
-    err: str
-
-
-Command = Callable[..., Answer]
-
-
 @pytest.fixture
-def xosc_export(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """The command in this process."""
-
-    def call(*arguments: object) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["xosc-export", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, err = capsys.readouterr()
-        return Answer(int(end.value.code or 0), out.splitlines(), err)
-
-    return call
+def xosc_export(command: Command) -> Command:
+    """The command."""
+    return partial(command, "xosc-export")
 
 
 def test_a_folder_is_exported_file_by_file(xosc_export: Command, tmp_path: Path) -> None:
@@ -44,7 +26,7 @@ def test_a_folder_is_exported_file_by_file(xosc_export: Command, tmp_path: Path)
         scenario(tmp_path / "in", name, stories=BRAKES)
     answer = xosc_export(tmp_path / "in", "--to", "1.1", "--out", tmp_path / "out")
     assert answer.code == 0
-    assert answer.out == [*(f"{tmp_path}/in/{name}.xosc: exported" for name in "ab"), "2 exported, 0 not"]
+    assert answer.out.splitlines() == [*(f"{tmp_path}/in/{name}.xosc: exported" for name in "ab"), "2 exported, 0 not"]
     assert sorted(path.name for path in (tmp_path / "out").rglob("*.*")) == ["a.xosc", "b.xosc", "straight.xodr"]
 
 
@@ -53,7 +35,7 @@ def test_4_something_cannot_be_said_and_the_others_are_exported(xosc_export: Com
     scenario(tmp_path / "in", "newer", stories=story("Ego", [(0.5, random)]))
     scenario(tmp_path / "in", "sound", stories=BRAKES)
     answer = xosc_export(tmp_path / "in", "--to", "1.0", "--out", tmp_path / "out", "--quiet")
-    assert (answer.code, answer.out) == (4, [])
+    assert (answer.code, answer.out) == (4, "")
     assert f"{tmp_path}/in/newer.xosc:" in answer.err and "RandomRouteAction" in answer.err
     assert sorted(path.name for path in (tmp_path / "out").glob("*")) == ["roads", "sound.xosc"]
 
@@ -67,7 +49,7 @@ def test_3_a_file_is_broken(xosc_export: Command, tmp_path: Path) -> None:
 def test_2_the_call_is_wrong(target: str, options: list[str], xosc_export: Command, tmp_path: Path) -> None:
     path = scenario(tmp_path, stories=BRAKES)
     answer = xosc_export(path, "--to", target, "--out", tmp_path / "out", *options)
-    assert (answer.code, answer.out) == (2, [])
+    assert (answer.code, answer.out) == (2, "")
     assert answer.err.startswith("xosc-export: ") and not (tmp_path / "out").exists()
 
 
@@ -76,12 +58,12 @@ def test_runs_are_exported_for_every_set_of_parameters(xosc_export: Command, tmp
     sets = distribution(tmp_path, "sets", {"Gap": (20.0, 40.0, 10.0)})
     options = ["--world", "kinematic", "--sut", "none", "--timestep", "0.1", "--param", "Ego_Speed=6"]
     answer = xosc_export(sets, "--to", "parquet", "--out", tmp_path / "out", *options)
-    assert answer.out == [*(f"sets~00000{number}: exported" for number in range(3)), "3 exported, 0 not"]
+    assert answer.out.splitlines() == [*(f"sets~00000{number}: exported" for number in range(3)), "3 exported, 0 not"]
     assert len(list((tmp_path / "out").glob("sets~*.criticality.parquet"))) == 3
 
 
 def test_every_target_is_listed_and_told_of(xosc_export: Command) -> None:
     answer = xosc_export("--targets")
-    assert [line.split()[0] for line in answer.out] == list(TARGETS)
+    assert [line.split()[0] for line in answer.out.splitlines()] == list(TARGETS)
     text = DOCS.read_text(encoding="utf-8")
     assert all(f"`{name}`" in text for name in TARGETS)

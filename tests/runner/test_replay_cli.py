@@ -2,35 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from runner import cli as run_cli
 from runner.batch import Options, run_batch
 from runner.jobs import jobs_of
-from runner.replay import cli as replay_cli
+from tests.commands import Command
 from tests.runner.files import distribution, scenario
-
-Command = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """One of the two commands in this process: its exit code, and what it prints to both streams."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        name, *rest = map(str, arguments)
-        monkeypatch.setattr(sys, "path", list(sys.path))
-        monkeypatch.setattr(sys, "argv", [name, *rest])
-        with pytest.raises(SystemExit) as end:
-            (run_cli if name == "xosc-run" else replay_cli).main()
-        return int(end.value.code or 0), *capsys.readouterr()
-
-    return call
 
 
 @pytest.fixture(scope="module")
