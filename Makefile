@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+READERS := .venv-readers
 
-.PHONY: demo test lint types install docs clean
+.PHONY: demo test readers lint types install docs clean
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; sys.exit('Python 3.11 or newer is needed, this is ' + sys.version.split()[0] if sys.version_info < (3, 11) else 0)"
@@ -21,6 +22,15 @@ demo: install  ## from recordings to edge cases, once around; the page of it is 
 test: install  ## the whole test suite, in parallel
 	$(BIN)/python -m pytest -n auto
 
+$(READERS)/.installed: tests/readers/requirements.txt
+	$(PYTHON) -m venv $(READERS)
+	$(READERS)/bin/python -m pip install --quiet --disable-pip-version-check --requirement tests/readers/requirements.txt
+	$(READERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps vcd==6.0.3  # not its OpenCV, which needs a desktop
+	touch $@
+
+readers: install $(READERS)/.installed  ## what packages of others, in an environment of their own, make of our exports
+	XOSC_READERS_PYTHON=$(CURDIR)/$(READERS)/bin/python $(BIN)/python -m pytest -n auto tests/readers
+
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -33,4 +43,4 @@ docs: install  ## write the generated pages of docs/ anew
 	$(BIN)/python docs/generate.py
 
 clean:
-	rm -rf $(VENV) out build dist
+	rm -rf $(VENV) $(READERS) out build dist

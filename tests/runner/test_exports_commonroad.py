@@ -1,10 +1,7 @@
-"""CommonRoad scenarios: read back by this project's own reader, and by commonroad-io where there is one."""
+"""CommonRoad scenarios: read back by this project's own reader (by commonroad-io in tests/readers)."""
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -22,29 +19,6 @@ from tests.runner.files import ROADS, car, place, scenario, story
 from xosc.exports.folder import Folder
 
 LIBRARY = Path(xodr.__file__).parent / "library"
-PYTHON = os.environ.get("XOSC_COMMONROAD_PYTHON", "")
-"""A Python that has commonroad-io, which pins packages that are too old to have it beside this project."""
-
-READ = """
-import json, sys
-from pathlib import Path
-import commonroad
-from commonroad.common.file_reader import CommonRoadFileReader
-from lxml import etree
-xsd = etree.XMLSchema(etree.parse(str(Path(commonroad.__file__).parent / "common/xml_definition_files/XML_commonRoad_XSD.xsd")))
-valid = xsd.validate(etree.parse(sys.argv[1]))
-scenario, problems = CommonRoadFileReader(sys.argv[1]).open()
-obstacles = [[o.obstacle_type.value, *[[float(v) for v in (*s.position, s.orientation, s.velocity)]
-             for s in [o.initial_state, *o.prediction.trajectory.state_list]]] for o in scenario.dynamic_obstacles]
-(problem,) = problems.planning_problem_dict.values()
-start = [float(v) for v in (*problem.initial_state.position, problem.initial_state.orientation, problem.initial_state.velocity)]
-lanelets = {l.lanelet_id: [sorted(l.successor), l.adj_left, l.adj_left_same_direction] for l in scenario.lanelet_network.lanelets}
-places = [o.initial_state.position for o in scenario.dynamic_obstacles]
-on = [len(found) for found in scenario.lanelet_network.find_lanelet_by_position(places)]
-errors = [str(e) for e in xsd.error_log][:3]
-print(json.dumps({"valid": valid, "errors": errors, "dt": scenario.dt, "obstacles": obstacles, "start": start,
-                  "lanelets": lanelets, "on": on}))
-"""
 
 
 @pytest.fixture(scope="module")
@@ -88,21 +62,6 @@ def test_our_own_reader_finds_the_lanelets(exported: Path) -> None:
     for read, lanelet in zip(read_lanelets(reader.document(source)), expected, strict=True):
         assert np.allclose(read.left, lanelet.left[:, :2], atol=1e-5)
         assert np.allclose(read.right, lanelet.right[:, :2], atol=1e-5)
-
-
-def test_commonroad_io_validates_it_and_reads_the_same(result: runner.RunResult, exported: Path) -> None:
-    if not PYTHON:
-        pytest.skip("XOSC_COMMONROAD_PYTHON names no Python that has commonroad-io")
-    answer = subprocess.run([PYTHON, "-c", READ, str(exported)], capture_output=True, text=True, check=True)
-    got = json.loads(answer.stdout)
-    assert got["valid"], got["errors"]
-    (kind, *read) = got["obstacles"][0]
-    assert (kind, got["dt"]) == ("car", 0.1)
-    assert np.allclose(read, states(result, "Other"), atol=1e-5)
-    assert np.allclose(got["start"], states(result, "Ego")[0], atol=1e-5)
-    assert got["on"] == [1]
-    beside = [lanelet.beside[0] for lanelet in lanelets(xodr.load(ROADS / "curve.xodr")).values()]
-    assert [left and same for _, left, same in got["lanelets"].values()] == [left and left[1] for left in beside]
 
 
 @pytest.mark.parametrize("name", ["highway_on_ramp", "intersection_four_way_two_lanes", "t_junction_two_lanes"])

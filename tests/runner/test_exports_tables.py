@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 from pathlib import Path
 
 import duckdb
@@ -18,19 +16,6 @@ from runner.exports.moments import box_centre
 from tests.runner.files import car, place, scenario
 from xosc.exports.folder import Folder
 from xosc.tags import ASAM, Tag, tags_of, to_bytes
-
-PYTHON = os.environ.get("XOSC_OPENLABEL_PYTHON", "")
-"""A Python that has `vcd`, whose OpenLABEL schema is ASAM's."""
-
-READ = """
-import json, sys
-import jsonschema
-from vcd import core, schema
-jsonschema.validate(json.load(open(sys.argv[1])), schema.openlabel_schema)
-read = core.OpenLABEL()
-read.load_from_file(sys.argv[1], validation=True)
-print(json.dumps([read.get_object(uid)["name"] for uid in read.data["openlabel"]["objects"]]))
-"""
 
 TAGS = [Tag("RoadUserCar", None, ASAM), Tag("scenarioClass", "cut in"), Tag("metric", 1.5)]
 
@@ -87,15 +72,6 @@ def test_without_a_file_the_headers_properties_are_the_tags(tmp_path: Path) -> N
     tagged = '<Properties><Property name="openlabel.cutIn" value="true"/><Property name="openlabel.class" value="a b"/>'
     path.write_text(path.read_text().replace('description="test"/>', f'description="test">{tagged}</Properties></FileHeader>'))
     assert tags_of(path) == [Tag("class", "a b"), Tag("cutIn")]
-
-
-def test_vcd_validates_and_reads_the_labels(result: runner.RunResult, tmp_path: Path) -> None:
-    if not PYTHON:
-        pytest.skip("XOSC_OPENLABEL_PYTHON names no Python that has vcd")
-    openlabel.export(result, "run", Folder(tmp_path))
-    command = [PYTHON, "-c", READ, str(tmp_path / "run.openlabel.json")]
-    answer = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
-    assert json.loads(answer.stdout) == ["Ego", "Ö"]
 
 
 def test_parquet_keeps_the_columns_of_results(result: runner.RunResult, tmp_path: Path) -> None:

@@ -1,0 +1,74 @@
+"""CommonRoad scenarios as commonroad-io reads them: valid, and everyone where they were."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runner
+import xodr
+import xosc
+from runner.exports import commonroad
+from runner.exports.lanelets import lanelets
+from runner.exports.moments import box_centre
+from tests.readers.conftest import Read
+from tests.runner.files import ROADS, car, place, scenario
+from xosc.exports.folder import Folder
+
+LIBRARY = Path(xosc.__file__).parent / "library"
+
+READ = """
+import json, sys
+from pathlib import Path
+import commonroad
+from commonroad.common.file_reader import CommonRoadFileReader
+from lxml import etree
+xsd = etree.XMLSchema(etree.parse(str(Path(commonroad.__file__).parent / "common/xml_definition_files/XML_commonRoad_XSD.xsd")))
+valid = xsd.validate(etree.parse(sys.argv[1]))
+scenario, problems = CommonRoadFileReader(sys.argv[1]).open()
+obstacles = [[o.obstacle_type.value, *[[float(v) for v in (*s.position, s.orientation, s.velocity)]
+             for s in [o.initial_state, *o.prediction.trajectory.state_list]]] for o in scenario.dynamic_obstacles]
+(problem,) = problems.planning_problem_dict.values()
+start = [float(v) for v in (*problem.initial_state.position, problem.initial_state.orientation, problem.initial_state.velocity)]
+lanelets = {l.lanelet_id: [sorted(l.successor), l.adj_left, l.adj_left_same_direction] for l in scenario.lanelet_network.lanelets}
+places = [o.initial_state.position for o in scenario.dynamic_obstacles]
+on = [len(found) for found in scenario.lanelet_network.find_lanelet_by_position(places)]
+errors = [str(e) for e in xsd.error_log][:3]
+print(json.dumps({"valid": valid, "errors": errors, "dt": scenario.dt, "obstacles": obstacles, "start": start,
+                  "lanelets": lanelets, "on": on}))
+"""
+
+
+def states(result: runner.RunResult, name: str) -> np.ndarray:
+    """Centre x, y, heading and speed of a participant."""
+    track = result.recording.tracks[name]
+    heading = np.arctan2(np.sin(track.columns["h"]), np.cos(track.columns["h"]))
+    return np.column_stack([box_centre(track)[:, :2], heading, track.columns["speed"]])
+
+
+def test_everyone_is_where_they_were(read: Read, tmp_path: Path) -> None:
+    two = place("Ego", 20, 10) + place("Other", 150, 12, lane=1)
+    path = scenario(tmp_path, road="curve", entities=[car("Ego"), car("Other")], init=two)
+    result = runner.run(path, world="kinematic", timestep=0.1, sut="none")
+    commonroad.export(result, "curve", Folder(tmp_path))
+    got = read(READ, tmp_path / "curve.xml")
+    assert got["valid"], got["errors"]
+    (kind, *ways) = got["obstacles"][0]
+    assert (kind, got["dt"]) == ("car", 0.1)
+    assert np.allclose(ways, states(result, "Other"), atol=1e-5)
+    assert np.allclose(got["start"], states(result, "Ego")[0], atol=1e-5)
+    assert got["on"] == [1]
+    beside = [lanelet.beside[0] for lanelet in lanelets(xodr.load(ROADS / "curve.xodr")).values()]
+    assert [left and same for _, left, same in got["lanelets"].values()] == [left and left[1] for left in beside]
+
+
+@pytest.mark.parametrize("name", ["lane_change_left_four_way_intersection", "cut_in_sharp_curve", "merging_highway"])
+def test_the_library_is_valid_and_on_its_lanelets(name: str, read: Read, tmp_path: Path) -> None:
+    result = runner.run(LIBRARY / f"{name}.xosc", world="kinematic", timestep=0.1, sut="none", max_time=1.0)
+    commonroad.export(result, name, Folder(tmp_path))
+    got = read(READ, tmp_path / f"{name}.xml")
+    assert got["valid"], got["errors"]
+    assert np.allclose(got["start"], states(result, result.ego)[0], atol=1e-5)
+    assert got["on"] and all(got["on"])
