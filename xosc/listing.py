@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from schemas.errors import UsageError
+from schemas.expressions import ExpressionError
 from schemas.files import expand
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load
 from xosc.node import Node
+from xosc.parameters import Scope
 from xosc.tags import Tag, Value, tags_of
 
 LIBRARY = Path(__file__).parent / "library"
@@ -142,15 +144,26 @@ def _key(path: Path) -> str:
 
 def _listed(document: Document) -> Listed:
     root = document.node
-    road = root.find("RoadNetwork", "LogicFile")
-    declared = root.find("ParameterDeclarations")
+    holder = root.find("ParameterDeclarations")
+    declared = holder.children("ParameterDeclaration") if holder is not None else []
     return Listed(
         path=document.path,
         description=root.need("FileHeader").get("description", ""),
-        road=PurePosixPath(road.get("filepath").replace("\\", "/")).stem if road is not None else "",
+        road=_road(root.find("RoadNetwork", "LogicFile"), declared),
         tags={tag.type: True if tag.value is None else tag.value for tag in tags_of(document.path)},
-        parameters=tuple(map(_declared, declared.children("ParameterDeclaration"))) if declared is not None else (),
+        parameters=tuple(map(_declared, declared)),
     )
+
+
+def _road(file: Node | None, declared: list[Node]) -> str:
+    """The name of a road file, with the default values of parameters where those name it."""
+    if file is None:
+        return ""
+    try:
+        path = Scope(declared).literal(file.get("filepath"))
+    except ExpressionError as error:
+        raise file.invalid(f"filepath: {error.message}") from None
+    return PurePosixPath(path.replace("\\", "/")).stem
 
 
 def _declared(node: Node) -> Declared:

@@ -75,6 +75,15 @@ def test_a_scenario_is_listed_with_all_that_files_say_about_it(folder: Path) -> 
     assert (other.name, other.road, other.parameters, other.variations) == ("other", "", (), [])
 
 
+def test_a_road_that_a_parameter_names_is_told_by_its_default(scenario: Writer) -> None:
+    declared = '<ParameterDeclaration name="Road" parameterType="string" value="./roads/curve.xodr"/>'
+    (found,) = listing([str(scenario(parameters=declared, road='<LogicFile filepath="$Road"/>'))]).scenarios
+    assert found.road == "curve"
+    path = scenario("unknown.xosc", road='<LogicFile filepath="$Nothing"/>')
+    with pytest.raises(InvalidFile, match=r"unknown\.xosc:\d+: LogicFile: filepath: .*Nothing"):
+        listing([str(path)])
+
+
 def test_the_scenario_of_variations_is_listed_wherever_it_is(folder: Path) -> None:
     (found,) = listing([str(folder / "variations")]).scenarios
     assert found.name == "scenario"
