@@ -26,13 +26,14 @@ ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "docs" / "reference"
 
 MODULES = (
-    "xosc", "xosc.distributions", "xosc.maneuvers",
+    "xosc", "xosc.distributions", "xosc.maneuvers", "xosc.listing", "xosc.tags",
     "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
     "schemas", "schemas.errors",
     "runner", "runner.batch", "runner.jobs", "runner.recording", "runner.criticality", "runner.sut", "runner.positions",
     "recognition", "recognition.catalogue.pipeline", "recognition.catalogue.model", "recognition.datasets",
     "recognition.sites", "recognition.labels", "recognition.grids", "recognition.screening", "recognition.recorder",
     "generation", "generation.parameters", "generation.recorded", "generation.search", "generation.units", "generation.logical",
+    "generation.loop.settings", "generation.loop.loop",
 )  # fmt: skip
 """The public surface: what these modules list in `__all__`, or else define without an underscore."""
 
