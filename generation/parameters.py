@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike
 
 import numpy as np
@@ -16,7 +17,7 @@ import xosc
 from recognition.samples import Floats
 from schemas.errors import UsageError
 from xosc.node import Node
-from xosc.parameters import Scope, nearest
+from xosc.parameters import Assignment, Scope, nearest
 
 DIGITS = 6
 """Decimal digits of values in files."""
@@ -128,23 +129,27 @@ class Space:
             ego: name of the ego.
 
         Raises:
-            UsageError: a name is not declared, a free one has no limits or is pinned as well, or nothing is left to search.
+            UsageError: a name is not declared, a free one has no limits or is pinned as well, a pinned value is not of its type,
+                or nothing is left to search.
             Unsupported: the values allowed to a searched parameter are not one interval.
-            InvalidFile: the file is malformed.
+            InvalidFile: the file is malformed, or a pinned value violates its constraints.
         """
         node = xosc.load(scenario).node
         declared = {each.get("name"): each for each in _declarations(node)}
-        scope = Scope(declared.values())
         pinned = dict(pinned or {})
         for name in (*pinned, *free):
             if name not in declared:
                 raise UsageError(f"there is no parameter {name!r}; {nearest(name, declared)}", path=scenario)
+        assigned = {name: Assignment(value, partial(UsageError, path=scenario), True) for name, value in pinned.items()}
+        scope = Scope(declared.values(), assigned=assigned)
         bounded = [name for name, each in declared.items() if _bounded(each, scope)]
         wanted = _by_default(bounded, ego) | set(free)
         for name in free:
             if name not in bounded or name in pinned:
                 reason = "is pinned" if name in pinned else "has no lower and upper limit"
                 raise UsageError(f"the parameter {name} can't be searched: it {reason}", path=scenario)
+        for violation in Scope([declared[name] for name in pinned], scope, assigned).violations():
+            raise violation
         searched = [name for name in bounded if name in wanted and name not in pinned]
         if not searched:
             raise UsageError("no parameter with a lower and an upper limit is left to search", path=scenario)

@@ -71,6 +71,20 @@ def test_names_that_make_no_sense_are_refused(pinned: dict[str, str], free: list
         Space.of(CUT_IN, pinned, free)
 
 
+@pytest.mark.parametrize(("value", "error"), [("2000", InvalidFile), ("fast", UsageError)])
+def test_pinned_values_that_no_run_accepts_are_refused(value: str, error: type[ToolchainError]) -> None:
+    with pytest.raises(error, match="Ego_Speed_mps"):
+        Space.of(CUT_IN, pinned={"Ego_Speed_mps": value})
+
+
+def test_limits_follow_what_is_pinned(tmp_path: Path) -> None:
+    top = maneuvers.parameter("Top", "double", 9.0)
+    speed = maneuvers.parameter("A_Speed_mps", "double", 1.0, [[("greaterOrEqual", 0.0), ("lessOrEqual", "$Top")]])
+    space = Space.of(declaring(tmp_path / "a.xosc", top, speed), pinned={"Top": "5"})
+    assert space.high.tolist() == [5.0]
+    assert space.pinned == {"Top": "5"}
+
+
 def test_a_scenario_without_limits_has_no_space(tmp_path: Path) -> None:
     path = declaring(tmp_path / "a.xosc", maneuvers.parameter("Speed", "double", 1.0, [[("lessThan", 2.0)]]))
     with pytest.raises(UsageError, match="left to search"):
