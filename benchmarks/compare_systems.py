@@ -71,6 +71,10 @@ def main() -> None:
         processes=options.processes,
         progress=lambda system: print(f"{system}: {len(cases)} cases", file=sys.stderr, flush=True),
     )
+    for system, outcomes in found.outcomes.items():
+        failed = outcomes.error[~outcomes.executed]
+        if len(failed):
+            print(f"{system}: {len(failed)} cases failed, the first with: {failed[0]}", file=sys.stderr)
     print(found.markdown(), end="")
     if options.out is not None:
         import pyarrow.parquet as pq
