@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from schemas.errors import InvalidFile, UsageError
+from tests.commands import Command
 from tests.xosc.conftest import Writer
 from xosc.listing import LIBRARY, Declared, listing
 from xosc.tables import to_csv, to_json
@@ -57,10 +56,6 @@ def folder(scenario: Writer, catalog: Writer, tmp_path: Path) -> Path:
     (tmp_path / "variations").mkdir()
     (tmp_path / "variations" / "two.xosc").write_text(VARIATION)
     return tmp_path
-
-
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "xosc.cli", *arguments], capture_output=True, text=True)
 
 
 def test_a_scenario_is_listed_with_all_that_files_say_about_it(folder: Path) -> None:
@@ -131,14 +126,14 @@ def test_json_and_csv_hold_the_same(folder: Path) -> None:
     assert told["catalogues"][0]["entries"] == ["car", "van"]
 
 
-def test_the_command_lists_the_shipped_library_by_default(tmp_path: Path) -> None:
-    done = run("--class", "roundabout entering", "--verbose")
-    assert (done.returncode, done.stderr) == (0, "")
-    head, first, *details = done.stdout.splitlines()
+def test_the_command_lists_the_shipped_library_by_default(command: Command, tmp_path: Path) -> None:
+    done = command("xosc-list", "--class", "roundabout entering", "--verbose")
+    assert (done.code, done.err) == (0, "")
+    head, first, *details = done.out.splitlines()
     assert head.split()[:4] == ["NAME", "CLASS", "ROAD", "PARAMETERS"]
     assert first.startswith("roundabout_entering  roundabout entering  roundabout ")
     assert any("Circulating_Speed_mps = 7.0 in [4.0, 10.0]" in line for line in details)
-    assert run("--format", "json", "--output", str(tmp_path / "list.json")).stdout == ""
+    assert command("xosc-list", "--format", "json", "--output", tmp_path / "list.json").out == ""
     everything = json.loads((tmp_path / "list.json").read_text())
     assert len(everything["scenarios"]) == len(listing([str(LIBRARY)]).scenarios)
     assert {each["kind"] for each in everything["catalogues"]} == {
@@ -154,9 +149,9 @@ def test_the_command_lists_the_shipped_library_by_default(tmp_path: Path) -> Non
         (["--output", "/nowhere/list"], 2, "xosc-list: /nowhere/list: the list cannot be written: No such file or directory\n"),
     ],
 )
-def test_errors_are_one_line(arguments: list[str], code: int, message: str) -> None:
-    done = run(*arguments)
-    assert (done.returncode, done.stdout, done.stderr) == (code, "", message)
+def test_errors_are_one_line(command: Command, arguments: list[str], code: int, message: str) -> None:
+    done = command("xosc-list", *arguments)
+    assert (done.code, done.out, done.err) == (code, "", message)
 
 
 def test_what_is_no_openscenario_is_refused(tmp_path: Path) -> None:
