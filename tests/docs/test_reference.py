@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import re
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+import typer
 
 ROOT = Path(__file__).parents[2]
 
@@ -51,3 +53,26 @@ def test_every_package_that_names_what_is_public_is_in_the_reference() -> None:
         if "__all__ = " in file.read_text(encoding="utf-8")
     }
     assert naming <= set(generate.MODULES)
+
+
+def options() -> dict[str, set[str]]:
+    """Names of the options of every command."""
+    commands = {name: typer.main.get_command(app) for name, app in generate.apps()}
+    return {
+        name: {"--help"} | {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+        for name, command in commands.items()
+    }
+
+
+def test_pages_name_options_that_there_are() -> None:
+    known = options()
+    calls = re.compile(rf"({'|'.join(sorted(known, key=len, reverse=True))})(?![\w-])([^`|;&#\n]*)")
+    pages = [page for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")] if page.parent != generate.REFERENCE]
+    wrong = [
+        (page.name, command, option)
+        for page in pages
+        for command, rest in calls.findall(page.read_text(encoding="utf-8").replace("\\\n", " "))
+        for option in re.findall(r"(?<![\w-])--?[a-zA-Z][\w-]*", rest)
+        if option not in known[command]
+    ]
+    assert wrong == []
