@@ -199,7 +199,7 @@ def _shortened(value: Any) -> str:
 
 
 def _code(text: str) -> str:
-    return f"```\n{text}\n```"
+    return f"```python\n{text}\n```"
 
 
 def _markdown(doc: str) -> str:
