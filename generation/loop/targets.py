@@ -98,17 +98,29 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
     """
     name, title = name or path.stem, title or path.stem
     try:
-        space, kind = Space.of(path), kind_of(path)
-        for samples, words in ((own, "of these recordings"), (Samples.read(OWN), "shipped with the package")):
-            if samples is None:
-                continue
+        recorded, prior = _recorded(Space.of(path), _kind(path), own)
+    except (UsageError, Unsupported) as error:
+        return Refused(title, error.message)
+    return Target(name, title, path, recorded, prior)
+
+
+def _kind(path: Path) -> str:
+    try:
+        return kind_of(path)
+    except UsageError:
+        reason = "its name does not begin with that of a manoeuvre, as cut_in_ would; xosc-generate --kind searches it"
+        raise UsageError(reason) from None
+
+
+def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], str]:
+    """What gives the recorded parameters of a space, and whose they are."""
+    for samples, words in ((own, "of these recordings"), (Samples.read(OWN), "shipped with the package")):
+        if samples is not None:
             recorded = partial(of_samples, samples.of_kind(kind))
             count = len(recorded(space).within(space).theta)
             if count >= LEAST:
-                return Target(name, title, path, recorded, f"{count} manoeuvres {words}")
-    except (UsageError, Unsupported) as error:
-        return Refused(title, error.message)
-    return Refused(title, f"fewer than {LEAST} recorded manoeuvres are like it")
+                return recorded, f"{count} manoeuvres {words}"
+    raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
 
 
 def split(found: Iterable[Target | Refused]) -> tuple[list[Target], list[Refused]]:

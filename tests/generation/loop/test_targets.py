@@ -10,7 +10,6 @@ from generation.logical.library import SCENARIOS
 from generation.loop.targets import LIBRARY, Refused, Target, of_classes, of_scenario
 from generation.parameters import Space
 from generation.pipeline import LEAST
-from generation.recorded import kind_of
 from generation.units import OWN, Samples
 
 
@@ -58,5 +57,4 @@ def test_a_scenario_whose_manoeuvre_is_not_known_says_so(tmp_path: Path) -> None
     path.write_bytes((SCENARIOS / "cut_in_highway.xosc").read_bytes())
     refused = of_scenario(path, None)
     assert isinstance(refused, Refused)
-    assert "--kind" not in refused.reason
-    assert kind_of(SCENARIOS / "cut_in_highway.xosc") == "cut_in"
+    assert "xosc-generate --kind" in refused.reason
