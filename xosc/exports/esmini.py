@@ -10,11 +10,11 @@ from pathlib import Path
 
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load, to_bytes
-from xosc.exports.concrete import concrete
 from xosc.exports.folder import Folder
 from xosc.exports.references import catalog_name
 from xosc.exports.refusals import Rule, refuse, remarks
 from xosc.exports.standard import distribution, scenario, write_sets
+from xosc.resolve import resolve
 
 _REFUSED = (
     *(
@@ -84,18 +84,19 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
         folder.write(catalog_name(source, folder), to_bytes(document))
         return []
     if document.kind == "scenario":
-        told = _checked(document, concrete(document))
+        told = _checked(document)
         return told + scenario(document, None, folder)
     varied = load(ParameterSpace(source).scenario)
-    told = _checked(varied, concrete(varied))
+    told = _checked(varied)
     if document.node.find("ParameterValueDistribution", "Deterministic") is not None:
         return told + distribution(document, None, folder)
     write_sets(document, None, folder)
     return [*told, f"{source}: a scenario is written for each set of parameters: esmini has no stochastic distributions"]
 
 
-def _checked(document: Document, worked_out: Document) -> list[str]:
-    """Remarks on a scenario, whose catalogue entries and values are in the place of the references to them."""
-    refuse(document, _REFUSED)
-    refuse(worked_out, _REFUSED)
-    return list(dict.fromkeys(remarks(document, _IGNORED) + remarks(worked_out, _IGNORED)))
+def _checked(document: Document) -> list[str]:
+    """Remarks on a scenario as it stands, and with catalogue entries and values in the place of the references to them."""
+    both = (document, resolve(document))
+    for each in both:
+        refuse(each, _REFUSED)
+    return list(dict.fromkeys(remark for each in both for remark in remarks(each, _IGNORED)))
