@@ -82,7 +82,11 @@ def _sources(paths: list[str]) -> list[Path]:
 
 
 def _tell(exports: Iterator[Exported], quiet: bool) -> int:
-    """Print exports as they are done; the exit code."""
+    """Print exports as they are done; the exit code.
+
+    Raises:
+        UsageError: there are none.
+    """
     code, counts = 0, {True: 0, False: 0}
     for name, exit_code, remarks in exports:
         done = exit_code == 0
@@ -92,6 +96,8 @@ def _tell(exports: Iterator[Exported], quiet: bool) -> int:
             print(f"xosc-export: {name}: not exported: {'; '.join(remarks)}", file=sys.stderr, flush=True)
         elif not quiet:
             print("\n  ".join([f"{name}: exported", *remarks]), flush=True)
+    if not sum(counts.values()):
+        raise UsageError("nothing here can be run: the entries of catalogues are part of the scenarios that use them")
     if sum(counts.values()) > 1 and not quiet:
         print(f"{counts[True]} exported, {counts[False]} not")
     return code

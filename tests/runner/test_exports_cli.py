@@ -9,7 +9,7 @@ import pytest
 
 from runner.exports import TARGETS
 from tests.commands import Command
-from tests.runner.files import distribution, place, scenario, speed_action, story
+from tests.runner.files import HEADER, distribution, place, scenario, speed_action, story
 
 DOCS = Path(__file__).parents[2] / "docs" / "exports.md"
 BRAKES = story("Lead", [(0.2, speed_action(5))])
@@ -51,6 +51,12 @@ def test_2_the_call_is_wrong(target: str, options: list[str], xosc_export: Comma
     answer = xosc_export(path, "--to", target, "--out", tmp_path / "out", *options)
     assert (answer.code, answer.out) == (2, "")
     assert answer.err.startswith("xosc-export: ") and not (tmp_path / "out").exists()
+
+
+def test_catalogues_alone_cannot_be_run(xosc_export: Command, tmp_path: Path) -> None:
+    (tmp_path / "cars.xosc").write_text(f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>')
+    answer = xosc_export(tmp_path / "cars.xosc", "--to", "sumo", "--out", tmp_path / "out")
+    assert answer.code == 2 and answer.err.startswith("xosc-export: nothing here can be run")
 
 
 def test_runs_are_exported_for_every_set_of_parameters(xosc_export: Command, tmp_path: Path) -> None:
