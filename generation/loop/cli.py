@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from generation.options import Jobs, Quiet, Sut
 from runner.command_line import guarded, interruptible, progress_bar
 from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
@@ -28,7 +30,7 @@ def xosc_loop(
         Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for all that comes of it; index.html in it is the page.")],
-    sut: Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")] = "cas",
+    sut: Sut = "cas",
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search: one a class and round.")] = 300,
     rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")] = 2,
     most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = 6,
@@ -37,9 +39,9 @@ def xosc_loop(
     labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 2,
+    jobs: Jobs = 2,
     _verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
     """Recognise scenarios in recordings, vary them into edge cases for a system under test, check, run and show them.
@@ -50,6 +52,7 @@ def xosc_loop(
     from generation.loop.loop import run_loop
     from generation.loop.page import write
     from generation.loop.settings import Settings
+    from generation.loop.words import closing
 
     settings = Settings(sut, _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
     _refuse_wrong(settings)
@@ -57,7 +60,7 @@ def xosc_loop(
         found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
         page = write(found, out)
         if not quiet:
-            print(f"{page} shows all of it")
+            print(f"{closing(found)}\n{page} shows all of it")
     raise typer.Exit(1 if found["checked"]["problems"] else 0)
 
 
@@ -96,7 +99,7 @@ def _told(quiet: bool, stage: str, found: dict[str, Any], seconds: float | None)
 
 def main() -> None:
     """Entry point of the command."""
-    sys.path.append("")  # for systems under test named as module:Class
+    sys.path.append(os.getcwd())  # for systems under test named as module:Class
     guarded(NAME, app)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from generation.cases import AVOIDED, COLLISION
 from generation.loop.stages import Found
 
 
@@ -12,6 +13,14 @@ def summary(stage: str, found: Found) -> str:
     number, _, rest = stage.removeprefix("round_").partition("_") if stage.startswith("round_") else ("", "", stage)
     told = _WORDS[rest.partition("_")[0]](found)
     return f"round {number}: {told}" if number else told
+
+
+def closing(found: Found) -> str:
+    """A whole loop in one line."""
+    cases = [case for each in found["rounds"] for search in each["searches"] for case in search.get("cases", [])]
+    collisions = [case for case in cases if case["Verdict"] == COLLISION]
+    avoidable = sum(case["CarefulDriver"] == AVOIDED for case in collisions)
+    return f"{len(cases)} edge cases, {len(collisions)} of them collisions, of which a careful driver avoids {avoidable}"
 
 
 def _recognised(found: Found) -> str:
