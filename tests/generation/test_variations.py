@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, cases: Cases, density: Gaus
 
 def test_all_files_are_valid(folder: Path) -> None:
     files = [*folder.rglob("*.xosc"), *folder.rglob("*.xodr")]
-    assert len(files) == 1 + 1 + 6 + 1 + 1 + 1  # scenario, cases, concrete ones, density, catalogue, road
+    assert len(files) == 1 + 1 + 6 + 1 + 2 + 1  # scenario, cases, concrete ones, density, catalogues, road
     assert [schemas.check(path) for path in files] == [[]] * len(files)
 
 
