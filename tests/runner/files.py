@@ -10,6 +10,25 @@ ROADS = Path(__file__).parents[1] / "conformance" / "roads"
 
 HEADER = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="tests" description="test"/>'
 
+SLOW_SYSTEM = """
+import os
+import time
+from runner.sut import Control
+
+class Slow:
+    def reset(self, ego, timestep, seed): pass
+    def control(self, observation, dt):
+        time.sleep(0.02)
+        return Control()
+
+class Deadly(Slow):
+    def control(self, observation, dt):
+        if observation.others[0].x - observation.ego.x == 30.0:
+            os._exit(1)
+        return Control()
+"""
+"""Source of systems under test: one takes 20 ms for each step, one also ends its process where the gap is 30 m"""
+
 
 def car(name: str, controller: str = "", performance: str = "") -> str:
     """A ScenarioObject of a car, with an ObjectController where a controller is named."""

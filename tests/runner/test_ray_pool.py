@@ -17,31 +17,11 @@ import pytest
 from runner.batch import Options, run_batch
 from runner.jobs import Outcome, jobs_of
 from schemas.errors import UsageError
-from tests.runner.files import distribution, scenario
+from tests.runner.files import SLOW_SYSTEM, distribution, scenario
 
 ray = pytest.importorskip("ray", reason="Ray is not installed (extra: ray)")
 
-SYSTEMS = """
-import os
-import time
-from pathlib import Path
-from runner.sut import Control
-
-class Slow:
-    def reset(self, ego, timestep, seed):
-        with open("attempts.txt", "a") as file:
-            file.write(f"{os.getpid()}\\n")
-
-    def control(self, observation, dt):
-        time.sleep(0.02)
-        return Control()
-
-class Deadly(Slow):
-    def control(self, observation, dt):
-        if observation.others[0].x - observation.ego.x == 30.0:
-            os._exit(1)
-        return Control()
-"""
+SYSTEMS = SLOW_SYSTEM.replace("pass", "open('attempts.txt', 'a').write(f'{os.getpid()}\\n')")
 
 
 @pytest.fixture(scope="module", autouse=True)
