@@ -62,9 +62,10 @@ function recognised() {
 }
 
 function group(each) {
-  const sure = each.rows.map(row => row.confidence).filter(value => value !== null), range = sure.length ? `confidence ${short(least(sure))} to ${short(greatest(sure))}` : "";
+  const votes = each.state === "known" ? "confidence" : "votes for the nearest known class";
+  const sure = each.rows.map(row => row.confidence).filter(value => value !== null), range = sure.length ? `${votes} ${short(least(sure))} to ${short(greatest(sure))}` : "";
   const shown = each.rows.length < each.count ? `${each.rows.length} shown` : "";
-  const columns = [["replay", null], ["confidence", null], ["vehicle", null], ["recording", null], ["time (s)", "number"], ["participants", "number"], ["least TTC (s)", "number"], ["least distance (m)", "number"], [each.state === "known" ? "rules say" : "nearest class", null], ["files", null]];
+  const columns = [["replay", null], [votes, null], ["vehicle", null], ["recording", null], ["time (s)", "number"], ["participants", "number"], ["least TTC (s)", "number"], ["least distance (m)", "number"], [each.state === "known" ? "rules say" : "nearest known class", null], ["files", null]];
   return el("details", { class: "group", open: each.state === "discovered" },
     el("summary", null, el("span", { class: "count" }, String(each.count)), el("h3", null, each.title), badge(each.state, each.state), el("span", { class: "muted" }, [range, shown].filter(Boolean).join(", "))),
     table(each.title, columns, each.rows.map(row => recorded(row, each.state))));
