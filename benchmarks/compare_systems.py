@@ -1,13 +1,13 @@
 """Collisions of the systems under test on the same cases, each marked avoidable or not by a careful and competent driver.
 
-    python benchmarks/compare_systems.py PATH... [--systems NAME...] [--method NAME] [--most N] [--scenarios DIR] [--draw N]
-        [--processes N] [--timestep S] [--out DIR]
+    python benchmarks/compare_systems.py PATH... [--systems NAME...] [--method NAME] [--most N] [--scenarios DIR]
+        [--recorded PATH] [--draw N] [--processes N] [--timestep S] [--out DIR]
 
 Paths are what `xosc-generate` wrote into a folder, the folder of a study (`python -m generation.evaluation`), scenarios, or
 variation files; every parameter set is a case. Of a study, the cases are the best ones of `--method`, at most `--most`, of all
-its seeds, no two of them much alike; its scenario is looked for in `--scenarios`. With `--draw`, so many uniform points of each
-logical scenario's parameter space are cases instead. The table is printed; with `--out` it is written to systems.md, and every
-case with every system to cases.parquet.
+its seeds, no two of them much alike; its scenario is looked for in `--scenarios`, and `--recorded` is what it was made with where
+not with our own recordings. With `--draw`, so many uniform points of each logical scenario's parameter space are cases instead.
+The table is printed; with `--out` it is written to systems.md, and every case with every system to cases.parquet.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from generation.cases import Choice
-from generation.evaluation.edge_cases import CONFIGURATION, edge_cases
+from generation.evaluation.edge_cases import CONFIGURATION, edge_cases, opened
 from generation.logical.library import SCENARIOS
 from generation.parameters import Space
 from generation.systems import SYSTEMS, compare
@@ -40,7 +40,8 @@ def cases_of(path: Path, options: argparse.Namespace) -> list[Job | Outcome]:
     if options.draw:
         return list(drawn(path, options.draw))
     if (path / CONFIGURATION).exists():
-        return list(edge_cases(path, options.method, Choice(options.most), options.scenarios))
+        with opened(path, options.scenarios, options.recorded) as study:
+            return list(edge_cases(study, options.method, Choice(options.most)))
     files = sorted(path.rglob("*_edge_cases.xosc")) if path.is_dir() else [path]
     if not files:
         raise UsageError("neither a study nor edge cases of xosc-generate are in this folder", path=path)
@@ -55,6 +56,7 @@ def main() -> None:
     arguments.add_argument("--method", default="mcsg")
     arguments.add_argument("--most", type=int, default=Choice().most, metavar="N")
     arguments.add_argument("--scenarios", type=Path, default=SCENARIOS, metavar="DIR")
+    arguments.add_argument("--recorded", type=Path, metavar="PATH")
     arguments.add_argument("--draw", type=int, metavar="N")
     arguments.add_argument("--processes", type=int, default=2)
     arguments.add_argument("--timestep", type=float, default=0.05, help="s")

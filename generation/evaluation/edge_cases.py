@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from generation.cases import Choice, best
+from generation.evaluation.study import Settings, Study
 from generation.methods import METHODS
-from generation.parameters import Space
-from generation.problem import Episodes, History, joined
+from generation.problem import Episodes, joined
+from generation.recorded import kind_of, of_recordings, of_samples
 from runner.jobs import Job
 from schemas.errors import InvalidFile, UsageError
 
@@ -18,36 +19,43 @@ CONFIGURATION = "configuration.json"
 """The file by which a study's folder is known."""
 
 
-def edge_cases(folder: Path, method: str, choice: Choice, library: Path) -> list[Job]:
-    """The best episodes of all searches of one method, chosen as `xosc-generate` chooses what it writes.
+def opened(folder: Path, library: Path, recorded: Path | None = None) -> Study:
+    """The study in a folder, with the settings that it was made with.
 
     Args:
-        folder: of a study.
-        method: name of a search method.
-        library: folder of the study's scenario.
+        library: folder of its scenario.
+        recorded: its recordings, or the table of their units; None for those of our own recordings.
 
     Raises:
-        InvalidFile: the folder is not of a study, or a file in it is damaged.
+        InvalidFile: the folder is not of a study.
+        UsageError: the scenario or the recordings are not those that it was made with.
+    """
+    path = folder / CONFIGURATION
+    try:
+        values = json.loads(path.read_bytes())
+        scenario = library / values.pop("scenario")
+        del values["inputs"]
+        settings = Settings(**values)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InvalidFile(f"this is no study's configuration: {error}", path=path) from None
+    samples = of_recordings(recorded, kind_of(scenario))
+    return Study(scenario, lambda space: of_samples(samples, space), folder, settings)
+
+
+def edge_cases(study: Study, method: str, choice: Choice) -> list[Job]:
+    """The best episodes of all searches of one method, chosen as `xosc-generate` chooses what it writes.
+
+    Raises:
         UsageError: the method's searches are not there, or are of trajectories.
     """
-    scenario, pinned = _subject(folder / CONFIGURATION, library)
-    files = sorted((folder / "searches" / method).glob("*.npz"), key=lambda file: int(file.stem))
-    if not files or METHODS[method].knots:
-        raise UsageError(f"there are no manoeuvres that {method} searched", path=folder)
-    thetas, outcomes, rewards = zip(*(History.load(file) for file in files), strict=True)
+    searches = [study.history(key) for key in study.searches() if key.method == method]
+    if not searches or METHODS[method].knots:
+        raise UsageError(f"there are no manoeuvres that {method} searched", path=study.out)
+    thetas, outcomes, rewards = zip(*searches, strict=True)
     episodes = Episodes(np.concatenate(thetas), joined(outcomes), np.concatenate(rewards))
-    space = Space.of(scenario, pinned)
-    chosen = best(space, episodes, np.zeros(len(episodes.rewards)), choice)
+    likelihood = study.problem.reward.realism.density.log_density(episodes.theta)
+    chosen = best(study.space, episodes, likelihood, choice)
     return [
-        Job(f"{method}~{number:06d}", scenario, scenario, {**space.pinned, **space.values(row)})
+        Job(f"{method}~{number:06d}", study.scenario, study.scenario, {**study.space.pinned, **study.space.values(row)})
         for number, row in enumerate(episodes.theta[chosen])
     ]
-
-
-def _subject(path: Path, library: Path) -> tuple[Path, dict[str, str]]:
-    """The scenario of a study, and its pinned values."""
-    try:
-        settings = json.loads(path.read_bytes())
-        return library / settings["scenario"], settings["pinned"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InvalidFile(f"this is no study's configuration: {error}", path=path) from None

@@ -12,7 +12,7 @@ import pytest
 import xosc
 from generation.cases import Choice
 from generation.evaluation import trajectories
-from generation.evaluation.edge_cases import edge_cases
+from generation.evaluation.edge_cases import edge_cases, opened
 from generation.evaluation.figures import write_figures
 from generation.evaluation.measures import avoided, curves, last_third, measure, taken
 from generation.evaluation.report import reconstruction, write_report
@@ -134,7 +134,7 @@ def test_there_are_trajectories_beside_all_seven_parameters_only(tmp_path: Path)
 
 
 def test_edge_cases_of_a_study_are_the_best_of_all_its_seeds(done: Study) -> None:
-    found = edge_cases(done.out, "random", Choice(4), SCENARIO.parent)
+    found = edge_cases(done, "random", Choice(4))
     searches = [done.history(Key("random", seed)) for seed in (0, 1)]
     theta, rewards = (np.concatenate([getattr(one, name) for one in searches]) for name in ("theta", "rewards"))
     reward_of = dict(zip((tuple(done.space.values(row).values()) for row in theta), rewards.tolist(), strict=True))
@@ -147,10 +147,12 @@ def test_edge_cases_of_a_study_are_the_best_of_all_its_seeds(done: Study) -> Non
 
 def test_folders_without_what_is_to_be_compared_are_refused(done: Study, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no manoeuvres that gacs searched"):
-        edge_cases(done.out, "gacs", Choice(), SCENARIO.parent)
+        edge_cases(done, "gacs", Choice())
+    with pytest.raises(UsageError, match="another inputs"):
+        opened(done.out, SCENARIO.parent)
     (tmp_path / "configuration.json").write_text("[1]")
     with pytest.raises(InvalidFile, match="no study's configuration"):
-        edge_cases(tmp_path, "mcsg", Choice(), SCENARIO.parent)
+        opened(tmp_path, SCENARIO.parent)
 
 
 def test_figures_are_drawn_for_what_is_there(done: Study, tmp_path: Path) -> None:
