@@ -29,6 +29,8 @@ class ByModel:
         if not model.encoders:
             raise UsageError("this model has no encoder: it can't recognise recordings")
         self._model, self._grid, self._stride = model, model.encoders[0].grid, stride
+        self._first = int(model.buffer.keys.max()) + 1 if len(model.buffer) else 0
+        """key of the first moment in the buffer; smaller ones are of what waited there before"""
         self._ranges: dict[str, range] = {}
         self._seen: list[Moment] = []
         self._labels: list[int] = []
@@ -70,7 +72,7 @@ class ByModel:
 
     def _recognise(self, recording: Recording, site: Site, moments: list[Moment]) -> None:
         grids = rasterise(recording, [(moment.ego, moment.time) for moment in moments], self._grid, site)
-        found = self._model.observe(grids, np.arange(len(self._seen), len(self._seen) + len(moments)))
+        found = self._model.observe(grids, self._first + len(self._seen) + np.arange(len(moments)))
         names = [title_of(int(label)) for label in found.closed]
         shares = found.confidence.tolist()
         self._seen += (
@@ -87,8 +89,9 @@ class ByModel:
         if len(self._model.buffer) <= self._model.config.preprocessing.neighbours:
             return
         found = self._model.discover()
-        for key, label in zip(found.keys.tolist(), found.labels.tolist(), strict=True):
-            self._labels[key] = label
+        ours = found.keys >= self._first
+        for key, label in zip(found.keys[ours].tolist(), found.labels[ours].tolist(), strict=True):
+            self._labels[key - self._first] = label
         self._model.expand(found)
 
 

@@ -81,9 +81,8 @@ class Oracle:
         self.buffer.remove(found.labels > 0)
 
 
-@pytest.fixture(scope="module")
-def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
-    folder = tmp_path_factory.mktemp("motorway")
+def look(folder: Path, oracle: Oracle) -> ByModel:
+    """A motorway seen through an oracle."""
     (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
     recording = source.load()
     assert recording.network is not None
@@ -91,10 +90,15 @@ def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
         Event("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
         Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
     ]
-    oracle = Oracle()
     recogniser = ByModel(oracle, stride=1.0)
     recogniser.look("01", recording, site_at(Path(recording.network.path)), events)
-    return oracle, recogniser
+    return recogniser
+
+
+@pytest.fixture(scope="module")
+def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
+    oracle = Oracle()
+    return oracle, look(tmp_path_factory.mktemp("motorway"), oracle)
 
 
 def test_a_model_sees_events_and_a_regular_stride(looked: tuple[Oracle, ByModel]) -> None:
@@ -115,6 +119,14 @@ def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle,
     assert states == {KNOWN: "highway free cruise", UNKNOWN: "unknown", DISCOVERED: "discovered 01"}
     assert {(each.model, each.confidence) for each in moments} == {("highway cut in", 0.5)}
     assert recogniser.moments("01") == moments, "asking again changes nothing"
+
+
+def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_path: Path) -> None:
+    oracle = Oracle(capacity=10_000)
+    oracle.buffer.add(np.zeros((6, 4), np.float32), np.arange(6))
+    moments = look(tmp_path, oracle).moments("01")
+    assert [each.state == KNOWN for each in moments] == [number % 2 == 0 for number in range(6, 6 + len(moments))]
+    assert DISCOVERED in {each.state for each in moments}
 
 
 def test_a_model_without_an_encoder_is_refused() -> None:
