@@ -16,6 +16,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
+import numpy as np
+
 from runner.batch import Options
 from runner.execution import run
 from runner.jobs import Job, Outcome, failure
@@ -44,7 +46,9 @@ GRIDS = {
     "high": Grid((70, 90, 110, 130), 30, range(1, 120, 2)),
     "low": Grid((10, 20, 30, 40, 50, 60), 10, range(1, 60)),
 }
-LATERAL_SPEEDS = [round(0.1 * k, 1) for k in range(18)]
+RAMPS = {round(speed, 1): len(np.arange(0.0, speed, 0.15)) for speed in np.arange(0.0, 1.8, 0.1).tolist()}
+"""Steps in which each lateral speed (m/s) is reached. The published grid lies a rounding error above 0.3, 0.6 and 1.2 m/s, and
+its implementation takes a step more for these."""
 PUBLISHED = {
     "r157-cc": {"high": Count(3552, 3146), "low": Count(3728, 3001)},
     "r157-reg": {"high": Count(2869, 2487), "low": Count(2252, 1606)},
@@ -61,14 +65,15 @@ def jobs(grid: Grid, driver: str) -> Iterator[Job]:
     for ego in grid.ego_speeds:
         for other in range(10, ego, grid.step):
             for gap in grid.gaps:
-                for lateral in LATERAL_SPEEDS:
+                for lateral, steps in RAMPS.items():
                     values = {
                         "Ego_Speed_kmh": ego,
                         "CutIn_Speed_kmh": other,
                         "CutIn_Gap_m": gap,
                         "CutIn_LateralSpeed_mps": lateral,
                     }
-                    parameters = {name: str(value) for name, value in values.items()} | accountable
+                    given = values | {"CutIn_Ramp_steps": steps} | accountable
+                    parameters = {name: str(value) for name, value in given.items()}
                     yield Job("_".join(map(str, values.values())), SCENARIO, SCENARIO, parameters)
 
 
