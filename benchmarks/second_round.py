@@ -19,6 +19,7 @@ from recognition.samples import Floats
 
 
 def main() -> None:
+    """Print, for each seed, what both rounds found."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", type=Path, default=Path("xosc/library/cut_in_highway.xosc"))
     parser.add_argument("--budget", type=int, default=200)

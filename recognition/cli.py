@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from runner.command_line import guarded, interruptible
+from schemas.command_line import Version, new_app
 from schemas.errors import UsageError
-from schemas.version import version as toolchain_version
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Progress, Recogniser, Settings, Summary
     from recognition.datasets import Source
-    from xosc.versions import Version
+    from xosc.versions import Version as Standard
 
 COMMANDS = {
     "record": ("recognition.recorder.command", "make recordings of SUMO's traffic on maps of our own"),
@@ -44,12 +44,6 @@ Model = Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label 
 Signalised = Annotated[bool, typer.Option("--signalised", help="Let the rules count junctions with traffic lights as well.")]
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"{NAME} {toolchain_version()}")
-        raise typer.Exit
-
-
 def recognise(
     paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Recordings: files, or folders with all below them.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the catalogue.")],
@@ -60,9 +54,7 @@ def recognise(
     standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
     verbose: Verbose = False,
     quiet: Quiet = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    _version: Version = False,
 ) -> None:
     """Recognise scenarios in recordings (highD, INTERACTION, CommonRoad, NGSIM, results of xosc-run), write a catalogue of them.
 
@@ -113,7 +105,7 @@ def _settings(scenes: str, signalised: bool, standard: str) -> Settings:
     from recognition.labels import Rules
 
     major, minor = map(int, standard.split("."))
-    wanted: Version = (major, minor)
+    wanted: Standard = (major, minor)
     return Settings(scenes=scenes, rules=Rules(signalised=signalised), config=Config(version=wanted))
 
 
@@ -171,9 +163,9 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
 
 def app_of(name: str | None = None) -> typer.Typer:
     """The app of a further command; without a name, of the one for catalogues."""
-    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app = new_app()
     if name is None:
-        app.command(epilog=_EPILOG)(recognise)
+        app.command(NAME, epilog=_EPILOG)(recognise)
     else:
         module, _ = COMMANDS[name]
         app.command()(getattr(import_module(module), name))

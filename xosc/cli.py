@@ -9,21 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from schemas.command_line import Version, new_app, print_anything
 from schemas.errors import ToolchainError, UsageError
-from schemas.version import version
 
 if TYPE_CHECKING:
     from xosc.tags import Tag
 
 _EPILOG = "Exit codes: 0 listed, 2 wrong usage or nothing like that is there, 3 invalid file, 4 a file of an unknown version."
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"xosc-list {version()}")
-        raise typer.Exit
+app = new_app()
 
 
 @app.command(epilog=_EPILOG)
@@ -38,9 +32,7 @@ def xosc_list(
     format: Annotated[Literal["text", "json", "csv"], typer.Option(help="csv has the scenarios only.")] = "text",
     output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to a file.")] = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print parameters, variations and tags as well.")] = False,
-    _version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")
-    ] = False,
+    _version: Version = False,
 ) -> None:
     """List scenarios: class, road, parameters with their limits, variations; and the catalogues that they use."""
     from xosc import tables
@@ -69,9 +61,7 @@ def _tag(text: str) -> Tag:
 
 def main() -> None:
     """Entry point: an error is one line on standard error and an exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")  # file names may be anything
+    print_anything()
     try:
         app()
     except ToolchainError as error:

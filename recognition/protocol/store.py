@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from recognition.files import keep
 from schemas.errors import InvalidFile, UsageError
 
 _CONFIGURATION, _RESULTS = "configuration.json", "results"
@@ -52,8 +52,7 @@ class Store:
             UsageError: see `check`.
         """
         self.check(configuration)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(self.folder / _CONFIGURATION, configuration)
+        _write(self.folder / _CONFIGURATION, configuration)
 
     def has(self, key: Key) -> bool:
         """Whether that result is there."""
@@ -69,9 +68,7 @@ class Store:
 
     def write(self, key: Key, values: dict[str, Any]) -> None:
         """Keep a result."""
-        path = self._path(key)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, values)
+        _write(self._path(key), values)
 
     def results(self, kind: str) -> Iterator[tuple[Key, dict[str, Any]]]:
         """All results of a kind, sorted by method, seed and round."""
@@ -84,11 +81,8 @@ class Store:
         return self.folder / _RESULTS / key.kind / key.method / f"seed{key.seed}-round{key.round}.json"
 
 
-def write_atomically(path: Path, values: dict[str, Any]) -> None:
-    """Write JSON beside its place and move it there, so that an interruption leaves no half file."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    draft.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
-    draft.replace(path)
+def _write(path: Path, values: dict[str, Any]) -> None:
+    keep((json.dumps(values, indent=1) + "\n").encode(), path)
 
 
 def _numbers(path: Path) -> tuple[int, int]:
