@@ -93,7 +93,9 @@ def _tell(exports: Iterator[Exported], quiet: bool) -> int:
         counts[done] += 1
         code = min(code, exit_code, key=_GRAVEST_FIRST.index)
         if not done:
-            print(f"xosc-export: {name}: not exported: {'; '.join(remarks)}", file=sys.stderr, flush=True)
+            reason = "; ".join(remarks)
+            told = reason if reason.startswith(f"{name}:") else f"{name}: {reason}"  # errors in a file name it, and the line
+            print(f"xosc-export: not exported: {told}", file=sys.stderr, flush=True)
         elif not quiet:
             print("\n  ".join([f"{name}: exported", *remarks]), flush=True)
     if not sum(counts.values()):

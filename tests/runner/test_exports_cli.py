@@ -40,9 +40,19 @@ def test_4_something_cannot_be_said_and_the_others_are_exported(xosc_export: Com
     assert sorted(path.name for path in (tmp_path / "out").glob("*")) == ["roads", "sound.xosc"]
 
 
-def test_3_a_file_is_broken(xosc_export: Command, tmp_path: Path) -> None:
+def test_3_a_file_is_broken_and_named_once_with_the_line(xosc_export: Command, tmp_path: Path) -> None:
     (tmp_path / "broken.xosc").write_text("<OpenSCENARIO>")
-    assert xosc_export(tmp_path / "broken.xosc", "--to", "1.0", "--out", tmp_path / "out").code == 3
+    answer = xosc_export(tmp_path / "broken.xosc", "--to", "1.0", "--out", tmp_path / "out")
+    assert answer.code == 3
+    assert answer.err.startswith(f"xosc-export: not exported: {tmp_path}/broken.xosc:1: ") and answer.err.count("broken.xosc") == 1
+
+
+def test_3_a_run_is_named_beside_the_broken_file(xosc_export: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=BRAKES)
+    path.with_name("straight.xodr").write_text("<OpenDRIVE>")
+    answer = xosc_export(path, "--to", "parquet", "--out", tmp_path / "out")
+    assert answer.code == 3
+    assert answer.err.startswith(f"xosc-export: not exported: {path.stem}: ") and "straight.xodr:1: " in answer.err
 
 
 @pytest.mark.parametrize(("target", "options"), [("nothing", []), ("1.0", ["--param", "a=1"]), ("osi", ["--timestep", "9"])])
