@@ -44,7 +44,9 @@ def test_3_a_file_is_broken_and_named_once_with_the_line(xosc_export: Command, t
     (tmp_path / "broken.xosc").write_text("<OpenSCENARIO>")
     answer = xosc_export(tmp_path / "broken.xosc", "--to", "1.0", "--out", tmp_path / "out")
     assert answer.code == 3
-    assert answer.err.startswith(f"xosc-export: not exported: {tmp_path}/broken.xosc:1: ") and answer.err.count("broken.xosc") == 1
+    assert (
+        answer.err.startswith(f"xosc-export: not exported: {tmp_path}/broken.xosc:1: ") and answer.err.count("broken.xosc") == 1
+    )
 
 
 def test_3_a_run_is_named_beside_the_broken_file(xosc_export: Command, tmp_path: Path) -> None:
