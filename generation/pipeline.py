@@ -16,9 +16,9 @@ from generation.problem import History, Problem, counted
 from generation.recorded import Recorded
 from generation.reward import Realism, Reward
 from generation.variations import Evidence, Writer
-from recognition.files import digest
 from recognition.samples import Floats
 from schemas.errors import UsageError
+from schemas.storage import digest
 
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""

@@ -24,6 +24,7 @@ from recognition.prototypes import Prototypes
 from recognition.samples import UNKNOWN, Whole, matrix
 from recognition.voters import Voters
 from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.storage import keep
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
@@ -53,7 +54,7 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
         UsageError: the model has not been fitted, or the folder can't be written.
     """
     import skops.io
-    from safetensors.numpy import save_file
+    from safetensors import numpy as safetensors
 
     known = model.known
     arrays = {
@@ -67,8 +68,7 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
         arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
     about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config)})}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        save_file({name: np.asarray(value, order="C") for name, value in arrays.items()}, folder / _MODEL, about)
+        keep(safetensors.save({name: np.asarray(value, order="C") for name, value in arrays.items()}, about), folder / _MODEL)
         skops.io.dump(known.voters.forest, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
         for number, encoder in enumerate(model.encoders):
             from recognition.encoder import storage

@@ -9,8 +9,8 @@ import xosc
 from recognition import datasets
 from recognition.catalogue.pipeline import cache_roads
 from recognition.datasets import Source
-from recognition.files import digest
 from schemas.errors import InvalidFile
+from schemas.storage import digest
 
 
 class Inputs(NamedTuple):

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from recognition.files import keep
 from schemas.errors import InvalidFile, UsageError
+from schemas.storage import keep
 
 _FOLDER = "stages"
 _SETTINGS = "loop.json"

@@ -17,10 +17,10 @@ from recognition.catalogue.scenes import EGO, Part, Scene, Scope, Stage
 from recognition.catalogue.store import Store
 from recognition.catalogue.variation import CONTROLLER
 from recognition.datasets import Exclusion, Source
-from recognition.files import digest
 from recognition.sites import Site
 from runner.recording import Recording
 from schemas.errors import InvalidFile, Unsupported
+from schemas.storage import digest
 from xosc import maneuvers, tags
 from xosc.document import Document, to_bytes
 from xosc.files import Header

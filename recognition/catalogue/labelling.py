@@ -15,10 +15,10 @@ from recognition.catalogue.findings import Finding
 from recognition.catalogue.pipeline import Progress, Recogniser, Settings, cache_roads
 from recognition.catalogue.store import write_unless_edited
 from recognition.datasets import Source, runs
-from recognition.files import digest
 from recognition.labels import label
 from recognition.sites import site_of
 from schemas.errors import InvalidFile, Unsupported
+from schemas.storage import digest
 from xosc import tags
 from xosc.document import to_bytes
 from xosc.tags import Tag

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 
-from recognition.files import digest, keep
 from schemas.errors import InvalidFile, UsageError
+from schemas.storage import digest, keep
 
 MANIFEST = "manifest.json"
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from recognition.encoder.config import preset as preset_of
-from recognition.files import keep
 from recognition.labels.classes import Label
 from recognition.protocol.splits import Split, Unit, split
 from schemas.errors import UsageError
+from schemas.storage import keep
 from schemas.version import version
 
 if TYPE_CHECKING:

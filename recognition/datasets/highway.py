@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.datasets.rows import Floats
-from recognition.files import digest, keep
 from schemas.errors import UsageError
+from schemas.storage import digest, keep
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from recognition.files import keep
 from schemas.errors import InvalidFile, UsageError
+from schemas.storage import keep
 
 _CONFIGURATION, _RESULTS = "configuration.json", "results"
 

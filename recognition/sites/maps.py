@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from recognition.datasets import Source, commonroad, interaction, lanelets, ngsim, runs
-from recognition.files import digest, keep
 from recognition.sites.straight import straight_road
 from runner.recording import Recording
 from schemas.errors import UsageError
+from schemas.storage import digest, keep
 
 
 class Map(NamedTuple):

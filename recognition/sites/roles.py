@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.files import digest, keep
 from recognition.sites.lanes import Floats, LaneGraph, Whole
 from schemas.errors import InvalidFile
+from schemas.storage import digest, keep
 from xodr.network import RoadNetwork
 
 ENDING = ".roles.json"

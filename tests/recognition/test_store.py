@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -64,6 +65,15 @@ def test_the_same_model_is_the_same_bytes(model: TRFE, tmp_path: Path) -> None:
         save(model, tmp_path / name)
     first, second = ((tmp_path / name / "model.safetensors").read_bytes() for name in ("one", "two"))
     assert first == second
+
+
+def test_a_model_can_be_read_by_whom_the_umask_lets(model: TRFE, tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    save(model, tmp_path)
+    os.umask(before)
+    assert {path.name: oct(path.stat().st_mode & 0o777) for path in tmp_path.iterdir()} == dict.fromkeys(
+        ("model.safetensors", "forest.skops"), "0o640"
+    )
 
 
 def test_samples_can_be_thinned(model: TRFE, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """The cache of SUMO networks in the user's cache folder.
 
-An entry is a network file and an index beside it, named after everything that they depend on. Both are written to a
-temporary file first and renamed, and the bytes depend on the entry alone, so parallel processes may write the same one.
+An entry is a network file and an index beside it, named after everything that they depend on. Both are written whole, and
+the bytes depend on the entry alone, so parallel processes may write the same one.
 The index carries a digest of the network: whatever is damaged counts as absent and is built again.
 """
 
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from schemas.errors import UsageError
+from schemas.storage import keep
 from xodr.sumo_net.netconvert import OPTIONS, program
 
 FORMAT = 2
@@ -54,9 +55,8 @@ class Entry:
             UsageError: the cache folder cannot be written.
         """
         try:
-            self.network.parent.mkdir(parents=True, exist_ok=True)
-            _replace(self.network, network)
-            _replace(self.index, json.dumps({"digest": _digest(network), **index}).encode())
+            keep(network, self.network)
+            keep(json.dumps({"digest": _digest(network), **index}).encode(), self.index)
         except OSError as error:
             message = f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR to another one"
             raise UsageError(message, path=self.network.parent) from None
@@ -64,16 +64,3 @@ class Entry:
 
 def _digest(data: bytes) -> str:
     return hashlib.blake2b(data, digest_size=20).hexdigest()
-
-
-def _replace(path: Path, data: bytes) -> None:
-    import tempfile
-
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

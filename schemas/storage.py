@@ -1,14 +1,16 @@
-"""Files that recognition makes itself and may make again."""
+"""Files that the toolchain makes itself and reads again: written whole or not at all."""
 
 from __future__ import annotations
 
 import hashlib
-import tempfile
+import secrets
 from pathlib import Path
 
 
 def keep(content: bytes, path: Path) -> Path:
     """Write a file whole or not at all, also for those who write the same beside; nothing where it has that content already.
+
+    It gets the permissions that the user's umask leaves to a new file.
 
     Raises:
         OSError: the file can't be written.
@@ -16,10 +18,12 @@ def keep(content: bytes, path: Path) -> Path:
     if path.is_file() and path.read_bytes() == content:
         return path
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, delete=False) as draft:
-        draft.write(content)
-    Path(draft.name).chmod(0o644)  # drafts are for their owner's eyes only
-    return Path(draft.name).replace(path)
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}")  # what tempfile makes is for its owner's eyes only
+    try:
+        draft.write_bytes(content)
+        return draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def digest(content: bytes) -> str:
