@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from functools import partial
@@ -14,6 +13,7 @@ from runner.recording import COLUMNS, Recording, Track, arrow_type
 from runner.result import RunResult, Verdict
 from runner.simulation import LogEntry
 from schemas.errors import InvalidFile
+from schemas.storage import parse_object, read_bytes, read_object
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,7 +38,7 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
         InvalidFile: a file of the run is missing or damaged, or the road network is not there any more.
     """
     path = folder / RESULT
-    values = _object(path, _text(path))
+    values = read_object(path)
     try:
         settings = dict(values["settings"])
         recording = Recording(
@@ -71,33 +71,11 @@ def _number(values: Mapping[str, Any], name: str, least: float = -_GREATEST, mos
     return float(value)
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
-
-
-def _unreadable(path: Path, error: Exception) -> InvalidFile:
-    reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-    return InvalidFile(f"the results of a run can't be read: {reason}", path=path)
-
-
-def _object(path: Path, text: str, line: int | None = None) -> dict[str, Any]:
-    try:
-        values = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InvalidFile(f"not readable as JSON: {error}", path=path, line=line) from None
-    if not isinstance(values, dict):
-        raise InvalidFile("a JSON object is expected", path=path, line=line)
-    return values
-
-
 def _events(path: Path) -> list[LogEntry]:
     events = []
-    for number, line in enumerate(_text(path).split("\n"), 1):
+    for number, line in enumerate(read_bytes(path).split(b"\n"), 1):
         if line:
-            entry = _object(path, line, number)
+            entry = parse_object(line, path, number)
             try:
                 events.append(LogEntry(_number(entry, "time"), *(str(entry[name]) for name in ("kind", "subject", "text"))))
             except (KeyError, TypeError, ValueError):
@@ -149,7 +127,8 @@ def _table(path: Path) -> pa.Table:
         with path.open("rb") as file:
             return pq.read_table(file, columns=schema.names).cast(schema)
     except (OSError, ValueError, pa.ArrowException) as error:
-        raise _unreadable(path, error) from None
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise InvalidFile(f"the results of a run can't be read: {reason}", path=path) from None
 
 
 def _columns(table: pa.Table, rows: np.ndarray, path: Path) -> dict[str, np.ndarray]:

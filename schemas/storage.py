@@ -1,10 +1,74 @@
-"""Files that the toolchain makes itself and reads again: written whole or not at all."""
+"""Reading files that may be anything, and writing files whole or not at all."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import secrets
+import stat
 from pathlib import Path
+from typing import Any
+
+from schemas.errors import InvalidFile
+
+MAX_BYTES = 256 * 1024 * 1024
+"""Largest file that is read. The biggest public road networks have about a tenth of it."""
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of a file that may be anything, a device without an end included.
+
+    Raises:
+        InvalidFile: it is missing, no regular file, or larger than `MAX_BYTES`.
+    """
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise InvalidFile("this is a folder, a file is expected", path=path)
+        if not stat.S_ISREG(status.st_mode):
+            raise InvalidFile("this is not a regular file", path=path)
+        if status.st_size > MAX_BYTES:
+            raise InvalidFile(f"{status.st_size} bytes are more than the {MAX_BYTES} that are read", path=path)
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InvalidFile("no such file", path=path) from None
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise InvalidFile(f"the file cannot be read: {reason}", path=path) from None
+
+
+def read_object(path: Path, remedy: str = "") -> dict[str, Any]:
+    """The object that a JSON file holds.
+
+    Args:
+        remedy: what can be done about a file that holds none.
+
+    Raises:
+        InvalidFile: it can't be read, is not JSON, or holds something else.
+    """
+    return parse_object(read_bytes(path), path, remedy=remedy)
+
+
+def parse_object(content: bytes, path: Path, line: int | None = None, remedy: str = "") -> dict[str, Any]:
+    """The object that a JSON text holds.
+
+    Args:
+        path, line: what complaints name; by default the line of the defect.
+        remedy: as in `read_object`.
+
+    Raises:
+        InvalidFile: it is not JSON, or holds something else.
+    """
+    try:
+        found = json.loads(content)
+        reason = "a JSON object is expected"
+    except json.JSONDecodeError as error:
+        found, line, reason = None, line or error.lineno, f"not readable as JSON: {error.msg}"
+    except (ValueError, RecursionError) as error:
+        found, reason = None, f"not readable as JSON: {error}"
+    if not isinstance(found, dict):
+        raise InvalidFile("; ".join(filter(None, (reason, remedy))), path=path, line=line)
+    return found
 
 
 def keep(content: bytes, path: Path) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import stat
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -11,9 +10,7 @@ from pathlib import Path
 from lxml import etree
 
 from schemas.errors import InvalidFile
-
-MAX_BYTES = 256 * 1024 * 1024
-"""Largest file that is read. The biggest public road networks have about a tenth of it."""
+from schemas.storage import read_bytes
 
 _BEFORE_DOCTYPE = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?(?>\s+|<\?.*?\?>|<!--.*?-->)*+<!DOCTYPE", re.DOTALL)
 _HINTS_OF_THE_PARSER = re.compile(r", (?:line \d+, column \d+.*|(?:use|try) XML_PARSE_HUGE.*)$", re.DOTALL)
@@ -23,7 +20,8 @@ def parse(path: str | PathLike[str]) -> etree._ElementTree:
     """Parse an XML file that may come from anyone.
 
     Args:
-        path: a regular file of at most `MAX_BYTES`, in any encoding that its declaration or byte order mark names.
+        path: a regular file that is not too large (see `schemas.storage`), in any encoding that its declaration or byte order
+            mark names.
 
     Raises:
         InvalidFile: the file is missing, a folder, empty, too large, not well-formed, or declares a document type
@@ -71,28 +69,6 @@ def local_name(element: etree._Element) -> str:
     """Name of an element without its namespace; "" for comments and processing instructions."""
     tag = element.tag
     return tag.rpartition("}")[2] if isinstance(tag, str) else ""
-
-
-def read_bytes(path: Path) -> bytes:
-    """The content of a file that may be anything, a device without an end included.
-
-    Raises:
-        InvalidFile: it is missing, no regular file, or larger than `MAX_BYTES`.
-    """
-    try:
-        status = path.stat()
-        if stat.S_ISDIR(status.st_mode):
-            raise InvalidFile("this is a folder, a file is expected", path=path)
-        if not stat.S_ISREG(status.st_mode):
-            raise InvalidFile("this is not a regular file", path=path)
-        if status.st_size > MAX_BYTES:
-            raise InvalidFile(f"{status.st_size} bytes are more than the {MAX_BYTES} that are read", path=path)
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InvalidFile("no such file", path=path) from None
-    except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise InvalidFile(f"the file cannot be read: {reason}", path=path) from None
 
 
 def _doctype_refused(path: Path, line: int | None) -> InvalidFile:

@@ -13,7 +13,7 @@ import pytest
 
 from runner import cli
 from schemas import check
-from schemas.xml import MAX_BYTES
+from schemas.storage import MAX_BYTES
 from tests.guarded import run_mutants
 from tests.mutation import BOMB, EXTERNAL, OWN_SCENARIOS, sources, write_mutant
 from tests.runner.files import HEADER, ROADS, car, place, scenario, speed_action, story

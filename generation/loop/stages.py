@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import keep
+from schemas.errors import UsageError
+from schemas.storage import keep, read_object
 
 _FOLDER = "stages"
 _SETTINGS = "loop.json"
+_REMEDY = "remove it to have it done again"
 
 Found = dict[str, Any]
 """What a stage has found, JSON-able."""
@@ -35,7 +36,7 @@ class Stages:
         self._folder, self._done = out / _FOLDER, done
         path = out / _SETTINGS
         if path.is_file():
-            before = _read(path)
+            before = read_object(path, _REMEDY)
             changed = [name for name in settings if settings[name] != before.get(name)]
             if changed:
                 reason = f"this folder holds a loop with other settings ({', '.join(changed)}): give the same, or another folder"
@@ -52,7 +53,7 @@ class Stages:
         """
         path = self._folder / f"{name}.json"
         if path.is_file():
-            found = _read(path)
+            found = read_object(path, _REMEDY)
             self._done(name, found, None)
             return found
         begun = time.monotonic()
@@ -60,16 +61,6 @@ class Stages:
         _write(path, found)
         self._done(name, found, time.monotonic() - begun)
         return found
-
-
-def _read(path: Path) -> Found:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InvalidFile(f"not readable as a stage of a loop ({error}); remove it to have it done again", path=path) from None
-    if not isinstance(found, dict):
-        raise InvalidFile("this is no stage of a loop; remove it to have it done again", path=path)
-    return found
 
 
 def _write(path: Path, found: Mapping[str, Any]) -> None:

@@ -21,7 +21,8 @@ from recognition.datasets.obstacles import recording_of
 from recognition.datasets.source import Report, Source
 from runner.recording import Recording
 from schemas.errors import InvalidFile
-from schemas.xml import MAX_BYTES, parse, parse_bytes
+from schemas.storage import MAX_BYTES
+from schemas.xml import parse, parse_bytes
 
 FORMAT = "CommonRoad"
 _VERSIONS = ("2018b", "2020a")

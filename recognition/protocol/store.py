@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import keep
+from schemas.errors import UsageError
+from schemas.storage import keep, read_object
 
 _CONFIGURATION, _RESULTS = "configuration.json", "results"
+_REMEDY = "remove it to have it made again"
 
 
 class Key(NamedTuple):
@@ -40,7 +41,7 @@ class Store:
         """
         path = self.folder / _CONFIGURATION
         if path.exists():
-            before = _read(path)
+            before = read_object(path, _REMEDY)
             different = [name for name, value in json.loads(json.dumps(configuration)).items() if before.get(name) != value]
             if different:
                 raise UsageError(f"the folder holds results of another {', '.join(different)}; choose another folder", path=path)
@@ -64,7 +65,7 @@ class Store:
         Raises:
             InvalidFile: it is missing or damaged.
         """
-        return _read(self._path(key))
+        return read_object(self._path(key), _REMEDY)
 
     def write(self, key: Key, values: dict[str, Any]) -> None:
         """Keep a result."""
@@ -88,13 +89,3 @@ def _write(path: Path, values: dict[str, Any]) -> None:
 def _numbers(path: Path) -> tuple[int, int]:
     seed, _, number = path.stem.removeprefix("seed").partition("-round")
     return int(seed), int(number)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InvalidFile(f"this result can't be read ({error}); remove it to have it made again", path=path) from None
-    if not isinstance(values, dict):
-        raise InvalidFile("this is no result; remove it to have it made again", path=path)
-    return values

@@ -24,7 +24,7 @@ import numpy as np
 
 from recognition.sites.lanes import Floats, LaneGraph, Whole
 from schemas.errors import InvalidFile
-from schemas.storage import digest, keep
+from schemas.storage import digest, keep, read_object
 from xodr.network import RoadNetwork
 
 ENDING = ".roles.json"
@@ -144,13 +144,8 @@ def _keep(text: str, path: Path) -> None:
 
 
 def _document(path: Path) -> dict[str, Any]:
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise InvalidFile(f"this is no JSON: {error.msg}; {_HELP}", path=path, line=error.lineno) from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise InvalidFile(f"the lane roles can't be read: {error}", path=path) from None
-    if not isinstance(document, dict) or not isinstance(document.get("roles"), list):
+    document = read_object(path, _HELP)
+    if not isinstance(document.get("roles"), list):
         raise InvalidFile(f"lane roles are an object with a list `roles`; {_HELP}", path=path)
     return document
 

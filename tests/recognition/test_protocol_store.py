@@ -49,5 +49,5 @@ def test_damaged_result_is_named(tmp_path: Path) -> None:
     store = Store(tmp_path)
     store.write(KEY, {})
     (tmp_path / "results/open-set/cac/seed0-round1.json").write_text('{"macro')
-    with pytest.raises(InvalidFile, match=r"seed0-round1\.json: .*remove it"):
+    with pytest.raises(InvalidFile, match=r"seed0-round1\.json:1: .*remove it"):
         store.read(KEY)

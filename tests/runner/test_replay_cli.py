@@ -101,4 +101,4 @@ def test_wrong_usage_is_refused(command: Command, batch: Path, run: Path, tmp_pa
 def test_damaged_and_absent_results_are_refused(command: Command, tmp_path: Path) -> None:
     code, _, err = command("xosc-replay", tmp_path / "absent")
     assert code == 3
-    assert "absent/result.json: the results of a run can't be read" in err
+    assert "absent/result.json: no such file" in err

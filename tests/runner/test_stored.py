@@ -109,5 +109,5 @@ def test_values_that_no_run_has_are_refused(copy: Path, column: str, values: Cal
 @pytest.mark.parametrize("file", [RESULT, EVENTS, TRAJECTORIES])
 def test_missing_files_are_named(copy: Path, file: str) -> None:
     (copy / file).unlink()
-    with pytest.raises(InvalidFile, match=f"{file}: .*No such file"):
+    with pytest.raises(InvalidFile, match=f"{file}: .*[Nn]o such file"):
         load_run(copy)

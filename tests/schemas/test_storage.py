@@ -1,4 +1,4 @@
-"""Files that the toolchain makes itself."""
+"""Files that may be anything, and files that the toolchain makes itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas.storage import keep
+from schemas.errors import InvalidFile
+from schemas.storage import keep, parse_object, read_object
 
 
 @pytest.fixture(params=[0o022, 0o007], ids=oct)
@@ -37,3 +38,31 @@ def test_what_can_t_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="in_the_way"):
         keep(b"kept", tmp_path / "in_the_way")
     assert [path.name for path in tmp_path.iterdir()] == ["in_the_way"]
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"", "object.json:1: not readable as JSON: Expecting value; mend it"),
+        (b'{\n"a": }', "object.json:2: not readable as JSON: Expecting value; mend it"),
+        (b'{"a": "\xff"}', "object.json: not readable as JSON: 'utf-8' codec can't decode byte"),
+        (b"[" * 100_000, "object.json: not readable as JSON: "),
+        (b"[]", "object.json: a JSON object is expected; mend it"),
+        (b"null", "object.json: a JSON object is expected; mend it"),
+    ],
+)
+def test_what_is_no_json_object_is_refused_in_one_line(content: bytes, complaint: str, tmp_path: Path) -> None:
+    path = tmp_path / "object.json"
+    path.write_bytes(content)
+    with pytest.raises(InvalidFile) as caught:
+        read_object(path, "mend it")
+    assert str(caught.value).startswith(f"{tmp_path}/{complaint}") and "\n" not in str(caught.value)
+
+
+def test_an_object_is_read_or_refused_by_its_line(tmp_path: Path) -> None:
+    path = keep('{"é": [1]}'.encode(), tmp_path / "object.json")
+    assert read_object(path) == parse_object(path.read_bytes(), path) == {"é": [1]}
+    with pytest.raises(InvalidFile, match=r"object\.json:7: not readable as JSON: "):
+        parse_object(b"{", path, 7)
+    with pytest.raises(InvalidFile, match=r"none\.json: no such file$"):
+        read_object(tmp_path / "none.json", "mend it")

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from schemas import xml
+from schemas import storage
 from schemas.errors import InvalidFile
 from schemas.xml import line_of, parse
 
@@ -75,7 +75,7 @@ def test_missing_file_folder_and_device_are_refused(tmp_path):
 
 
 def test_huge_file_is_refused_before_it_is_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(xml, "MAX_BYTES", 10)
+    monkeypatch.setattr(storage, "MAX_BYTES", 10)
     file = tmp_path / "big.xosc"
     file.write_bytes(b"<a>" + b" " * 20 + b"</a>")
     with pytest.raises(InvalidFile, match="more than the 10 that are read"):

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from schemas.errors import UsageError
-from schemas.xml import read_bytes
+from schemas.storage import read_bytes
 
 
 class Folder:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from schemas.errors import InvalidFile
-from schemas.xml import read_bytes
+from schemas.storage import read_bytes
 from xosc.catalogs import catalog_files, file_reference
 from xosc.document import Document, load
 from xosc.exports.folder import Folder

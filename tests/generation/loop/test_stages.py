@@ -47,5 +47,5 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
 def test_a_damaged_stage_is_named(tmp_path: Path, text: str) -> None:
     stages(tmp_path, []).once("count", dict)
     (tmp_path / "stages" / "count.json").write_text(text)
-    with pytest.raises(InvalidFile, match=r"count\.json: .*remove it"):
+    with pytest.raises(InvalidFile, match=r"count\.json:.* remove it"):
         stages(tmp_path, []).once("count", dict)
