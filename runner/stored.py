@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.entities import BoundingBox
 from runner.recording import COLUMNS, Recording, Track, arrow_type
@@ -28,6 +29,34 @@ _SHORTEST, _LONGEST = 0.001, 1e6
 """Limits of steps and runs, s"""
 
 
+class Setup(NamedTuple):
+    """What a run was of.
+
+    Attributes:
+        scenario, road: its files, which may be gone; None where it was on no road.
+        timestep: s.
+        ego: its name; None where there was none.
+        entities: kind, category and box of each participant, by name.
+    """
+
+    scenario: Path
+    road: Path | None
+    timestep: float
+    ego: str | None
+    entities: dict[str, tuple[str, str, BoundingBox]]
+
+
+def read_setup(path: Path) -> Setup:
+    """What the run with this `RESULT` was of.
+
+    Raises:
+        InvalidFile: the file is missing or damaged.
+    """
+    values = read_object(path)
+    with _result_of_a_run(path):
+        return _setup(values)
+
+
 def load_run(folder: Path, road: Path | None = None) -> RunResult:
     """The run whose results lie in a folder.
 
@@ -39,29 +68,42 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
     """
     path = folder / RESULT
     values = read_object(path)
-    try:
-        settings = dict(values["settings"])
-        recording = Recording(
-            _tracks(folder / TRAJECTORIES, values["entities"]),
-            _number(settings, "timestep", _SHORTEST),
-            _network(values["files"]["road"], road, path),
-        )
+    with _result_of_a_run(path):
+        setup = _setup(values)
+        tracks = _tracks(folder / TRAJECTORIES, setup)
         return RunResult(
-            scenario=Path(values["files"]["scenario"]),
+            scenario=setup.scenario,
             parameters={str(name): str(value) for name, value in values["parameters"].items()},
             status=str(values["status"]),
             end_time=_number(values, "end_time", 0.0, _LONGEST),
             verdict=Verdict(values["verdict"] == "passed", tuple(map(str, values["reasons"]))),
             remarks=tuple(map(str, values["remarks"])),
-            ego=None if values["ego"] is None else str(values["ego"]),
+            ego=setup.ego,
             sut=str(values["sut"]),
-            settings=settings,
+            settings=dict(values["settings"]),
             events=_events(folder / EVENTS),
-            recording=recording,
+            recording=Recording(tracks, setup.timestep, _network(setup.road, road, path)),
             name=folder.resolve().name,
         )
+
+
+@contextmanager
+def _result_of_a_run(path: Path) -> Iterator[None]:
+    try:
+        yield
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InvalidFile(f"this is not the result of a run: {type(error).__name__}: {error}", path=path) from None
+
+
+def _setup(values: Mapping[str, Any]) -> Setup:
+    files, ego = values["files"], values["ego"]
+    return Setup(
+        Path(files["scenario"]),
+        None if files["road"] is None else Path(files["road"]),
+        _number(values["settings"], "timestep", _SHORTEST),
+        None if ego is None else str(ego),
+        {name: (str(who["kind"]), str(who["category"]), _box(who["box"])) for name, who in values["entities"].items()},
+    )
 
 
 def _number(values: Mapping[str, Any], name: str, least: float = -_GREATEST, most: float = _GREATEST) -> float:
@@ -83,35 +125,31 @@ def _events(path: Path) -> list[LogEntry]:
     return events
 
 
-def _network(recorded: str | None, given: Path | None, path: Path) -> RoadNetwork | None:
-    if given is None and recorded is None:
+def _network(recorded: Path | None, given: Path | None, path: Path) -> RoadNetwork | None:
+    file = given or recorded
+    if file is None:
         return None
     from xodr.reader import load
 
-    if given is None and recorded is not None and not os.path.isfile(recorded):  # unlike Path.is_file it takes any length
+    if given is None and not os.path.isfile(file):  # unlike Path.is_file it takes names of any length
         raise InvalidFile(f"the road network {recorded} of this run is not there any more; name it by --road", path=path)
-    return load(given or str(recorded))
+    return load(file)
 
 
-def _tracks(path: Path, entities: dict[str, Any]) -> list[Track]:
-    """One track for each participant, in the order of the result's entities; columns are read when they are asked for."""
+def _tracks(path: Path, setup: Setup) -> list[Track]:
+    """One track for each participant, in the order of the setup; columns are read when they are asked for."""
     import numpy as np
 
     table = _table(path)
     encoded = table["entity"].combine_chunks().dictionary_encode()
     names, codes = encoded.dictionary.to_pylist(), encoded.indices.to_numpy()
-    absent = set(names) - entities.keys()
+    absent = set(names) - setup.entities.keys()
     if absent:
         raise InvalidFile(f"{min(absent)!r} is not among the entities of {RESULT}", path=path)
     ends = np.cumsum(np.bincount(codes, minlength=len(names)))
     rows = dict(zip(names, np.split(np.argsort(codes, kind="stable"), ends[:-1]), strict=True)) if names else {}
     none = np.zeros(0, np.int64)
-    return [
-        Track(
-            name, str(who["kind"]), str(who["category"]), _box(who["box"]), partial(_columns, table, rows.get(name, none), path)
-        )
-        for name, who in entities.items()
-    ]
+    return [Track(name, *who, partial(_columns, table, rows.get(name, none), path)) for name, who in setup.entities.items()]
 
 
 def _box(values: Mapping[str, Any]) -> BoundingBox:

@@ -104,7 +104,7 @@ def test_before_1_2_only_openlabel_is_written(scenario: Path, tmp_path: Path) ->
 def test_runs_whose_scenario_is_gone_are_refused(scenario: Path, tmp_path: Path) -> None:
     runs = run(scenario, tmp_path / "runs")
     scenario.unlink()
-    with pytest.raises(InvalidFile, match=r"the scenario of this run, .*highway_cut_in.xosc', is not there"):
+    with pytest.raises(InvalidFile, match=r"the scenario of this run, .*highway_cut_in.xosc, is not there"):
         label(runs)
 
 

@@ -87,33 +87,39 @@ def change(run: Path, **values: object) -> None:
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        ({"settings": {}}, "timestep is None, a number is expected"),
-        ({"settings": {"timestep": "fast"}}, "timestep is 'fast', a number is expected"),
-        ({"settings": {"timestep": 0}}, "the timestep is 0"),
-        ({"settings": []}, "there is no object 'settings'"),
-        ({"entities": {}}, "there is no object 'Ego'"),
-        ({"entities": {"Ego": {"box": {}, "kind": "vehicle"}}}, "kind or category of 'Ego' is missing"),
-        ({"entities": {"Ego": {"box": {}, "kind": "vehicle", "category": "car"}}}, "x is None, a number is expected"),
-        ({"files": {"road": 7}}, "road is 7, the path of a file is expected"),
+        ({"settings": {}}, "KeyError: 'timestep'"),
+        ({"settings": {"timestep": "fast"}}, "timestep is 'fast'"),
+        ({"settings": {"timestep": 0}}, "timestep is 0"),
+        ({"settings": []}, "TypeError"),
+        ({"entities": []}, "AttributeError"),
+        ({"entities": {"Ego": {"box": {}, "kind": "vehicle"}}}, "KeyError: 'category'"),
+        ({"entities": {"Ego": {"box": {}, "kind": "vehicle", "category": "car"}}}, "KeyError: 'x'"),
+        ({"files": {"scenario": "a.xosc", "road": 7}}, "TypeError"),
     ],
 )
 def test_bad_result_is_refused(run: Path, values: dict, complaint: str) -> None:
     change(run, **values)
-    with pytest.raises(InvalidFile, match=rf"result\.json: {complaint}"):
+    with pytest.raises(InvalidFile, match=rf"result\.json: this is not the result of a run: .*{complaint}"):
+        read(run)
+
+
+def test_participant_that_the_result_does_not_know_is_refused(run: Path) -> None:
+    change(run, entities={})
+    with pytest.raises(InvalidFile, match=r"trajectories\.parquet: 'CutIn' is not among the entities of result\.json"):
         read(run)
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"\xff\xfe", b"[" * 100_000, b"nonsense"])
 def test_result_that_is_no_json_is_refused(run: Path, content: bytes) -> None:
     (run / "result.json").write_bytes(content)
-    with pytest.raises(InvalidFile, match=r"result\.json: not readable as JSON"):
+    with pytest.raises(InvalidFile, match=r"result\.json.*: not readable as JSON"):
         read(run)
 
 
 @pytest.mark.parametrize("content", [b"[]", b"1", b"null"])
 def test_result_that_is_no_object_is_refused(run: Path, content: bytes) -> None:
     (run / "result.json").write_bytes(content)
-    with pytest.raises(InvalidFile, match=r"result\.json: this is no JSON object"):
+    with pytest.raises(InvalidFile, match=r"result\.json: a JSON object is expected"):
         read(run)
 
 
@@ -121,10 +127,16 @@ def test_result_that_is_no_object_is_refused(run: Path, content: bytes) -> None:
 def test_files_of_a_run_are_named_or_refused(run: Path, what: Callable[[Path], Path]) -> None:
     trajectories = run / "trajectories.parquet"
     assert what(trajectories).is_file()
-    for name in (None, 7, "/gone", "a" * 5000):
-        change(run, files={what.__name__: name})
+    for name in ("/gone", "a" * 5000, "\0"):
+        change(run, files={"scenario": name, "road": name})
         with pytest.raises(InvalidFile, match=f"the {what.__name__} of this run, .* is not there"):
             what(trajectories)
+
+
+def test_run_on_no_road_names_none(run: Path) -> None:
+    change(run, files={"scenario": "/gone.xosc", "road": None})
+    with pytest.raises(InvalidFile, match=r"result\.json: the run has no road"):
+        runs.road(run / "trajectories.parquet")
 
 
 def test_damaged_trajectories_are_refused(run: Path) -> None:
