@@ -17,6 +17,7 @@ from generation.loop.stages import Found, Stages
 from generation.loop.targets import Refused, Target, of_classes, of_scenario, split
 from generation.units import Samples
 from recognition.catalogue.episodes import plain
+from recognition.catalogue.index import rows_of
 from runner.jobs import Job, Outcome, jobs_of
 from schemas import check_many
 from schemas.errors import UsageError
@@ -87,7 +88,7 @@ class _Loop:
             table = self._out / UNITS
             self._once("measure", partial(recognising.units, self._inputs.recordings, table, self._bar))
             own = Samples.read(table) if table.is_file() else None
-            listed = of_classes(recognising.rows_of(catalogue), catalogue, own)
+            listed = of_classes(rows_of(catalogue), catalogue, own)
         targets, refused = split(chain(listed, (of_scenario(path, own) for path in self._inputs.scenarios)))
         return found, targets, refused
 
@@ -111,7 +112,7 @@ class _Loop:
         """Replay some recorded scenarios of each class, as they were recorded."""
         jobs = [
             Job(f"{plain(row['class'])}_{Path(row['file']).stem}", path, path)
-            for row in chosen(recognising.rows_of(self._out / CATALOGUE), self._settings.shown)
+            for row in chosen(rows_of(self._out / CATALOGUE), self._settings.shown)
             for path in [self._out / CATALOGUE / row["file"]]
         ]
         return self._once("play", partial(self._run, jobs, None, self._out / "played"))
@@ -146,7 +147,7 @@ class _Loop:
         model = grown if grown.is_dir() else self._settings.model
         recognising.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
         found: Found = {}
-        for row in recognising.rows_of(folder / RECOGNISED):
+        for row in rows_of(folder / RECOGNISED):
             if row["vehicle"] == "Ego":
                 found.setdefault(row["recording"], []).append({"class": row["class"], "file": row["file"]})
         return found

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from generation.loop.settings import Bar
 from generation.loop.stages import Found
 from generation.units import Samples, extract_from
+from recognition.catalogue.index import rows_of
 from recognition.catalogue.pipeline import ByRules, Settings, build, cache_roads
 from recognition.datasets import Source
 from schemas.errors import ToolchainError
@@ -54,12 +53,6 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
         "failures": {name: str(error) for name, error in summary.failures.items()},
         "edited": summary.edited,
     }
-
-
-def rows_of(folder: Path) -> list[dict[str, Any]]:
-    """The rows of a catalogue's index."""
-    rows: list[dict[str, Any]] = json.loads((folder / "index.json").read_text(encoding="utf-8"))["scenarios"]
-    return rows
 
 
 def units(sources: Sequence[Source], path: Path, bar: Bar) -> Found:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -19,7 +18,7 @@ from recognition.catalogue.variation import CONTROLLER
 from recognition.datasets import Exclusion, Source
 from recognition.sites import Site
 from runner.recording import Recording
-from schemas.errors import InvalidFile, Unsupported
+from schemas.errors import Unsupported
 from schemas.storage import digest
 from xosc import maneuvers, tags
 from xosc.document import Document, to_bytes
@@ -132,7 +131,7 @@ class Catalogue:
         self._write_catalogs(self._entries.keys())
         rows = sorted(self.rows, key=lambda row: row["file"])
         told = {"recordings": self._recordings, "exclusions": self.exclusions, **more}
-        self.store.write("index.json", index.as_json(rows, told))
+        self.store.write(index.FILE, index.as_json(rows, told))
         self.store.write("index.csv", index.as_csv(rows))
         self.store.write("index.parquet", index.as_parquet(rows))
         return self.store.close()
@@ -209,21 +208,6 @@ class Catalogue:
 def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
     """The folders of catalogues by their kind, relative to the scenario."""
     return {each.place.kind: each.place.directory for each in entries}
-
-
-def recordings_of(root: Path) -> list[str]:
-    """Names of the recordings in the index of a catalogue; none where there is no index.
-
-    Raises:
-        InvalidFile: it is not readable.
-    """
-    path = root / "index.json"
-    if not path.is_file():
-        return []
-    try:
-        return [str(each["name"]) for each in json.loads(path.read_text(encoding="utf-8"))["recordings"]]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InvalidFile(f"not readable as the index of a catalogue: {error}", path=path) from None
 
 
 class _Context(NamedTuple):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from recognition.catalogue.index import rows_of
 from recognition.catalogue.scenes import Part, Scene, Scope, Stage
 from recognition.datasets import Source
 from runner.execution import run
@@ -42,7 +42,7 @@ def of_catalogue(
         sources: the recordings that it was made from.
         scope: with which it was made.
     """
-    rows = json.loads((root / "index.json").read_text(encoding="utf-8"))["scenarios"]
+    rows = rows_of(root)
     for source in sources:
         own = [row for row in rows if row["recording"] == source.name]
         stage = Stage(source.load(), scope) if own else None

@@ -6,8 +6,14 @@ import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from schemas.errors import InvalidFile
+from schemas.storage import read_object
+
+FILE = "index.json"
+"""Its place in the folder of a catalogue."""
 COLUMNS: dict[str, type] = {
     "file": str,
     "maneuver": str,
@@ -41,6 +47,32 @@ COLUMNS: dict[str, type] = {
 manoeuvre (or why there is none), tags, road. The class, by whom and how sure. Where from, with times in s. Measures."""
 
 Row = Mapping[str, Any]
+
+
+def rows_of(root: Path) -> list[dict[str, Any]]:
+    """The rows of the index of a catalogue.
+
+    Raises:
+        InvalidFile: there is none, or it is not readable.
+    """
+    return _listed(root / FILE, "scenarios")
+
+
+def recordings_of(root: Path) -> list[str]:
+    """Names of the recordings in the index of a catalogue; none where there is no index.
+
+    Raises:
+        InvalidFile: it is not readable.
+    """
+    path = root / FILE
+    return [str(each.get("name")) for each in _listed(path, "recordings")] if path.is_file() else []
+
+
+def _listed(path: Path, name: str) -> list[dict[str, Any]]:
+    found = read_object(path).get(name)
+    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+        raise InvalidFile(f"the index of a catalogue has a list of objects {name!r}", path=path)
+    return found
 
 
 def as_json(rows: Sequence[Row], more: Mapping[str, Any]) -> bytes:

@@ -13,7 +13,7 @@ from recognition.catalogue import findings
 from recognition.catalogue.catalogue import AUTHOR
 from recognition.catalogue.findings import Finding
 from recognition.catalogue.pipeline import Progress, Recogniser, Settings, cache_roads
-from recognition.catalogue.store import write_unless_edited
+from recognition.catalogue.store import digests, write_unless_edited
 from recognition.datasets import Source, runs
 from recognition.labels import label
 from recognition.sites import site_of
@@ -62,7 +62,7 @@ def label_runs(
     for source in sources:
         by_scenario.setdefault(runs.scenario(source.path), []).append(source)
     record = folder / LABELS
-    before = _digests(record)
+    before = digests(record)
     files = {
         path: content for scenario, of in by_scenario.items() for path, content in _annotations(scenario, of, found, in_place)
     }
@@ -129,12 +129,3 @@ def _told(finding: Finding) -> dict[str, Any]:
 def _write(path: Path, content: bytes, before: dict[str, str], anyway: bool) -> bool:
     found = digest(path.read_bytes()) if anyway and path.is_file() else before.get(str(path))
     return write_unless_edited(path, content, found)
-
-
-def _digests(path: Path) -> dict[str, str]:
-    if not path.is_file():
-        return {}
-    try:
-        return {str(name): str(value) for name, value in json.loads(path.read_text(encoding="utf-8"))["files"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InvalidFile(f"not readable as the labels of runs: {error}", path=path) from None

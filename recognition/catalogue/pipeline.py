@@ -10,9 +10,10 @@ from typing import Any, NamedTuple, Protocol
 
 from recognition import datasets
 from recognition.catalogue import findings, usable
-from recognition.catalogue.catalogue import Catalogue, Config, recordings_of
+from recognition.catalogue.catalogue import Catalogue, Config
 from recognition.catalogue.episodes import Around, of_findings, of_vehicles
 from recognition.catalogue.findings import Moment, by_rules
+from recognition.catalogue.index import recordings_of
 from recognition.datasets import Source
 from recognition.labels import Event, Rules, label
 from recognition.sites import Site, site_of

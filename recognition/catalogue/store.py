@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import digest, keep
+from schemas.storage import digest, keep, read_object
 
 MANIFEST = "manifest.json"
 
@@ -79,16 +79,25 @@ def write_unless_edited(path: Path, content: bytes, before: str | None) -> bool:
     return True
 
 
-def _manifest(path: Path) -> dict[str, str]:
+def digests(path: Path) -> dict[str, str]:
+    """The digests of files by name as a JSON file has them under "files"; none where there is no such file.
+
+    Raises:
+        InvalidFile: it is not readable, or has something else.
+    """
     if not path.is_file():
         return {}
-    try:
-        files = json.loads(path.read_text(encoding="utf-8"))["files"]
-        if any(".." in PurePath(name).parts or PurePath(name).is_absolute() for name in files):
-            raise ValueError("it names files outside of the catalogue")
-        return {str(name): str(value) for name, value in files.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InvalidFile(f"the manifest of the catalogue is not readable: {error}", path=path) from None
+    files = read_object(path).get("files")
+    if not isinstance(files, dict):
+        raise InvalidFile("the digests of files are expected, in an object 'files'", path=path)
+    return {name: str(value) for name, value in files.items()}
+
+
+def _manifest(path: Path) -> dict[str, str]:
+    files = digests(path)
+    if any(".." in PurePath(name).parts or PurePath(name).is_absolute() for name in files):
+        raise InvalidFile("the manifest names files outside of the catalogue", path=path)
+    return files
 
 
 def _remove_empty(folder: Path, root: Path) -> None:

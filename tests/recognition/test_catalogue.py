@@ -167,6 +167,14 @@ def test_a_manifest_that_names_files_elsewhere_is_refused(recordings: Path, tmp_
         build(recordings, tmp_path / "out")
 
 
+def test_a_damaged_index_is_refused(catalogue: Path, recordings: Path) -> None:
+    (catalogue / "index.json").write_text('{"recordings": 7, "scenarios": ["none"]}')
+    with pytest.raises(InvalidFile, match=r"index\.json: .* a list of objects 'recordings'"):
+        build(recordings, catalogue)
+    with pytest.raises(InvalidFile, match=r"index\.json: .* a list of objects 'scenarios'"):
+        index.rows_of(catalogue)
+
+
 # recordings ---------------------------------------------------------------------------------
 
 

@@ -114,5 +114,5 @@ def test_folders_without_runs_and_broken_labels_are_refused(scenario: Path, tmp_
         label(tmp_path / "empty")
     runs = run(scenario, tmp_path / "runs")
     (runs / "labels.json").write_text("mine")
-    with pytest.raises(InvalidFile, match=r"labels.json: not readable as the labels of runs"):
+    with pytest.raises(InvalidFile, match=r"labels.json:1: not readable as JSON"):
         label(runs)

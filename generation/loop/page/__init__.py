@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
-from generation.loop.recognising import rows_of
 from generation.loop.stages import Found
+from recognition.catalogue.index import rows_of
 from runner.replay.page import page, write_page
 from runner.replay.report import REPORT
 
