@@ -51,6 +51,9 @@ def _find(path: Path, roads: Path) -> list[Source]:
     if not found:
         known = "highD, INTERACTION, CommonRoad, NGSIM, or results of xosc-run"
         raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
+    for source in found:
+        if not source.name.isprintable():
+            raise InvalidFile(f"the name of recording {source.name!r} has characters that can't be printed", path=source.path)
     return found
 
 

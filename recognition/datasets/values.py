@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["whole", "integer", "number", "optional", "text", "label"]
 """Of a column: whole numbers from 0, integers (both up to 2⁵³), finite numbers, numbers that may be blank (NaN), text, or text
-that may be blank (None)."""
+that may be blank (None). Text is printable: it becomes names in XML and on terminals."""
 
 GREATEST = 1e9
 """Greatest magnitude of a measured value: whatever it measures in m, s or rad, more is a defect of the file."""
@@ -46,9 +46,9 @@ def _good(values: np.ndarray, blank: int, kind: Kind) -> bool:
     import numpy as np
 
     if kind == "label":
-        return True
+        return all(value is None or value.isprintable() for value in values)
     if kind == "text":
-        return all(values)
+        return all(value and value.isprintable() for value in values)
     if kind == "optional":
         return bool(((np.abs(values) <= GREATEST) | np.isnan(values)).all())
     if kind == "number":
@@ -61,7 +61,7 @@ def complaint(value: str, kind: Kind) -> str | None:
     """What is wrong with a value; None where nothing is."""
     shown = value if len(value) <= 40 else value[:40] + "…"
     if kind == "label" or (kind == "text" and value):
-        return None
+        return None if value.isprintable() else f"{shown!r} has characters that can't be printed"
     if value.strip().lower() in BLANK:
         return None if kind == "optional" else f"{shown!r} is no value" if value.strip() else "a value is missing"
     if kind in ("whole", "integer"):

@@ -106,6 +106,21 @@ def test_table_that_nobody_can_read_is_refused_and_not_passed_over(
         _ = datasets.open(tmp_path).sources
 
 
+def test_track_file_that_nobody_can_read_does_not_keep_the_others_from_being_read(tmp_path: Path) -> None:
+    write_csv(tmp_path / "site" / "vehicle_tracks_000.csv", CAR)
+    (tmp_path / "site" / "vehicle_tracks_001.csv").touch()
+    good, bad = datasets.open(tmp_path).sources
+    assert len(good.load().tracks) == 1
+    with pytest.raises(InvalidFile, match=r"vehicle_tracks_001\.csv:1: the file is empty"):
+        bad.load()
+
+
+def test_recording_whose_name_no_scenario_can_have_is_refused(tmp_path: Path) -> None:
+    write_csv(tmp_path / "\x1b[31msite" / "vehicle_tracks_000.csv", CAR)
+    with pytest.raises(InvalidFile, match=r"name of recording '\\x1b\[31msite/000' has characters that can't be printed"):
+        _ = datasets.open(tmp_path).sources
+
+
 @pytest.mark.parametrize(
     ("columns", "missing"),
     [

@@ -191,6 +191,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, agents: list) -> None:
         ("x", "nan", "'nan' is no value"),
         ("track_id", None, "a value is missing"),
         ("agent_type", None, "a value is missing"),
+        ("track_id", "\x1b[31m1", r"'\\x1b\[31m1' has characters that can't be printed"),
     ],
 )
 def test_bad_value_is_refused_with_line_and_column(tmp_path: Path, column: str, value: object, complaint: str) -> None:
