@@ -29,6 +29,7 @@ from recognition.datasets.tables import Table, column_names, read_table
 from recognition.datasets.tracks import Columns, columns_of, cut
 from recognition.datasets.values import Kind
 from runner.recording import Recording, Track
+from schemas.errors import InvalidFile
 
 FORMAT = "INTERACTION"
 STEP = 0.1
@@ -66,13 +67,21 @@ def sources(path: Path, roads: Path) -> list[Source]:
     named = _FIRST_LAYOUT.fullmatch(path.name)
     site = path.parent.name if named else _SPLIT.sub("", path.stem)
     lanelets = _map(path, site)
-    if "case_id" in column_names(path):
+    if _has_cases(path):
         cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
         names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
         return [Source(name, site, FORMAT, path, partial(_read_case, path, case), lanelets) for case, name in names.items()]
     number = named[2] if named else ""
     name = f"{site}/{number}" if named else path.stem
     return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, _origin(path, number))]
+
+
+def _has_cases(path: Path) -> bool:
+    """Whether a file holds many cases. One that can't be read says so when it is loaded, so that others beside it are read."""
+    try:
+        return "case_id" in column_names(path)
+    except InvalidFile:
+        return False
 
 
 def _map(path: Path, site: str) -> Path | None:
