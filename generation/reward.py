@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.density.base import Density
-from generation.density.selection import held_out, model
+from generation.density.selection import fitted, held_out
 from generation.evaluator import Outcomes
 from recognition.samples import Floats
 from schemas.errors import UsageError
@@ -58,7 +58,7 @@ class Realism:
         Raises:
             UsageError: there is no such density, or the rows hold none.
         """
-        return cls.of(model(name).fit(theta, recordings), held_out(name, theta, recordings))
+        return cls.of(fitted(name, theta, recordings), held_out(name, theta, recordings))
 
     @classmethod
     def of(cls, density: Density, held_out: Floats) -> Realism:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable, Hashable, Sequence
+from functools import wraps
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +38,38 @@ def model(name: str) -> Density:
     return make()
 
 
+_Found = TypeVar("_Found")
+_Work = Callable[[str, Floats, NDArray[Any]], _Found]
+
+
+def _once(work: _Work[_Found]) -> _Work[_Found]:
+    """The same model of the same rows is asked for by every round of a loop and by the tables of a report: work it out once."""
+    found: dict[Hashable, _Found] = {}
+
+    @wraps(work)
+    def remembering(name: str, theta: Floats, recordings: NDArray[Any]) -> _Found:
+        content = hashlib.blake2b(theta.tobytes() + repr(recordings.tolist()).encode()).digest()
+        key = name, theta.shape, content
+        if key not in found:
+            found[key] = work(name, theta, recordings)
+        return found[key]
+
+    return remembering
+
+
+@_once
+def fitted(name: str, theta: Floats, recordings: NDArray[Any]) -> Density:
+    """The model fitted on rows (n, d) of recordings (n,), the same object each time: not to be fitted anew."""
+    return model(name).fit(theta, recordings)
+
+
+@_once
 def held_out(name: str, theta: Floats, recordings: NDArray[Any]) -> Floats:
-    """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,)."""
+    """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,); read-only."""
     found = np.empty(len(theta))
-    for fitted, tested in folds(recordings):
-        found[tested] = model(name).fit(theta[fitted], recordings[fitted]).log_density(theta[tested])
+    for rows, tested in folds(recordings):
+        found[tested] = model(name).fit(theta[rows], recordings[rows]).log_density(theta[tested])
+    found.flags.writeable = False
     return found
 
 

@@ -53,9 +53,8 @@ def title(name: str) -> str:
     return METHODS[name].title + (" †" if METHODS[name].realistic else "")
 
 
-def tables(study: Study) -> list[Table]:
+def _tables(study: Study, last: Results, whole: Results) -> list[Table]:
     """All tables for which there are results."""
-    last, whole = results(study), results(study, whole=True)
     header = ("", *FIGURES.values())
     found = [
         Table("generated", "What the methods generate", _LAST_NOTE, (*header, "avoidable"), _rows(last, study)),
@@ -104,8 +103,9 @@ def _cell(values: list[float]) -> str:
 
 def write_report(study: Study) -> list[Table]:
     """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the tables."""
-    found = tables(study)
-    text = "\n".join([f"# Results of generation\n\n{_introduction(study)}\n", *(table.markdown() for table in found)])
+    last, whole = results(study), results(study, whole=True)
+    found = _tables(study, last, whole)
+    text = "\n".join([f"# Results of generation\n\n{_introduction(study, last)}\n", *(table.markdown() for table in found)])
     (study.out / "report.md").write_text(text, encoding="utf-8")
     (study.out / "tables").mkdir(exist_ok=True)
     for table in found:
@@ -113,14 +113,14 @@ def write_report(study: Study) -> list[Table]:
     with (study.out / "results.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("episodes", "method", "seed", *Measures._fields))
-        for episodes, measured in (("last third", results(study)), ("all", results(study, whole=True))):
+        for episodes, measured in (("last third", last), ("all", whole)):
             writer.writerows(
                 (episodes, name, seed, *values) for name, seeds in measured.items() for seed, values in seeds.items()
             )
     return found
 
 
-def _introduction(study: Study) -> str:
+def _introduction(study: Study, last: Results) -> str:
     settings, realism, recorded = study.settings, study.problem.reward.realism, study.recorded
     seeds = {key.seed for key in study.searches()}
     pinned = ", ".join(f"{name} {value}" for name, value in study.space.pinned.items())
@@ -132,7 +132,7 @@ def _introduction(study: Study) -> str:
         f"{len(np.unique(recorded.recordings))} recordings; reward form {settings.form}, realism weight {settings.weight}, "
         f"from a negative log-likelihood of {limits}."
     )
-    return "\n\n".join([about, PUBLISHED, _verdict(results(study))])
+    return "\n\n".join([about, PUBLISHED, _verdict(last)])
 
 
 def _verdict(found: Results) -> str:

@@ -10,13 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import gaussian_kde, multivariate_normal
 
+from generation.density import selection
 from generation.density.base import Density, Whitening, folds
 from generation.density.flow import Couplings, Flow
 from generation.density.gaussian import Gaussian
 from generation.density.independent import Independent
 from generation.density.kde import KDE, scott
 from generation.density.mixture import Mixture
-from generation.density.selection import MODELS, comparison, model
+from generation.density.selection import MODELS, comparison, fitted, held_out, model
 from recognition.samples import Floats
 from schemas.errors import UsageError
 
@@ -117,9 +118,9 @@ def test_folds_test_every_row_once_and_divide_no_group(groups: list[int]) -> Non
     labels = np.array(groups)
     parts = list(folds(labels))
     assert np.array_equal(np.sort(np.concatenate([tested for _, tested in parts])), np.arange(len(labels)))
-    for fitted, tested in parts:
-        assert len(fitted) and len(tested)
-        assert not set(labels[fitted].tolist()) & set(labels[tested].tolist())
+    for rows, tested in parts:
+        assert len(rows) and len(tested)
+        assert not set(labels[rows].tolist()) & set(labels[tested].tolist())
 
 
 @pytest.mark.parametrize(
@@ -153,3 +154,19 @@ def test_the_comparison_puts_the_truth_before_what_ignores_correlation() -> None
     assert table.rows[0][0] == "one Gaussian" or table.rows[0][0].startswith("Gaussian mixture")
     assert table.rows[-1][0] == "independent 1-D KDEs"
     assert "8 recordings" in table.note
+
+
+def test_a_model_of_the_same_rows_is_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(selection, "model", lambda name: made.append(name) or model(name))
+    theta, of = normal(90, seed=11), recordings(90)
+    first, outside = fitted("kde", theta, of), held_out("kde", theta, of)
+    assert len(made) == 1 + 5
+    assert fitted("kde", theta.copy(), of.astype(object)) is first and held_out("kde", theta.copy(), of) is outside
+    assert len(made) == 6
+    assert np.array_equal(first.log_density(theta), KDE().fit(theta, of).log_density(theta))
+    for others in ((theta + 1e-12, of), (theta, recordings(90, 9)), (theta[:89], of[:89])):
+        assert fitted("kde", *others) is not first and held_out("kde", *others) is not outside
+    assert fitted("gaussian", theta, of) is not first
+    with pytest.raises(ValueError, match="read-only"):
+        outside[0] = 0.0
