@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from recognition.datasets import Source, commonroad, interaction, lanelets, ngsim, runs
+from recognition.datasets.elements import invalid
 from recognition.sites.straight import straight_road
 from runner.recording import Recording
 from schemas.errors import UsageError
@@ -45,7 +46,7 @@ def map_of(source: Source, recording: Recording, folder: Path) -> Map:
             return Map(keep(content, folder / f"{_plain(source.site)}-{digest(content)}.xodr"))
     except OSError as error:
         raise UsageError(f"the road can't be written: {error.strerror or error}", path=folder) from None
-    what = f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map"
+    what = f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map {source.site}.osm"
     raise UsageError(what, path=source.path)
 
 
@@ -69,6 +70,8 @@ def _of_lanelets(source: Source, folder: Path) -> Map:
 
     root = commonroad.document(source)
     found = lanelets.lanelets(root)
+    if not found:
+        raise invalid(root, "there is no lanelet, so nothing tells of the roads")
 
     def beside(neighbour: lanelets.Neighbour | None) -> Neighbour | None:
         return None if neighbour is None else Neighbour(neighbour.id, neighbour.same_direction)

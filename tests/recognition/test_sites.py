@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,9 @@ import recognition.datasets as datasets
 from recognition.sites import Role, site_of
 from recognition.sites.straight import straight_road
 from runner.recording import Recording
-from schemas.errors import UsageError
+from schemas.errors import InvalidFile, UsageError
 from tests.recognition.driving import STEP, ahead, sideways, track
-from tests.recognition.traffic import Car, interaction_rows, write_csv, write_highd
+from tests.recognition.traffic import Car, commonroad, interaction_rows, obstacle, write_csv, write_highd
 from xodr import builders
 
 
@@ -31,7 +32,7 @@ def test_highd_brings_its_road_along(tmp_path: Path) -> None:
 
 
 def test_a_road_beside_the_tracks_is_the_sites(tmp_path: Path) -> None:
-    write_csv(tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 0.0, 0.0, 5.0, 0.0, 0.0))
+    write_csv(tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 50.0, 2.0, -5.0, 0.0, math.pi))
     path = builders.roundabout().write(tmp_path / "ring" / "ring.xodr")
     place = site_of(*opened(tmp_path / "ring", tmp_path / "roads"))
     assert place.path == path
@@ -41,8 +42,26 @@ def test_a_road_beside_the_tracks_is_the_sites(tmp_path: Path) -> None:
 
 def test_a_recording_without_roads_is_refused(tmp_path: Path) -> None:
     write_csv(tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 0.0, 0.0, 5.0, 0.0, 0.0))
-    with pytest.raises(UsageError, match=r"ring/000 has no map: neither ring\.xodr beside it nor a Lanelet2 map"):
+    with pytest.raises(UsageError, match=r"ring/000 has no map: neither ring\.xodr beside it nor a Lanelet2 map ring\.osm"):
         site_of(*opened(tmp_path / "ring", tmp_path / "roads"))
+
+
+@pytest.mark.parametrize(("x", "share"), [(5000.0, "0%"), (42.5, "20%")])
+def test_a_map_of_another_place_is_refused(tmp_path: Path, x: float, share: str) -> None:
+    """Vehicles stand on the map's road up to x = 50 m, and beyond, every 10 m."""
+    places = [(number, x + 10.0 * number) for number in range(5)]
+    rows = [row for number, at in places for row in interaction_rows(number, at, -1.75, 0.0, 0.0, 0.0)]
+    write_csv(tmp_path / "road" / "vehicle_tracks_000.csv", rows)
+    builders.straight_highway(length=50.0).write(tmp_path / "road" / "road.xodr")
+    message = rf"vehicle_tracks_000\.csv: only {share} of the vehicles' places are on a road of road\.xodr: a map of this place"
+    with pytest.raises(InvalidFile, match=message):
+        site_of(*opened(tmp_path / "road", tmp_path / "roads"))
+
+
+def test_scenarios_without_lanelets_are_refused_by_their_own_file(tmp_path: Path) -> None:
+    (tmp_path / "A_B-1_1_T-1.xml").write_text(commonroad(obstacle(1, 0.0, 0.0, 0.0, 5.0)))
+    with pytest.raises(InvalidFile, match=r"A_B-1_1_T-1\.xml:2: commonRoad: there is no lanelet"):
+        site_of(*opened(tmp_path, tmp_path / "roads"))
 
 
 def test_lanelet2_maps_become_roads_once(recordings: Path, tmp_path: Path) -> None:
