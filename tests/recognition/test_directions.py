@@ -7,7 +7,6 @@ import pytest
 from sklearn.cluster import KMeans
 
 from recognition import metrics
-from recognition.counting import likely_count
 from recognition.directions import Directions
 from recognition.prototypes import Prototypes
 from tests.recognition.clouds import clouds
@@ -37,9 +36,3 @@ def test_directions_of_few_or_equal_samples_are_finite() -> None:
     prototypes = Prototypes.fit(*clouds(KNOWN, 50, seed=0), "whitened")
     for samples in (np.zeros((5, 16), np.float32), clouds([11], 3, seed=1)[0]):
         assert np.isfinite(Directions.fit(prototypes, samples, 8).of(samples)).all()
-
-
-def test_the_number_of_clusters_is_that_of_clouds_that_are_apart() -> None:
-    for labels in (NEW[:2], NEW):
-        assert likely_count(clouds(labels, 50, seed=0, apart=8.0)[0], 10, seed=0) == len(labels)
-    assert likely_count(np.zeros((2, 3), np.float32), 10, seed=0) == 1
