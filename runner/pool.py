@@ -31,7 +31,7 @@ class Pool:
 
     def __init__(self, processes: int, work: Callable[[Job], Outcome], died: Callable[[Job], Outcome]) -> None:
         self._processes, self._work, self._died = processes, work, died
-        self._pool = _executor(processes)
+        self._pool = executor(processes)
 
     def __enter__(self) -> Pool:
         return self
@@ -80,7 +80,7 @@ class Pool:
         The job to blame is among the first, those in work: each is repeated in a process of its own.
         """
         self._pool.shutdown(wait=True)
-        self._pool = _executor(self._processes)
+        self._pool = executor(self._processes)
         suspects = self._processes
         for index, pending in enumerate(waiting):
             if isinstance(pending, Outcome) or pending[1].exception() is None:
@@ -90,14 +90,15 @@ class Pool:
             suspects -= 1
 
     def _alone(self, job: Job) -> Outcome:
-        with _executor(1) as pool:
+        with executor(1) as pool:
             try:
                 return pool.submit(self._work, job).result()
             except BrokenProcessPool:
                 return self._died(job)
 
 
-def _executor(processes: int) -> ProcessPoolExecutor:
+def executor(processes: int) -> ProcessPoolExecutor:
+    """Processes that end quietly on Ctrl-C, and with the one that made them."""
     return ProcessPoolExecutor(processes, initializer=_serve)
 
 

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from recognition.baselines.method import OpenSetMethod
 from recognition.samples import Features, Floats, Whole
 from recognition.screening import Screening
-from recognition.voters import grow
+from recognition.voters import Voters, grow
 from recognition.votes import TREES
 
 
@@ -17,6 +17,7 @@ class VotingMethod(OpenSetMethod):
     Args:
         seed: of the forest and the screening.
         trees: number of trees.
+        voters: grown from the training samples already; None grows them in `fit`.
 
     Attributes:
         background, neighbours: of the forest, see `recognition.voters.grow`.
@@ -25,16 +26,16 @@ class VotingMethod(OpenSetMethod):
     background = False
     neighbours = False
 
-    def __init__(self, seed: int = 0, trees: int = TREES) -> None:
+    def __init__(self, seed: int = 0, trees: int = TREES, voters: Voters | None = None) -> None:
         super().__init__(seed)
-        self.trees = trees
+        self.trees, self._grown = trees, voters
 
     @abstractmethod
     def _screening(self) -> Screening:
         """The screening, not calibrated yet."""
 
     def _learn(self, features: Features, indices: Whole) -> None:
-        self._voters = grow(
+        self._voters = self._grown or grow(
             features,
             self.classes[indices],
             trees=self.trees,

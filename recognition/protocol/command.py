@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +14,6 @@ from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from recognition.protocol.evaluation import Evaluation
-    from recognition.protocol.store import Key
 
 SCALES = {"quick": 100, "standard": 400, "paper": 2600}
 """Events of each class, by name of the scale."""
@@ -42,6 +42,7 @@ def evaluate(
     split_by: Annotated[
         Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
     ] = "recording",
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Seeds at a time, each in a process.")] = 2,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
 ) -> None:
@@ -50,13 +51,16 @@ def evaluate(
     An interrupted evaluation goes on with the same command; more seeds, methods and experiments can be added later.
     """
     from recognition.protocol.evaluation import Evaluation, Settings
+    from recognition.protocol.processes import run_beside
 
     kinds, names = _experiments(experiments), _methods(methods)
     if scale not in SCALES:
         raise UsageError(f"there is no scale {scale!r}; scales: {', '.join(SCALES)}")
     with interruptible("xosc-recognize evaluate", "the same command goes on where it was"):
-        evaluation = Evaluation(path, out, Settings(events_per_class or SCALES[scale], preset, split_by))
-        _run(evaluation, evaluation.pending(seeds, kinds, names), quiet)
+        settings = Settings(events_per_class or SCALES[scale], preset, split_by)
+        evaluation = Evaluation(path, out, settings)
+        pending = evaluation.pending(seeds, kinds, names)
+        _show(run_beside(path, out, settings, pending, jobs), len(pending), quiet)
         _write(evaluation, out, figures, quiet)
 
 
@@ -94,13 +98,14 @@ def _methods(chosen: list[str] | None) -> list[str] | None:
     return chosen or None
 
 
-def _run(evaluation: Evaluation, pending: list[Key], quiet: bool) -> None:
+def _show(counts: Iterable[int], total: int, quiet: bool) -> None:
+    """Follow how many results are there."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    columns = TextColumn("results"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
-        task = progress.add_task("encoder", total=len(pending))
-        for key in evaluation.run(pending):
-            progress.update(task, advance=1, description=f"seed {key.seed}, round {key.round}, {key.kind} {key.method}")
+        task = progress.add_task("results", total=total)
+        for count in counts:
+            progress.update(task, completed=count)

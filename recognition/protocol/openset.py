@@ -18,7 +18,7 @@ from recognition.baselines.mls import MLS
 from recognition.baselines.vote_threshold import PlainThreshold
 from recognition.baselines.voting import VotingMethod
 from recognition.protocol.stage import Stage
-from recognition.samples import Floats, Whole
+from recognition.samples import UNKNOWN, Floats, Whole
 from recognition.screening import EvtDeficit, EvtPooled, Screening
 
 OWN_RULE = "trfe"
@@ -94,5 +94,13 @@ def _common_rule(name: str, stage: Stage) -> Judged:
     if name == ONLY_TUNED:
         stage = stage.only_tuned
     fitted, held, tested = stage.labelled, stage.validation, stage.test.features
-    model = COMMON_RULE[name](seed=stage.seed).fit(fitted.features, fitted.labels, held.features, held.labels)
-    return Judged(model.classify(tested), model.score(tested), model.predict(tested), model.threshold)
+    model = _unfitted(COMMON_RULE[name], stage).fit(fitted.features, fitted.labels, held.features, held.labels)
+    closed, scores = model.classify(tested), model.score(tested)
+    return Judged(closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold)
+
+
+def _unfitted(kind: type[OpenSetMethod], stage: Stage) -> OpenSetMethod:
+    """A method of that kind; those that vote share the forests of the stage."""
+    if issubclass(kind, VotingMethod):
+        return kind(stage.seed, voters=stage.model.known.voters if kind.background else stage.plain_voters)
+    return kind(stage.seed)

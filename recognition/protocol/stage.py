@@ -19,8 +19,10 @@ from recognition.grids import Grid
 from recognition.protocol.pixels import pixel_features
 from recognition.protocol.rounds import STEP, Round
 from recognition.protocol.splits import Split
-from recognition.samples import UNKNOWN, Features, Whole
+from recognition.samples import UNKNOWN, Features, Whole, drawn_of_each
 from recognition.trfe import TRFE
+from recognition.voters import Voters, grow
+from recognition.votes import TREES
 from recognition.windows import Windows
 
 if TYPE_CHECKING:
@@ -28,8 +30,11 @@ if TYPE_CHECKING:
 
 _PRETRAINED = Round(0, (), ())
 """Before the first round: the encoder is only pretrained."""
-FEWEST_STEPS = 300
-"""Of each fine-tuning of the encoder."""
+_PRETRAINING, _FINETUNING = 100, 300
+"""Fewest steps of each training of the encoder."""
+MOST_FITTED = 400
+"""Training samples of each class that methods are fitted on, as forests of more take hours at paper scale; the encoder learns
+from all."""
 
 
 class Samples(NamedTuple):
@@ -71,8 +76,10 @@ class Stage:
 
     @cached_property
     def labelled(self) -> Samples:
-        """Training samples of the known classes."""
-        return self._samples(self._rows(self.split.labelled, self.round.known))
+        """Training samples of the known classes, of each at most as many as methods are fitted on."""
+        rows = self._rows(self.split.labelled, self.round.known)
+        drawn = drawn_of_each(self.windows.labels[rows], MOST_FITTED, np.random.default_rng(self.seed))
+        return self._samples(rows[np.sort(drawn)])
 
     @cached_property
     def validation(self) -> Samples:
@@ -112,6 +119,11 @@ class Stage:
         """TRFE fitted on the known classes."""
         held = self.validation
         return TRFE(Config(seed=self.seed)).fit(*self.labelled[:2], held.features, held.labels)
+
+    @cached_property
+    def plain_voters(self) -> Voters:
+        """A forest fitted on the known classes, without what TRFE's has beside: the baselines that vote share it."""
+        return grow(*self.labelled[:2], trees=TREES, seed=self.seed)
 
     def _rows(self, rows: Whole, classes: tuple[int, ...]) -> Whole:
         return rows[np.isin(self.windows.labels[rows], classes)]
@@ -176,15 +188,17 @@ class Laboratory:
             return load(place)
         if round_.number == 0:
             training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
-            made = pretrain(training, preset, self.grid, seed)
+            longer = _long_enough(preset.pretraining, len(training), _PRETRAINING)
+            made = pretrain(training, preset._replace(pretraining=longer), self.grid, seed)
         else:
             before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _PRETRAINED
             known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
-            made = finetune(self._encoder(preset, split, before, seed), known, _long_enough(preset.finetuning, len(known)), seed)
+            longer = _long_enough(preset.finetuning, len(known), _FINETUNING)
+            made = finetune(self._encoder(preset, split, before, seed), known, longer, seed)
         save(made, place)
         return made
 
 
-def _long_enough(schedule: Schedule, windows: int) -> Schedule:
-    """The schedule with so many epochs that few windows make some hundred steps too; presets are made for the paper's scale."""
-    return schedule._replace(epochs=max(schedule.epochs, math.ceil(FEWEST_STEPS * schedule.batch / windows)))
+def _long_enough(schedule: Schedule, windows: int, steps: int) -> Schedule:
+    """The schedule with so many epochs that few windows make as many steps too; presets are made for the paper's scale."""
+    return schedule._replace(epochs=max(schedule.epochs, math.ceil(steps * schedule.batch / windows)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from recognition.grids import Grid
 from recognition.protocol.command import evaluate
 from recognition.protocol.evaluation import Evaluation, Settings
+from recognition.protocol.processes import run_beside
 from recognition.protocol.report import write_report
 from recognition.protocol.rounds import Round
 from recognition.protocol.splits import Split
@@ -90,6 +92,25 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
     for name in ("report.md", "results.csv", "tables/open-set.csv"):
         assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     assert len(encoder) == 2 * asked  # features of each round and seed are made once
+
+
+def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(windows: Path, tmp_path: Path) -> None:
+    names, settings, written = ["mls", "threshold", "kmeans"], Settings(None, grid=GRID), []
+    for processes in (1, 2):
+        out = tmp_path / str(processes)
+        evaluation = Evaluation(windows, out, settings)
+        pending = evaluation.pending(2, ["open-set", "clustering"], names)
+        assert list(run_beside(windows, out, settings, pending, processes))[-1] == len(pending)
+        written.append([(key, evaluation.store.read(key)) for key in pending])
+    assert written[0] == written[1]
+
+
+def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Laboratory, "_encode", lambda *_: os._exit(1))
+    settings = Settings(None, grid=GRID)
+    pending = Evaluation(windows, tmp_path, settings).pending(2, ["open-set"], ["random"])
+    with pytest.raises(UsageError, match="--jobs"):
+        list(run_beside(windows, tmp_path, settings, pending, 2))
 
 
 def test_other_settings_and_other_windows_are_refused_in_the_same_folder(windows: Path, tmp_path: Path) -> None:
