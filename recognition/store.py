@@ -23,8 +23,8 @@ from recognition.neighbours import Neighbours
 from recognition.prototypes import Prototypes
 from recognition.samples import UNKNOWN, Whole, matrix
 from recognition.voters import Voters
-from schemas.errors import InvalidFile, ToolchainError, UsageError
-from schemas.storage import keep
+from schemas.errors import InvalidFile, ToolchainError
+from schemas.storage import keep, writing
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
@@ -67,15 +67,13 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     if model.buffer.inputs is not None:
         arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
     about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config)})}
-    try:
+    with writing("the model", folder):
         keep(safetensors.save({name: np.asarray(value, order="C") for name, value in arrays.items()}, about), folder / _MODEL)
         skops.io.dump(known.voters.forest, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
         for number, encoder in enumerate(model.encoders):
             from recognition.encoder import storage
 
             storage.save(encoder, folder / f"{_ENCODER}{number}")
-    except OSError as error:
-        raise UsageError(f"the model can't be written: {error.strerror or error}", path=folder) from None
 
 
 def load(folder: Path) -> TRFE:

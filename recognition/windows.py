@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from recognition.grids import Grid, Site, covered, rasterise
 from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
+from schemas.storage import writing
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -130,7 +131,7 @@ def store(parts: Iterable[Windows], shape: tuple[int, ...], folder: Path) -> Non
     import pyarrow.parquet as pq
 
     tables, filled = [], 0
-    try:
+    with writing("the windows", folder):
         folder.mkdir(parents=True, exist_ok=True)
         grids = np.lib.format.open_memmap(folder / _GRIDS, "w+", np.uint8, shape)
         for part in parts:
@@ -143,5 +144,3 @@ def store(parts: Iterable[Windows], shape: tuple[int, ...], folder: Path) -> Non
             raise UsageError(f"there are {filled} windows, not {len(grids)}")
         grids.flush()
         pq.write_table(pa.concat_tables(tables), folder / _TABLE)  # last: a folder without it is not of windows
-    except OSError as error:
-        raise UsageError(f"the windows can't be written: {error.strerror or error}", path=folder) from None

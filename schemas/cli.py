@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.command_line import Version, new_app, print_anything
-from schemas.errors import ToolchainError, UsageError
+from schemas.errors import ToolchainError
 from schemas.problems import LEVELS, Problem
+from schemas.storage import writing
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 _EPILOG = "Exit codes: 0 all files are accepted (no error; with --strict no warning either), 1 some are not, 2 wrong usage."
@@ -99,10 +100,8 @@ def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: P
     if output is None:
         print(content, end="")
         return
-    try:
+    with writing("the report", output):
         output.write_text(content, encoding="utf-8", errors="backslashreplace")
-    except (OSError, ValueError) as error:
-        raise UsageError(f"the report cannot be written: {error}", path=output) from None
     if not quiet:
         print(report.summary(results))
 

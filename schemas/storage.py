@@ -6,10 +6,12 @@ import hashlib
 import json
 import secrets
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InvalidFile
+from schemas.errors import InvalidFile, UsageError
 
 MAX_BYTES = 256 * 1024 * 1024
 """Largest file that is read. The biggest public road networks have about a tenth of it."""
@@ -69,6 +71,19 @@ def parse_object(content: bytes, path: Path, line: int | None = None, remedy: st
     if not isinstance(found, dict):
         raise InvalidFile("; ".join(filter(None, (reason, remedy))), path=path, line=line)
     return found
+
+
+@contextmanager
+def writing(what: str, path: Path) -> Iterator[None]:
+    """Around all that writes something.
+
+    Raises:
+        UsageError: it can't be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"{what} can't be written: {error.strerror or error}", path=path) from None
 
 
 def keep(content: bytes, path: Path) -> Path:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from schemas.command_line import Version, new_app, print_anything
-from schemas.errors import ToolchainError, UsageError
+from schemas.errors import ToolchainError
+from schemas.storage import writing
 
 if TYPE_CHECKING:
     from xosc.tags import Tag
@@ -46,10 +47,8 @@ def xosc_list(
     if output is None:
         print(content, end="")
         return
-    try:
+    with writing("the list", output):
         output.write_text(content, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"the list cannot be written: {error.strerror or error}", path=output) from None
 
 
 def _tag(text: str) -> Tag:

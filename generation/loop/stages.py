@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from schemas.errors import UsageError
-from schemas.storage import keep, read_object
+from schemas.storage import keep, read_object, writing
 
 _FOLDER = "stages"
 _SETTINGS = "loop.json"
@@ -65,7 +65,5 @@ class Stages:
 
 def _write(path: Path, found: Mapping[str, Any]) -> None:
     content = (json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-    try:
+    with writing("this", path):
         keep(content, path)
-    except OSError as error:
-        raise UsageError(f"this can't be written: {error.strerror or error}", path=path) from None

@@ -7,12 +7,10 @@ person's: it is left alone and reported.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path, PurePath
 
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import digest, keep, read_object
+from schemas.errors import InvalidFile
+from schemas.storage import digest, keep, read_object, writing
 
 MANIFEST = "manifest.json"
 
@@ -36,7 +34,7 @@ class Store:
         self.edited: list[str] = []
         self._before = _manifest(root / MANIFEST)
         self._now: dict[str, str] = {}
-        with _writing(root):
+        with writing("this", root):
             root.mkdir(parents=True, exist_ok=True)
 
     def write(self, name: str, content: bytes) -> bool:
@@ -58,20 +56,20 @@ class Store:
             if digest(path.read_bytes()) != self._before[name]:
                 self.edited.append(name)
                 continue
-            with _writing(path):
+            with writing("this", path):
                 path.unlink()
                 _remove_empty(path.parent, self.root)
             removed.append(name)
         kept = {name: self._before[name] for name in self.edited if name in self._before}
         text = json.dumps({"files": dict(sorted((self._now | kept).items()))}, indent=1, ensure_ascii=False) + "\n"
-        with _writing(self.root / MANIFEST):
+        with writing("this", self.root / MANIFEST):
             (self.root / MANIFEST).write_text(text, encoding="utf-8")
         return removed
 
 
 def write_unless_edited(path: Path, content: bytes, before: str | None) -> bool:
     """Write a file, unless there is one whose `digest` is neither that of the content nor the one that it had before."""
-    with _writing(path):
+    with writing("this", path):
         found = path.read_bytes() if path.is_file() else None
         if found is not None and found != content and digest(found) != before:
             return False
@@ -104,11 +102,3 @@ def _remove_empty(folder: Path, root: Path) -> None:
     while folder != root and not any(folder.iterdir()):
         folder.rmdir()
         folder = folder.parent
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise UsageError(f"this can't be written: {error.strerror or error}", path=path) from None

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.datasets.rows import Floats
-from schemas.errors import UsageError
-from schemas.storage import digest, keep
+from schemas.storage import digest, keep, writing
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
 
@@ -94,7 +93,5 @@ class Highway:
             UsageError: the folder can't be written.
         """
         content = self.road_map(name).to_xml()
-        try:
+        with writing("the road", folder):
             return keep(content, folder / f"{name}-{digest(content)}.xodr")
-        except OSError as error:
-            raise UsageError(f"the road can't be written: {error.strerror or error}", path=folder) from None

@@ -19,6 +19,7 @@ from recognition.recorder.overlaps import overlaps
 from recognition.recorder.simulation import simulate
 from recognition.recorder.sites import SITES, Site, View
 from schemas.errors import ToolchainError, UsageError
+from schemas.storage import writing
 from xodr.reader import load
 from xodr.sumo_net import SumoNet, build
 
@@ -96,15 +97,13 @@ def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int) -> 
 
 def _prepare(tasks: Sequence[_Task], out: Path) -> None:
     """Make the sites' folders, with their maps."""
-    try:
+    with writing("the folder", out):
         for folder, name in dict.fromkeys((task.folder, task.site) for task in tasks):
             folder.mkdir(parents=True, exist_ok=True)
             if any(folder.iterdir()):
                 raise UsageError("the folder has something in it already; new recordings need a new one", path=folder)
             if SITES[name].layout == "INTERACTION":
                 SITES[name].road_map().write(folder / f"{name}.xodr")
-    except OSError as error:
-        raise UsageError(f"the folder can't be written: {error.strerror or error}", path=out) from None
 
 
 def _tasks(site: Site, scale: float, seed: int, out: Path) -> Iterator[_Task]:

@@ -12,7 +12,7 @@ from recognition.datasets.elements import invalid
 from recognition.sites.straight import straight_road
 from runner.recording import Recording
 from schemas.errors import UsageError
-from schemas.storage import digest, keep
+from schemas.storage import digest, keep, writing
 
 
 class Map(NamedTuple):
@@ -36,7 +36,7 @@ def map_of(source: Source, recording: Recording, folder: Path) -> Map:
         return Map(runs.road(source.path))
     if beside.is_file():
         return Map(beside)
-    try:
+    with writing("the road", folder):
         if source.format == interaction.FORMAT and source.map is not None:
             return Map(_converted(source.map, source.map.stat().st_mtime_ns, source.origin, folder))
         if source.format == commonroad.FORMAT:
@@ -44,8 +44,6 @@ def map_of(source: Source, recording: Recording, folder: Path) -> Map:
         if source.format == ngsim.FORMAT:
             content = straight_road(recording, source.site).to_xml()
             return Map(keep(content, folder / f"{_plain(source.site)}-{digest(content)}.xodr"))
-    except OSError as error:
-        raise UsageError(f"the road can't be written: {error.strerror or error}", path=folder) from None
     what = f"{source.name} has no map: neither {beside.name} beside it nor a Lanelet2 map {source.site}.osm"
     raise UsageError(what, path=source.path)
 

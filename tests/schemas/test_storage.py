@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InvalidFile
-from schemas.storage import keep, parse_object, read_object
+from schemas.errors import InvalidFile, UsageError
+from schemas.storage import keep, parse_object, read_object, writing
 
 
 @pytest.fixture(params=[0o022, 0o007], ids=oct)
@@ -35,7 +35,10 @@ def test_a_file_with_the_same_content_is_left_alone(tmp_path: Path) -> None:
 
 def test_what_can_t_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
     (tmp_path / "in_the_way" / "inside").mkdir(parents=True)
-    with pytest.raises(OSError, match="in_the_way"):
+    with (
+        pytest.raises(UsageError, match=r"in_the_way: the note can't be written: Is a directory$"),
+        writing("the note", tmp_path / "in_the_way"),
+    ):
         keep(b"kept", tmp_path / "in_the_way")
     assert [path.name for path in tmp_path.iterdir()] == ["in_the_way"]
 

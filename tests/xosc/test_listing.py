@@ -146,7 +146,7 @@ def test_the_command_lists_the_shipped_library_by_default(command: Command, tmp_
     [
         (["missing.xosc"], 3, "xosc-list: missing.xosc: no such file\n"),
         (["--tag", "Ego=Bob"], 2, "xosc-list: no scenario has Ego 'Bob'; there are: Ego\n"),
-        (["--output", "/nowhere/list"], 2, "xosc-list: /nowhere/list: the list cannot be written: No such file or directory\n"),
+        (["--output", "/nowhere/list"], 2, "xosc-list: /nowhere/list: the list can't be written: No such file or directory\n"),
     ],
 )
 def test_errors_are_one_line(command: Command, arguments: list[str], code: int, message: str) -> None:
