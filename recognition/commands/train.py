@@ -46,7 +46,7 @@ def train(
         int | None,
         typer.Option(min=20, metavar="N", help="Most samples of each class that are kept with the model.  [default: all]"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no figures.")] = False,
 ) -> None:
     """Train a model that recognises the classes of recordings, to be used by xosc-recognize --model DIR.
@@ -54,11 +54,12 @@ def train(
     Recordings are divided: a part trains, a part calibrates what counts as unknown, a part tells how good the model is.
     """
     from recognition.grids import Grid
-    from recognition.protocol.data import windows_at
+    from recognition.protocol.data import source_of, windows_at
     from recognition.store import save
 
     chosen, grid = preset_of(preset), Grid()
-    windows = windows_at(path, cache or out / "windows", grid, events_per_class)
+    kept = (cache or out / "windows") / f"{source_of(path)}-{events_per_class}"
+    windows = windows_at(path, kept, grid, events_per_class)
     parts = split(windows, seed, split_by, events_per_class)
     if not len(parts.labelled):
         raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)

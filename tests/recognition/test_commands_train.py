@@ -57,6 +57,22 @@ def test_a_model_is_trained_and_recognises(
     assert any(row["rule_class"] for row in rows) and any(not row["rule_class"] for row in rows)
 
 
+def test_windows_that_are_kept_are_of_the_recordings_that_are_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache = tmp_path / "cache"
+    for name in ("01", "02", "02"):
+        motorway.write_motorway(tmp_path / name, name)
+        assert call(monkeypatch, "train", tmp_path / name, "--out", tmp_path / "model", "--cache", cache) == 2
+    kept = [Windows.load(path.parent) for path in cache.rglob("windows.parquet")]
+    assert sorted("".join(np.unique(one.recordings)) for one in kept) == ["01/01", "02/02"]
+
+
+def test_a_seed_below_zero_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "train", windows(tmp_path / "windows"), "--out", tmp_path / "model", "--seed", -1) == 2
+    assert "--seed" in capsys.readouterr().err
+
+
 def test_too_few_recordings_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
