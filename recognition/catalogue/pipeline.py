@@ -107,9 +107,7 @@ def build(paths: Sequence[Path], out: Path, settings: Settings, recogniser: Reco
     """
     roads = cache_roads()
     sources = [source for path in paths for source in datasets.open(path, roads).sources]
-    twice = [name for name, count in Counter(source.name for source in sources).items() if count > 1]
-    if twice:
-        raise UsageError(f"there are two recordings called {twice[0]!r}")
+    _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
     work = _Work(settings, recogniser, Catalogue(out, settings.config), roads)
     for source in progress(sources, "recognising"):
@@ -117,6 +115,16 @@ def build(paths: Sequence[Path], out: Path, settings: Settings, recogniser: Reco
     for source in progress([source for source in sources if source.name not in work.failures], "writing"):
         work.try_to(work.write, source)
     return work.close()
+
+
+def _refuse_twins(sources: Sequence[Source]) -> None:
+    """Recordings are told apart by name; those below one folder get names that differ."""
+    first: dict[str, Source] = {}
+    for source in sources:
+        other = first.setdefault(source.name, source)
+        if other is not source:
+            message = f"{other.path} has a recording called {source.name!r} too: give each once, in one folder that holds both"
+            raise UsageError(message, path=source.path)
 
 
 def _refuse_others(out: Path, names: set[str]) -> None:
