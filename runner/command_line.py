@@ -18,14 +18,15 @@ INTERRUPTED, PIPE_CLOSED = 130, 141
 
 
 def guarded(name: str, app: Callable[[], object]) -> None:
-    """Run a command's app: errors become one line and an exit code; a traceback only with -v."""
+    """Run a command's app: errors become one line and an exit code, after a traceback with -v, or where nobody expects them."""
     print_anything()
     try:
         app()
-    except (ToolchainError, OSError) as error:
+    except Exception as error:
         from runner.jobs import describe
 
-        if "-v" in sys.argv or "--verbose" in sys.argv:
+        expected = isinstance(error, ToolchainError | OSError)
+        if not expected or "-v" in sys.argv or "--verbose" in sys.argv:
             traceback.print_exc()
         message, code = describe(error)
         print(f"{name}: {message}", file=sys.stderr)

@@ -16,6 +16,7 @@ import runner.jobs
 from recognition import cli
 from schemas.version import version
 from tests.recognition import motorway
+from tests.recognition.traffic import Car, write_highd
 
 
 class Answer(NamedTuple):
@@ -98,6 +99,28 @@ def test_2_wrong_usage(
     assert answer.code == 2
     assert complaint in answer.err
     assert "Traceback" not in answer.err
+
+
+def test_2_recordings_of_one_name(recognize: Command, tmp_path: Path) -> None:
+    one, two = (motorway.write_motorway(tmp_path / folder / "site") for folder in ("a", "b"))
+    answer = recognize(tmp_path / "a", tmp_path / "b", "--out", tmp_path / "out", "--labels", "rules")
+    assert (answer.code, answer.err.count("\n")) == (2, 1)
+    assert f"{two}: {one} has a recording called 'site/01' too" in answer.err
+    assert recognize(tmp_path, "--out", tmp_path / "out", "--labels", "rules").code == 0
+
+
+def test_nothing_recognised_is_said(recognize: Command, tmp_path: Path) -> None:
+    write_highd(tmp_path / "in", [Car(1, 100.0, 21.0, 30.0)])
+    answer = recognize(tmp_path / "in", "--out", tmp_path / "out", "--labels", "rules")
+    assert answer == (0, "no scenario was recognised\n", "")
+
+
+def test_5_internal_error(recognize: Command, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recognition.catalogue.pipeline.label", lambda *_: 1 // 0)
+    answer = recognize(recordings, "--out", tmp_path, "--labels", "rules")
+    assert answer.code == 5
+    assert "Traceback" in answer.err
+    assert answer.err.endswith("xosc-recognize: internal error: ZeroDivisionError: integer division or modulo by zero\n")
 
 
 def test_3_no_recordings(recognize: Command, tmp_path: Path) -> None:
