@@ -13,6 +13,7 @@ import typer
 from recognition.encoder.config import preset as preset_of
 from recognition.labels.classes import Label
 from recognition.protocol.splits import Split, Unit, split
+from runner.command_line import interruptible
 from schemas.errors import UsageError
 from schemas.storage import keep
 from schemas.version import version
@@ -28,6 +29,7 @@ CARD = "README.md"
 """File of a model's folder that tells people about it"""
 
 
+@interruptible("xosc-recognize train")
 def train(
     path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the model.")],

@@ -7,7 +7,10 @@ from typing import Annotated
 
 import typer
 
+from runner.command_line import interruptible
 
+
+@interruptible("xosc-recognize record")
 def record(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the recordings, one folder in it for each site.")],
     scale: Annotated[float, typer.Option(metavar="FACTOR", help="How much: 1 gives about 2,600 events of each class.")] = 1.0,

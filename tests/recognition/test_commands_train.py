@@ -73,6 +73,19 @@ def test_a_seed_below_zero_is_refused(
     assert "--seed" in capsys.readouterr().err
 
 
+def test_an_interruption_is_said_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("recognition.protocol.data.windows_at", interrupted)
+    monkeypatch.setattr("recognition.recorder.record", lambda *_, **__: interrupted())
+    for command in (["train", windows(tmp_path / "windows"), "--out", tmp_path / "model"], ["record", tmp_path / "records"]):
+        assert call(monkeypatch, *command) == 130
+        assert capsys.readouterr().err == f"\nxosc-recognize {command[0]}: interrupted\n"
+
+
 def test_too_few_recordings_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
