@@ -20,8 +20,9 @@ class Config:
         trees: T of the forest.
         background: whether trees may vote for none of the classes, see `recognition.voters.grow`.
         neighbours: whether trees see distances to the samples of each class, see there too.
-        screening: reading A for all classes together (`pooled`), for each class (`deficit`), reading B (`weibull`), the
-            plain `threshold` on votes, or `none`: what is beyond the margin of every known class is unknown.
+        screening: reading A of votes and distances (`joint`), of votes for all classes together (`pooled`) or for each class
+            (`deficit`), reading B (`weibull`), the plain `threshold` on votes, or `none`: what is beyond the margin of every
+            known class is unknown. `joint` needs `neighbours`.
         delta: δ of the screening, or the share that the plain threshold rejects; None has that of reading A chosen by leaving
             one known class out, where there are three, and is 0.05 otherwise.
         window: accepted samples of each class by which reading A follows a shift of the known classes; 0 leaves it as calibrated.
@@ -39,7 +40,7 @@ class Config:
     trees: int = TREES
     background: bool = True
     neighbours: bool = True
-    screening: Literal["pooled", "deficit", "weibull", "threshold", "none"] = "pooled"
+    screening: Literal["joint", "pooled", "deficit", "weibull", "threshold", "none"] = "joint"
     delta: float | None = None
     window: int = 0
     metric: Metric = "whitened"

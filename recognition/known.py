@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 from recognition.config import Config
 from recognition.prototypes import Prototypes
 from recognition.samples import Features, Whole, class_labels, matrix
-from recognition.screening import EvtDeficit, EvtPooled, Screening, VoteThreshold, WeibullVotes
+from recognition.screening import EvtDeficit, EvtJoint, EvtPooled, Screening, VoteThreshold, WeibullVotes
 from recognition.screening.selection import FEWEST_CLASSES, choose_delta
 from recognition.voters import Voters, grow
 from schemas.errors import UsageError
 
 _DELTA = 0.05
 """δ where none is given and there are too few classes to choose one."""
-READINGS: dict[str, type[EvtDeficit]] = {"deficit": EvtDeficit, "pooled": EvtPooled}
+READINGS: dict[str, type[EvtDeficit]] = {"deficit": EvtDeficit, "pooled": EvtPooled, "joint": EvtJoint}
 """Screenings whose δ is chosen by leaving one known class out."""
 
 
@@ -77,14 +77,15 @@ def learn(fitted: Labelled, calibrating: Labelled, config: Config) -> Known:
     prototypes = Prototypes.fit(*fitted.joined(calibrating), config.metric)
     screening = bare_screening(config, _delta(fitted, calibrating, config))
     if screening:
-        screening.fit(grown.votes(calibrating.features), calibrating.labels, config.trees)
+        cast = grown.cast(calibrating.features)
+        screening.fit(cast.votes, calibrating.labels, config.trees, cast.distances)
     return Known(fitted, calibrating, grown, screening, prototypes)
 
 
 def bare_screening(config: Config, delta: float = _DELTA) -> Screening | None:
     """The screening that is configured, not calibrated yet."""
     match config.screening:
-        case "deficit" | "pooled":
+        case "deficit" | "pooled" | "joint":
             return READINGS[config.screening](delta, config.seed, config.window)
         case "weibull":
             return WeibullVotes(delta, config.seed)

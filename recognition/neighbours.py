@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from recognition.samples import Features, Whole, class_labels, deviations, drawn_of_each, matrix
 
-_NEAREST = 5
-_MOST = 150
+_NEAREST = 3
+_MOST = 400
 """References of a class: more would cost time at each recognition."""
 
 
@@ -46,7 +46,7 @@ class Neighbours(NamedTuple):
         return cls(((table[rows] - mean) / scale).astype(np.float16), truth[rows], mean, scale)
 
     def distances(self, features: ArrayLike) -> Features:
-        """Logarithm of the mean distance to the five nearest references of each class (n, K).
+        """Logarithm of the mean distance to the three nearest references of each class (n, K).
 
         A reference is not its own neighbour.
         """

@@ -106,13 +106,13 @@ class TRFE:
     def recognise(self, inputs: ArrayLike) -> Recognition:
         """The known class of each sample (n, …), grids or features, or that it is unknown."""
         features, known = self.encode(inputs), self.known
-        cast = known.voters.votes(features)
-        closed = known.classes[cast.argmax(axis=1)]
+        cast = known.voters.cast(features)
+        closed = known.classes[cast.votes.argmax(axis=1)]
         score, threshold = known.prototypes.ratio(features), 1.0
         if known.screening:
-            score, threshold = known.screening.score(cast), known.screening.threshold
+            score, threshold = known.screening.score(*cast), known.screening.threshold
         return Recognition(
-            np.where(score <= threshold, closed, UNKNOWN), cast.max(axis=1) / self.config.trees, score, closed, features
+            np.where(score <= threshold, closed, UNKNOWN), cast.votes.max(axis=1) / self.config.trees, score, closed, features
         )
 
     def observe(self, inputs: ArrayLike, keys: ArrayLike) -> Recognition:
@@ -122,7 +122,7 @@ class TRFE:
         """
         found = self.recognise(inputs)
         if self.config.window and isinstance(self.known.screening, EvtDeficit):
-            self.known.screening.recalibrate(self.known.voters.votes(found.features))
+            self.known.screening.recalibrate(*self.known.voters.cast(found.features))
         unknown = found.labels == UNKNOWN
         self.buffer.add(found.features[unknown], np.asarray(keys)[unknown])
         return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +10,23 @@ from sklearn.ensemble import RandomForestClassifier
 
 from recognition import rfap, votes
 from recognition.neighbours import Neighbours
-from recognition.samples import UNKNOWN, Features, Whole, matrix
+from recognition.samples import UNKNOWN, Features, Floats, Whole, matrix
+
+
+class Cast(NamedTuple):
+    """What a forest says of n samples.
+
+    Args:
+        votes: for the known classes (n, K).
+        distances: to the nearest samples of a class (n,), standardised; None where the forest sees features alone.
+    """
+
+    votes: Whole
+    distances: Floats | None
+
+    def only(self, chosen: NDArray[Any]) -> Cast:
+        """What it says of the samples of a mask or index."""
+        return Cast(self.votes[chosen], None if self.distances is None else self.distances[chosen])
 
 
 class Voters(NamedTuple):
@@ -30,9 +46,11 @@ class Voters(NamedTuple):
         classes = np.asarray(self.forest.classes_)
         return classes[classes != UNKNOWN]
 
-    def votes(self, features: ArrayLike) -> Whole:
-        """Votes (n, K) for the known classes; see `recognition.votes.votes`."""
-        return votes.votes(self.forest, self._seen(features))
+    def cast(self, features: ArrayLike) -> Cast:
+        """Votes for the known classes, see `recognition.votes.votes`, and distances to them."""
+        seen, classes = self._seen(features), len(self.classes)
+        distances = np.exp(seen[:, -classes:].min(axis=1).astype(np.float64)) if self.neighbours else None
+        return Cast(votes.votes(self.forest, seen), distances)
 
     def similarity(self, features: ArrayLike) -> NDArray[np.float32]:
         """S (n, n) of samples, see `recognition.rfap`."""

@@ -45,11 +45,12 @@ class VotingMethod(OpenSetMethod):
         )
 
     def _calibrate(self, features: Features, labels: Whole) -> None:
-        self.screening = self._screening().fit(self._voters.votes(features), labels, self.trees)
+        cast = self._voters.cast(features)
+        self.screening = self._screening().fit(cast.votes, labels, self.trees, cast.distances)
 
     def _classify(self, features: Features) -> Whole:
-        return self._voters.votes(features).argmax(axis=1)
+        return self._voters.cast(features).votes.argmax(axis=1)
 
     def score(self, features: Features) -> Floats:
         """Outlyingness of each sample (n,); higher is less like the known classes."""
-        return self.screening.score(self._voters.votes(features))
+        return self.screening.score(*self._voters.cast(features))

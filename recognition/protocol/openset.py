@@ -12,6 +12,7 @@ from recognition.baselines.cac import CAC
 from recognition.baselines.cevt import CEVT
 from recognition.baselines.chance import Chance
 from recognition.baselines.cpn import CPN
+from recognition.baselines.knn import KNN
 from recognition.baselines.mdenet import MDENet
 from recognition.baselines.method import OpenSetMethod
 from recognition.baselines.mls import MLS
@@ -19,7 +20,7 @@ from recognition.baselines.vote_threshold import PlainThreshold
 from recognition.baselines.voting import VotingMethod
 from recognition.protocol.stage import Stage
 from recognition.samples import UNKNOWN, Floats, Whole
-from recognition.screening import EvtDeficit, EvtPooled, Screening
+from recognition.screening import EvtDeficit, EvtJoint, EvtPooled, Screening
 
 OWN_RULE = "trfe"
 """The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
@@ -35,7 +36,7 @@ class ReadingA(VotingMethod):
 
 
 class PooledScreening(VotingMethod):
-    """TRFE's own voters and screening (`recognition.screening.evt_pooled`) under the common rejection rule."""
+    """TRFE's own voters, and votes alone (`recognition.screening.evt_pooled`), under the common rejection rule."""
 
     background = neighbours = True
 
@@ -43,9 +44,17 @@ class PooledScreening(VotingMethod):
         return EvtPooled(seed=self.seed)
 
 
+class JointScreening(PooledScreening):
+    """TRFE's own voters and screening (`recognition.screening.evt_joint`) under the common rejection rule."""
+
+    def _screening(self) -> Screening:
+        return EvtJoint(seed=self.seed)
+
+
 COMMON_RULE: dict[str, type[OpenSetMethod]] = {
-    "trfe-common": PooledScreening,
-    ONLY_TUNED: PooledScreening,
+    "trfe-common": JointScreening,
+    ONLY_TUNED: JointScreening,
+    "pooled": PooledScreening,
     "reading-a": ReadingA,
     "cac": CAC,
     "arpl": ARPL,
@@ -54,6 +63,7 @@ COMMON_RULE: dict[str, type[OpenSetMethod]] = {
     "mdenet": MDENet,
     "mls": MLS,
     "threshold": PlainThreshold,
+    "knn": KNN,
     "random": Chance,
 }
 """Methods that reject by the common rule, by name."""

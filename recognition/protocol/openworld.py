@@ -16,7 +16,7 @@ from recognition.promotion import Promotion
 from recognition.protocol.rounds import Round
 from recognition.protocol.stage import Samples, Stage
 from recognition.samples import UNKNOWN, Whole
-from recognition.screening import EvtPooled
+from recognition.screening import EvtDeficit
 from recognition.trfe import TRFE
 
 _PLAIN_VOTES: dict[str, Any] = {"background": False, "neighbours": False}
@@ -26,6 +26,7 @@ VARIANTS: dict[str, Config] = {
     "no-nvp": Config(sifted=False),
     "no-oc": Config(clusterer="linkage"),
     "strict": Config(preprocessing=Preprocessing(margin=1.0), promotion=Promotion(relative_cohesion=0.85, margin=1.0)),
+    "pooled": Config(screening="pooled"),
     "reading-a": Config(**_PLAIN_VOTES, screening="deficit"),
     "reading-b": Config(**_PLAIN_VOTES, screening="weibull"),
     "vote-threshold": Config(**_PLAIN_VOTES, screening="threshold"),
@@ -58,7 +59,7 @@ def measure_open_world(name: str, stage: Stage) -> dict[str, Any]:
     """
     config = VARIANTS[name]
     screening = stage.model.known.screening
-    if config.screening == "pooled" and isinstance(screening, EvtPooled):
+    if config.screening == stage.model.config.screening and isinstance(screening, EvtDeficit):
         config = replace(config, delta=screening.delta)
     return follow(begin(config, stage), stage, {})
 

@@ -9,7 +9,7 @@ import numpy as np
 from recognition import metrics
 from recognition.encoder.probe import probe, speed_code
 from recognition.grids import Grid
-from recognition.protocol.openset import PooledScreening
+from recognition.protocol.openset import JointScreening
 from recognition.protocol.stage import Stage
 from recognition.samples import UNKNOWN
 
@@ -34,7 +34,7 @@ def measure_trees(stage: Stage) -> dict[str, Any]:
     fitted, held, tested = stage.labelled, stage.validation, stage.test.features
     points = []
     for trees in TREES:
-        model = PooledScreening(stage.seed, trees).fit(fitted.features, fitted.labels, held.features, held.labels)
+        model = JointScreening(stage.seed, trees).fit(fitted.features, fitted.labels, held.features, held.labels)
         figures = metrics.open_set(stage.truth, model.classify(tested), model.score(tested), model.predict(tested))
         points.append({"value": trees, **figures._asdict()})
     return {"points": points}

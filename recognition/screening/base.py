@@ -16,7 +16,7 @@ State = Mapping[str, NDArray[Any]]
 
 
 class Screening(ABC):
-    """Decides from votes (n, K) of a forest which samples belong to no known class.
+    """Decides from votes (n, K) of a forest, and perhaps distances (n,), which samples belong to no known class.
 
     All that an instance holds are numbers and arrays, so that it can be stored without pickle.
 
@@ -31,12 +31,13 @@ class Screening(ABC):
         self.classes: Whole = np.zeros(0, dtype=np.int64)
         self.trees = 0
 
-    def fit(self, votes: ArrayLike, labels: ArrayLike, trees: int | None = None) -> Self:
+    def fit(self, votes: ArrayLike, labels: ArrayLike, trees: int | None = None, distances: Floats | None = None) -> Self:
         """Calibrate on votes (n, K) of samples that the forest was not fitted on, and their true labels (n,).
 
         Args:
             votes, labels: of the samples.
             trees: that vote; None where all of them vote for known classes.
+            distances: of the samples to the known classes (n,), for a screening that looks at them.
 
         Raises:
             UsageError: the labels are not of as many classes as the votes, or the rows of the votes do not add up.
@@ -52,21 +53,21 @@ class Screening(ABC):
         if len(self.classes) != table.shape[1]:
             raise UsageError(f"{table.shape[1]} classes are voted for, but calibration samples are of {len(self.classes)}")
         self.trees = int(cast[0]) if trees is None else trees
-        self._calibrate(table, np.searchsorted(self.classes, truth))
+        self._calibrate(table, np.searchsorted(self.classes, truth), distances)
         return self
 
-    def score(self, votes: ArrayLike) -> Floats:
-        """How outlying each sample is (n,); higher is more outlying."""
+    def score(self, votes: ArrayLike, distances: Floats | None = None) -> Floats:
+        """How outlying samples with these votes (n, K) and distances (n,) are; higher is more outlying."""
         table = np.asarray(votes)
         if not self.trees:
             raise UsageError("the screening has to be fitted before it can score")
         if table.ndim != 2 or table.shape[1] != len(self.classes):
             raise UsageError(f"votes of shape {table.shape} are not for {len(self.classes)} classes")
-        return self._score(table)
+        return self._score(table, distances)
 
-    def predict(self, votes: ArrayLike) -> Whole:
+    def predict(self, votes: ArrayLike, distances: Floats | None = None) -> Whole:
         """Labels (n,): the class with most votes, or 0 where the score exceeds the threshold."""
-        accepted = self.score(votes) <= self.threshold
+        accepted = self.score(votes, distances) <= self.threshold
         return np.where(accepted, self.classes[np.asarray(votes).argmax(axis=1)], UNKNOWN)
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -84,8 +85,8 @@ class Screening(ABC):
         return self
 
     @abstractmethod
-    def _calibrate(self, votes: Whole, columns: Whole) -> None:
-        """Fit to votes (n, K), where `columns` (n,) are the columns of the true classes."""
+    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
+        """Fit to votes (n, K) and distances (n,), where `columns` (n,) are the columns of the true classes."""
 
     @abstractmethod
-    def _score(self, votes: Whole) -> Floats: ...
+    def _score(self, votes: Whole, distances: Floats | None) -> Floats: ...

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import genpareto
 
 from recognition.samples import Floats, Whole
@@ -10,6 +11,7 @@ from recognition.screening.base import Screening
 
 TAIL = 0.05
 """Share of a class's calibration samples beyond its 95th percentile, which the tail describes."""
+_MEAN_JITTER = 0.5
 _FEWEST_EXCEEDANCES = 10
 _FEWEST_RECENT = 30
 """Accepted samples of a class without which its shift is not judged."""
@@ -53,11 +55,10 @@ class EvtDeficit(Screening):
         """δ, the similarity below which a sample is unknown."""
         return 1.0 - self.threshold
 
-    def _calibrate(self, votes: Whole, columns: Whole) -> None:
+    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
         jitter = np.random.default_rng(self.seed).random(len(votes))
-        groups = self._groups(columns)
-        deficits = self._lacking(votes)[np.arange(len(votes)), groups] + jitter
-        of_group = [np.sort(deficits[groups == group]) for group in range(groups.max() + 1)]
+        deficits, belongs = self._lacking(votes, distances, jitter), self._belongs(columns)
+        of_group = [np.sort(deficits[of, group]) for group, of in enumerate(belongs.T)]
         self.deficits = np.concatenate(of_group)
         self.starts = np.cumsum([0, *map(len, of_group)])
         self.limits = np.array([np.quantile(of, 1.0 - TAIL) for of in of_group])
@@ -67,25 +68,25 @@ class EvtDeficit(Screening):
         self.recent = np.zeros((len(of_group), self.window))
         self.seen = np.zeros(len(of_group), dtype=np.int64)
 
-    def _lacking(self, votes: Whole) -> Whole:
-        """Votes that are lacking (n, G), for each group of classes that has a distribution; here each class is a group."""
-        return self.trees - votes
+    def _lacking(self, votes: Whole, distances: Floats | None, jitter: Floats | float) -> Floats:
+        """What samples lack (n, G), in each group of calibration samples that has a distribution; here each class is a group."""
+        return self.trees - votes + np.reshape(jitter, (-1, 1))
 
-    def _groups(self, columns: Whole) -> Whole:
-        """Group (n,) of the classes in these columns."""
-        return columns
+    def _belongs(self, columns: Whole) -> NDArray[np.bool_]:
+        """Whether samples (n,) of the classes in these columns belong to each group (n, G)."""
+        return columns[:, None] == np.arange(len(self.classes))
 
-    def recalibrate(self, votes: Whole) -> None:
-        """Follow a shift of the known classes, seen in votes (n, K) of which nobody knows the classes.
+    def recalibrate(self, votes: Whole, distances: Floats | None = None) -> None:
+        """Follow a shift of the known classes, seen in votes (n, K) and distances (n,) of which nobody knows the classes.
 
         The 90th percentile of the deficits of a group's latest accepted samples, over what it was at calibration, stretches
         the group's distribution of deficits, never below what was calibrated. The share that screening cuts off is left out
         of the calibration's percentile too, or it would be taken for a shift.
         """
-        accepted = self.score(votes) <= self.threshold
-        groups, lacking = self._groups(votes.argmax(axis=1)), self._lacking(votes) + 0.5
+        accepted = self.score(votes, distances) <= self.threshold
+        belongs, lacking = self._belongs(votes.argmax(axis=1)), self._lacking(votes, distances, _MEAN_JITTER)
         for group in range(len(self.stretches)):
-            new = lacking[accepted & (groups == group), group][-self.window :]
+            new = lacking[accepted & belongs[:, group], group][-self.window :]
             self.recent[group, (self.seen[group] + np.arange(len(new))) % self.window] = new
             self.seen[group] += len(new)
             latest = self.recent[group, : self.seen[group]]
@@ -93,24 +94,25 @@ class EvtDeficit(Screening):
                 usual = np.quantile(self._of_group(group), _COMPARED * self.threshold)
                 self.stretches[group] = np.clip(np.quantile(latest, _COMPARED) / usual, 1.0, _STRETCH)
 
-    def similarities(self, votes: Whole) -> Floats:
-        """s_k (n, G) in [0, 1]: share of the samples of class k, or of a group of classes, that lack at least as many votes."""
-        deficits = (self._lacking(votes) + 0.5) / self.stretches
-        return np.stack([self._survival(deficits[:, group], group) for group in range(len(self.stretches))], axis=1)
+    def similarities(self, votes: Whole, distances: Floats | None = None) -> Floats:
+        """s_k (n, G) in [0, 1]: share of the samples of class k, or of another group, that lack at least as much."""
+        deficits = self._lacking(votes, distances, _MEAN_JITTER) / self.stretches
+        tails = zip(self.limits, self.shapes, self.scales, strict=True)
+        return np.stack([survival(deficits[:, k], self._of_group(k), *one) for k, one in enumerate(tails)], axis=1)
 
-    def _score(self, votes: Whole) -> Floats:
-        return 1.0 - self.similarities(votes).max(axis=1)
-
-    def _survival(self, deficit: Floats, group: int) -> Floats:
-        of_group = self._of_group(group)
-        empirical = 1.0 - np.searchsorted(of_group, deficit) / len(of_group)
-        excess = deficit - self.limits[group]
-        beyond = TAIL * genpareto.sf(excess, self.shapes[group], scale=self.scales[group])
-        return np.where(excess <= 0.0, empirical, beyond)
+    def _score(self, votes: Whole, distances: Floats | None) -> Floats:
+        return 1.0 - self.similarities(votes, distances).max(axis=1)
 
     def _of_group(self, group: int) -> Floats:
         """Deficits of a group's calibration samples, ascending."""
         return self.deficits[self.starts[group] : self.starts[group + 1]]
+
+
+def survival(values: Floats, calibrated: Floats, limit: float, shape: float, scale: float) -> Floats:
+    """Share (n,) of calibrated values (m,), ascending, that are at least as great; beyond the limit that of the tail."""
+    empirical = 1.0 - np.searchsorted(calibrated, values) / len(calibrated)
+    excess = values - limit
+    return np.where(excess <= 0.0, empirical, TAIL * genpareto.sf(excess, shape, scale=scale))
 
 
 def tail(excesses: Floats) -> tuple[float, float]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from recognition.samples import Whole
+from recognition.samples import Floats, Whole
 from recognition.screening.evt_deficit import EvtDeficit
 
 
@@ -14,8 +15,8 @@ class EvtPooled(EvtDeficit):
     With a distribution for each class, the class that trees are most torn about accepts nearly everything: max_k s_k is its own.
     """
 
-    def _lacking(self, votes: Whole) -> Whole:
-        return self.trees - votes.max(axis=1, keepdims=True)
+    def _lacking(self, votes: Whole, distances: Floats | None, jitter: Floats | float) -> Floats:
+        return super()._lacking(votes.max(axis=1, keepdims=True), distances, jitter)
 
-    def _groups(self, columns: Whole) -> Whole:
-        return np.zeros_like(columns)
+    def _belongs(self, columns: Whole) -> NDArray[np.bool_]:
+        return np.ones((len(columns), 1), dtype=bool)

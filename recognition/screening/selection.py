@@ -61,10 +61,11 @@ def choose_delta(
     for out in np.unique(known):
         kept = rows[known[rows] != out]
         grown = grow(table[kept], known[kept], trees=trees, seed=seed, background=background, neighbours=neighbours)
-        cast, left_out = grown.votes(held), truth == out
+        cast, left_out = grown.cast(held), truth == out
         calibrating, judged = half & ~left_out, ~half | left_out
-        screening = reading(seed=seed).fit(cast[calibrating], truth[calibrating], trees)
-        score, best = screening.score(cast[judged]), grown.classes[cast[judged].argmax(axis=1)]
+        usual, tried = cast.only(calibrating), cast.only(judged)
+        screening = reading(seed=seed).fit(usual.votes, truth[calibrating], trees, usual.distances)
+        score, best = screening.score(*tried), grown.classes[tried.votes.argmax(axis=1)]
         wanted = np.where(left_out, UNKNOWN, truth)[judged]
         gains.append([macro_f1(wanted, np.where(score > 1.0 - delta, UNKNOWN, best)) for delta in deltas])
     return float(deltas[int(np.mean(gains, axis=0).argmax())])

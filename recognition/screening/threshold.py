@@ -22,8 +22,8 @@ class VoteThreshold(Screening):
         super().__init__(threshold=1.0)
         self.rejection = rejection
 
-    def _calibrate(self, votes: Whole, columns: Whole) -> None:
+    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
         self.threshold = float(np.quantile(self._score(votes), 1.0 - self.rejection, method="higher"))
 
-    def _score(self, votes: Whole) -> Floats:
+    def _score(self, votes: Whole, distances: Floats | None = None) -> Floats:
         return 1.0 - votes.max(axis=1) / self.trees

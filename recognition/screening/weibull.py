@@ -31,12 +31,12 @@ class WeibullVotes(Screening):
         self.shapes: Floats = np.zeros(0)
         self.scales: Floats = np.zeros(0)
 
-    def _calibrate(self, votes: Whole, columns: Whole) -> None:
+    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
         most = votes.max(axis=1) + np.random.default_rng(self.seed).random(len(votes))
         fits = [weibull(most[columns == column]) for column in range(len(self.classes))]
         self.shapes, self.scales = np.array(fits).T
 
-    def _score(self, votes: Whole) -> Floats:
+    def _score(self, votes: Whole, distances: Floats | None) -> Floats:
         column = votes.argmax(axis=1)
         ratio = (votes.max(axis=1) + 0.5) / self.scales[column]
         return np.exp(-(ratio ** self.shapes[column]))

@@ -16,6 +16,7 @@ from recognition.baselines.cac import CAC, cac_loss, cac_rejection
 from recognition.baselines.cevt import CEVT
 from recognition.baselines.chance import Chance
 from recognition.baselines.cpn import CPN, cpn_loss
+from recognition.baselines.knn import KNN
 from recognition.baselines.mdenet import MDENet, contrastive_loss, sphere_loss
 from recognition.baselines.method import OpenSetMethod
 from recognition.baselines.mls import MLS, logit_outlyingness
@@ -24,7 +25,7 @@ from recognition.samples import Features
 from tests.recognition.clouds import clouds
 
 KNOWN = [1, 2, 5, 9]
-METHODS: list[type[OpenSetMethod]] = [CAC, ARPL, CPN, MDENet, MLS, CEVT, PlainThreshold]
+METHODS: list[type[OpenSetMethod]] = [CAC, ARPL, CPN, MDENet, MLS, CEVT, PlainThreshold, KNN]
 
 
 def fit(method: type[OpenSetMethod]) -> OpenSetMethod:

@@ -9,8 +9,10 @@ import pytest
 from scipy.stats import genpareto, weibull_min
 from sklearn.ensemble import RandomForestClassifier
 
+from recognition.config import Config
+from recognition.known import Labelled, learn
 from recognition.samples import Features, Whole
-from recognition.screening import EvtDeficit, EvtPooled, Screening, VoteThreshold, WeibullVotes
+from recognition.screening import EvtDeficit, EvtJoint, EvtPooled, Screening, VoteThreshold, WeibullVotes
 from recognition.screening.evt_deficit import tail
 from recognition.screening.selection import choose_delta
 from recognition.screening.weibull import weibull
@@ -157,6 +159,27 @@ def test_the_pooled_reading_counts_votes_that_the_best_class_lacks() -> None:
     assert similar[2, 0] > 0.9
 
 
+def test_the_joint_reading_combines_the_significance_of_votes_and_distances() -> None:
+    """Of 20 calibration samples ten lack a vote, and distances are 1, 2, …, 20."""
+    table, distances = np.stack([np.repeat([20, 19], 10), np.repeat([0, 1], 10)], axis=1), np.arange(1.0, 21.0)
+    table[10:] = table[10:, ::-1]
+    screening = EvtJoint(seed=0).fit(table, np.repeat([1, 2], 10), trees=20, distances=distances)
+    near = 0.5  # ten of twenty distances are 11 or more
+    lacking = screening.similarities(np.array([[20, 0]]), np.array([11.0]))[0, 0]
+    both = near * lacking
+    assert near == screening.similarities(np.array([[20, 0]]), np.array([11.0]))[0, 1]
+    assert screening.score(np.array([[20, 0]]), np.array([11.0]))[0] == pytest.approx(1.0 - both * (1.0 - np.log(both)))
+    scores = screening.score(np.array([[20, 0], [20, 0], [4, 0], [4, 0]]), np.array([1.0, 40.0, 1.0, 40.0]))
+    assert scores[0] < scores[1] <= scores[3]
+    assert scores[0] < scores[2] <= scores[3] <= 1.0
+
+
+def test_the_joint_reading_wants_distances() -> None:
+    known = clouds([1, 2], 40, seed=0)
+    with pytest.raises(UsageError, match="looks at distances"):
+        learn(Labelled(*known), Labelled(*known), Config(trees=10, neighbours=False))
+
+
 def test_a_background_shows_what_lies_beside_all_classes() -> None:
     """Classes 1 and 2 differ in the first feature; in 3, which is like 2 in it, the others go together otherwise."""
     random = np.random.default_rng(0)
@@ -173,8 +196,8 @@ def test_a_background_shows_what_lies_beside_all_classes() -> None:
     rejected = {}
     for background, neighbours in ((False, False), (True, False), (True, True)):
         grown = grow(*fitting, trees=60, background=background, neighbours=neighbours)
-        screening = EvtPooled().fit(grown.votes(calibrating[0]), calibrating[1], 60)
-        found = screening.predict(grown.votes(judged))
+        screening = EvtPooled().fit(grown.cast(calibrating[0]).votes, calibrating[1], 60)
+        found = screening.predict(grown.cast(judged).votes)
         rejected[background, neighbours] = np.mean(found[truth == 3] == 0)
         assert np.mean(found[truth != 3] == truth[truth != 3]) > 0.85
     assert rejected[False, False] < 0.2
@@ -186,10 +209,11 @@ def test_distances_show_what_lies_between_all_classes() -> None:
     """Trees that see features alone give a cloud apart from three others to one of these."""
     fitting, calibrating = clouds([1, 2, 3], 40, seed=0), clouds([1, 2, 3], 200, seed=1)
     rejected = {}
-    for neighbours in (False, True):
+    for reading, neighbours in ((EvtPooled, False), (EvtJoint, True)):
         grown = grow(*fitting, trees=100, background=True, neighbours=neighbours)
-        screening = EvtPooled().fit(grown.votes(calibrating[0]), calibrating[1], 100)
-        rejected[neighbours] = np.mean(screening.predict(grown.votes(clouds([9], 100, seed=2)[0])) == 0)
+        usual, beside = grown.cast(calibrating[0]), grown.cast(clouds([9], 100, seed=2)[0])
+        screening = reading().fit(usual.votes, calibrating[1], 100, usual.distances)
+        rejected[neighbours] = np.mean(screening.predict(*beside) == 0)
     assert rejected[False] < 0.8 < 0.95 < rejected[True]
 
 

@@ -49,7 +49,7 @@ def folder(model: TRFE, tmp_path: Path) -> Path:
 )
 def test_a_model_is_read_as_it_was_written(change: dict[str, Any], tmp_path: Path) -> None:
     fitted = TRFE(replace(CONFIG, **change)).fit(*clouds([1, 2, 3], 40, seed=0), *clouds([1, 2, 3], 30, seed=1))
-    samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
+    samples, _ = clouds([1, 2, 3, 9, 10, 11], 40, seed=2)
     fitted.observe(samples, np.arange(len(samples)))
     fitted.save(tmp_path)
     restored = TRFE.load(tmp_path)
