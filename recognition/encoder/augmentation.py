@@ -10,21 +10,21 @@ _SHIFT = (1, 2)
 """Greatest shift, in rows and columns."""
 _DROPPED = 0.1
 """Share of the cells that are emptied, in all frames and channels."""
-_NOISE = 8
-"""Greatest change of a value that is not 0."""
+_NOISE = 0.03
+"""Greatest relative change of the value of a cell."""
 
 
 def augmented(grids: Tensor) -> Tensor:
-    """Grids (n, frames, channels, rows, columns), uint8, shifted by a few cells, with dropped cells and noise.
+    """Grids (n, frames, channels, rows, columns), uint8, as bfloat16 from 0 to 263: shifted by a few cells, with dropped cells
+    and noise.
 
-    All windows of the batch are shifted alike. Noise leaves empty cells empty.
+    All windows of the batch are shifted alike. A cell is dropped or changed in all frames and channels alike, and empty cells
+    stay empty.
     """
     n, _, _, rows, columns = grids.shape
-    kept = torch.rand((n, 1, 1, rows, columns), device=grids.device) >= _DROPPED
-    noise = torch.randint(-_NOISE, _NOISE + 1, (n, 1, 1, rows, columns), device=grids.device, dtype=torch.int16)
-    shifted = _shifted(grids)
-    noisy = (shifted.to(torch.int16) + noise).clamp_(1, 255).to(torch.uint8)
-    return torch.where(kept & (shifted > 0), noisy, 0)
+    drawn = torch.rand((n, 1, 1, rows, columns), device=grids.device)
+    noise = 1.0 - _NOISE + 2.0 * _NOISE * (drawn - _DROPPED) / (1.0 - _DROPPED)
+    return _shifted(grids) * torch.where(drawn < _DROPPED, 0.0, noise).to(torch.bfloat16)
 
 
 def _shifted(grids: Tensor) -> Tensor:

@@ -63,7 +63,7 @@ class Preset(NamedTuple):
 
 
 _CPU = Preset(
-    Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"), Schedule(3, 256, 1e-3), Schedule(8, 64, 1e-3)
+    Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"), Schedule(1, 256, 1e-3), Schedule(8, 64, 1e-3)
 )
 PRESETS: dict[str, Preset] = {
     "cpu": _CPU,

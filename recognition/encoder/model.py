@@ -16,7 +16,7 @@ from schemas.errors import UsageError
 
 _STEM = 4
 """Cells along each axis that the convolutions of the front-end make into one place."""
-_STEM_CHANNELS = (32, 64)
+_STEM_CHANNELS = (16, 32)
 
 
 class Encoder(nn.Module):
@@ -108,7 +108,7 @@ def _convolutions(channels: int) -> nn.Module:
     first, second = _STEM_CHANNELS
     return nn.Sequential(
         nn.Conv2d(channels, first, 3, stride=2, padding=1),
-        nn.GELU(),
+        nn.ReLU(),
         nn.Conv2d(first, second, 3, stride=2, padding=1),
-        nn.GELU(),
+        nn.ReLU(),
     )

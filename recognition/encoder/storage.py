@@ -13,7 +13,8 @@ from recognition.encoder.config import Architecture
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import device
 from recognition.grids import Grid
-from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.errors import InvalidFile, ToolchainError
+from schemas.storage import keep, writing
 
 _WEIGHTS, _CONFIG = "encoder.safetensors", "encoder.json"
 _FORMAT = "xosc-toolchain encoder 1"
@@ -25,7 +26,7 @@ def save(encoder: Encoder, folder: Path) -> None:
     Raises:
         UsageError: the folder can't be written.
     """
-    from safetensors.torch import save_file
+    from safetensors import torch as safetensors
 
     config = {
         "format": _FORMAT,
@@ -34,12 +35,9 @@ def save(encoder: Encoder, folder: Path) -> None:
         "classes": list(encoder.classes),
     }
     weights = {name: _smallest(value.detach().cpu().contiguous()) for name, value in encoder.state_dict().items()}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / _CONFIG).write_text(json.dumps(config, indent=1) + "\n", encoding="utf-8")
-        save_file(weights, folder / _WEIGHTS)
-    except OSError as error:
-        raise UsageError(f"the encoder can't be written: {error.strerror or error}", path=folder) from None
+    with writing("the encoder", folder):
+        keep((json.dumps(config, indent=1) + "\n").encode(), folder / _CONFIG)
+        keep(safetensors.save(weights), folder / _WEIGHTS)
 
 
 def load(folder: Path) -> Encoder:
