@@ -72,6 +72,11 @@ class Realism:
             raise UsageError("held-out likelihoods of the samples do not differ: they set no scale for realism")
         return cls(density, float(limit), float(high - low))
 
+    def judged(self, theta: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Log-densities (n,) of rows (n, d), and which of them are plausible: NLL ≤ Q99, so that they have no excess."""
+        found = self.density.log_density(theta)
+        return found, -found <= self.limit
+
     def excess(self, theta: Floats) -> Floats:
         """max((NLL − Q99) / IQR, 0) of rows (n, d): (n,)."""
         return np.maximum((-self.density.log_density(theta) - self.limit) / self.scale, 0.0)

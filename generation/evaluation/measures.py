@@ -57,14 +57,13 @@ def taken(episodes: Episodes, chosen: NDArray[np.bool_]) -> Episodes:
 
 def measure(episodes: Episodes, problem: Problem) -> Measures:
     """The measures of episodes."""
-    outcomes, realism = episodes.outcomes, problem.reward.realism
-    unit = problem.space.unit(episodes.theta)
-    plausible = realism.excess(episodes.theta) == 0.0
+    outcomes, unit = episodes.outcomes, problem.space.unit(episodes.theta)
+    log_likelihood, plausible = problem.reward.realism.judged(episodes.theta)
     edge = plausible & outcomes.collision
     return Measures(
         r_risk=float(outcomes.r_risk.mean()),
         collisions=float(outcomes.collision.sum() / max(outcomes.executed.sum(), 1)),
-        log_likelihood=float(realism.density.log_density(episodes.theta).mean()),
+        log_likelihood=float(log_likelihood.mean()),
         plausible=float(plausible.mean()),
         edge_cases=float(edge.mean()),
         distinct=len(diverse(unit[edge], Choice(most=len(unit)))),

@@ -104,8 +104,8 @@ class _Judge:
 
 def _likelihoods(realism: Realism, theta: Floats, collision: Mask) -> Figures:
     """Mean log-density, share of the plausible, and of the plausible collisions."""
-    plausible = realism.excess(theta) == 0.0
-    return float(realism.density.log_density(theta).mean()), float(plausible.mean()), float((plausible & collision).mean())
+    log_likelihood, plausible = realism.judged(theta)
+    return float(log_likelihood.mean()), float(plausible.mean()), float((plausible & collision).mean())
 
 
 def _row(title: str, found: list[Figures]) -> tuple[str, ...]:

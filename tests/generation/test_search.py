@@ -43,6 +43,11 @@ def test_realism_costs_nothing_where_traffic_is_and_all_of_its_weight_far_away(r
     assert np.mean(realism.penalty(likely) == 0.0) > 0.9
     assert realism.penalty(odd).tolist() == [1.0] * 3
     assert (realism.excess(odd) > 1.0).all()
+    for rows in (odd, driven(200, seed=3)):
+        log_density, plausible = realism.judged(rows)
+        assert np.array_equal(log_density, realism.density.log_density(rows))
+        assert np.array_equal(plausible, realism.excess(rows) == 0.0)
+    assert 0.9 < plausible.mean() < 1.0
     nothing = outcomes([False] * 3, [0.0] * 3)
     assert Reward(realism, 0.2)(odd, nothing).tolist() == pytest.approx([-0.3] * 3)
     assert Reward(realism, 0.0)(odd, nothing).tolist() == pytest.approx([-0.1] * 3)
