@@ -95,18 +95,12 @@ def _projections(study: Study, generated: Episodes) -> Figure:
     """Pairs of parameters: recorded ones and what MCSG generates."""
     space = study.space
     pairs = list(combinations(range(len(space.names)), 2))
-    columns = min(6, len(pairs))
-    rows = -(-len(pairs) // columns)
-    canvas = Figure(figsize=(2.6 * columns, 2.4 * rows + 0.5), layout="constrained")
-    grid = canvas.subplots(rows, columns, squeeze=False).ravel()
-    for axes, (one, other) in zip(grid, pairs, strict=False):
+    canvas, panels = _panels(len(pairs), 6, (2.6, 2.4))
+    for axes, (one, other) in zip(panels, pairs, strict=True):
         _scatter(axes, study.recorded.theta[:, (one, other)], generated.theta[:, (one, other)], generated.outcomes.collision)
         axes.set_xlabel(_short(space.names[one]), fontsize=7)
         axes.set_ylabel(_short(space.names[other]), fontsize=7)
-        axes.tick_params(labelsize=6)
-    for axes in grid[len(pairs) :]:
-        axes.set_axis_off()
-    canvas.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    canvas.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=9, frameon=False)
     return canvas
 
 
@@ -120,19 +114,26 @@ def _methods(study: Study, keys: list[Key]) -> Figure:
         return ((study.space.unit(theta) - centre) / spread) @ axes_of
 
     names = [name for name in METHODS if any(key.method == name for key in keys)]
-    columns = min(5, len(names))
-    rows = -(-len(names) // columns)
-    canvas = Figure(figsize=(2.8 * columns, 2.6 * rows + 0.5), layout="constrained")
-    grid = canvas.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    for axes, name in zip(grid, names, strict=False):
+    canvas, panels = _panels(len(names), 5, (2.8, 2.6), shared=True)
+    for axes, name in zip(panels, names, strict=True):
         generated = last_third(study.history(next(key for key in keys if key.method == name)))
         _scatter(axes, flat(study.recorded.theta), flat(generated.theta), generated.outcomes.collision)
         axes.set_title(METHODS[name].title.strip("*"), fontsize=9)
-        axes.tick_params(labelsize=6)
-    for axes in grid[len(names) :]:
-        axes.set_axis_off()
-    canvas.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    canvas.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=9, frameon=False)
     return canvas
+
+
+def _panels(number: int, abreast: int, size: tuple[float, float], shared: bool = False) -> tuple[Figure, list[Axes]]:
+    """A figure of small panels of a size (inches), so many abreast at the most."""
+    columns = min(abreast, number)
+    rows = -(-number // columns)
+    canvas = Figure(figsize=(size[0] * columns, size[1] * rows + 0.5), layout="constrained")
+    panels = list(canvas.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel())
+    for axes in panels:
+        axes.tick_params(labelsize=6)
+    for axes in panels[number:]:
+        axes.set_axis_off()
+    return canvas, panels[:number]
 
 
 def _scatter(axes: Axes, real: Floats, generated: Floats, collision: np.ndarray) -> None:
