@@ -22,6 +22,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from sklearn.cluster import KMeans
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -47,6 +48,7 @@ class Clustering:
         consistency: λ.
         ramp: E_r, epochs until ω reaches λ.
         threads: that share the arithmetic; a small backbone is faster on one, and sums depend on their number.
+        start: of the novel head: `random`, where unneeded candidates die out, or `k-means`, where there are none to spare.
         refreshed: whether S is computed anew in each epoch, as for an unsupervised forest on the features learnt so far.
     """
 
@@ -60,6 +62,7 @@ class Clustering:
     consistency: float = 10.0
     ramp: int = 75
     threads: int = 1
+    start: Literal["random", "k-means"] = "random"
     refreshed: bool = False
 
 
@@ -177,7 +180,7 @@ def cluster(
     losses = np.zeros((config.epochs, 3))
     with deterministic(seed):
         torch.set_num_threads(config.threads)
-        heads = _heads(backbone, anchors, truth, config)
+        heads = _heads(backbone, samples, anchors, truth, config, seed)
         optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
         for epoch in range(config.epochs):
             if not epoch or config.refreshed:
@@ -187,16 +190,25 @@ def cluster(
     return Clusters(assignment.numpy(), confidence.double().numpy(), losses)
 
 
-def _heads(backbone: nn.Module, anchors: Tensor, truth: Tensor, config: Clustering) -> Heads:
-    """The known-class head starts as the nearest-centre classifier of the backbone's features, the novel head at random."""
-    features = _batched(backbone, anchors, config.batch)
+def _heads(backbone: nn.Module, samples: Tensor, anchors: Tensor, truth: Tensor, config: Clustering, seed: int) -> Heads:
+    """The known-class head starts as the nearest-centre classifier of the backbone's features, the novel head as configured."""
+    features, unknown = _batched(backbone, anchors, config.batch), _batched(backbone, samples, config.batch)
     centres = torch.stack([features[truth == label].mean(dim=0) for label in range(int(truth.max()) + 1)])
-    within = (features - centres[truth]).square().mean().clamp(min=_LEAST)
-    known, novel = nn.Linear(features.shape[1], len(centres)), nn.Linear(features.shape[1], config.candidates)
+    novel = nn.Linear(features.shape[1], config.candidates)
+    if config.start == "k-means" and config.candidates <= len(unknown):
+        found = KMeans(config.candidates, n_init=5, random_state=seed).fit(unknown.numpy())
+        novel = _nearest(torch.from_numpy(found.cluster_centers_), unknown, torch.from_numpy(found.labels_).long())
+    return Heads(backbone, _nearest(centres, features, truth), novel)
+
+
+def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:
+    """The classifier of features by the nearest of centres (K, d), with the deviation of features (n, d) assigned to them."""
+    within = (features - centres[assigned]).square().mean().clamp(min=_LEAST)
+    layer = nn.Linear(features.shape[1], len(centres))
     with torch.no_grad():
-        known.weight.copy_(centres / within)
-        known.bias.copy_(-0.5 * centres.square().sum(dim=1) / within)
-    return Heads(backbone, known, novel)
+        layer.weight.copy_(centres / within)
+        layer.bias.copy_(-0.5 * centres.square().sum(dim=1) / within)
+    return layer
 
 
 def _epoch(

@@ -30,6 +30,8 @@ class Config:
         sifted: whether NVP sifts the buffer before clustering.
         preprocessing: how.
         clusterer: online clustering, or average `linkage` on 1 − S, cut where clusters would be less cohesive than is promoted.
+        pretrained: how many of the features are of the encoder before fine-tuning: the first ones. They weigh more in clustering:
+            fine-tuning lays new classes onto known ones.
         components: principal directions of the buffered samples in which they are clustered.
         counted: whether the number of new classes is estimated before clustering, or all candidates are offered.
         forest: S is of the supervised forest, or of completely random trees grown on those directions without labels.
@@ -47,6 +49,7 @@ class Config:
     sifted: bool = True
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     clusterer: Literal["online", "linkage"] = "online"
+    pretrained: int = 0
     components: int = 8
     counted: bool = True
     forest: Literal["supervised", "unsupervised"] = "unsupervised"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -9,34 +10,40 @@ import numpy as np
 from recognition.prototypes import Prototypes
 from recognition.samples import Features
 
+_WEIGHTS = 1.0, 0.5
+"""Of features before and after fine-tuning, which lays new classes onto known ones."""
+
 
 class Directions(NamedTuple):
     """The principal directions of samples on the unit sphere around the known classes.
 
-    Features are standardised by the prototypes and cut to unit length: how far a sample is from what is known says less about its
-    class than in which direction it is.
+    Features are standardised by the prototypes and cut to unit length, those of before fine-tuning and those of after it each for
+    itself: how far a sample is from what is known says less about its class than in which direction it is.
 
     Args:
-        prototypes: of the known classes.
+        prototypes: of the known classes, in each of those parts of the features.
         axes: (d, c), divided by the samples' mean deviation along them.
     """
 
-    prototypes: Prototypes
+    prototypes: tuple[Prototypes, ...]
     axes: Features
 
     @classmethod
-    def fit(cls, prototypes: Prototypes, features: Features, components: int) -> Self:
+    def fit(cls, prototypes: Sequence[Prototypes], features: Features, components: int) -> Self:
         """The first `components` principal directions of features (n, d), or as many as there are."""
-        unit = _unit(prototypes.standardise(features))
+        bare = cls(tuple(prototypes), np.eye(features.shape[1], dtype=np.float32))
+        unit = bare.of(features)
         axes = np.linalg.svd(unit - unit.mean(axis=0), full_matrices=False)[2][:components].T
         spread = float((unit @ axes).std(axis=0).mean())
-        return cls(prototypes, (axes / max(spread, np.finfo(np.float32).tiny)).astype(np.float32))
+        return bare._replace(axes=(axes / max(spread, np.finfo(np.float32).tiny)).astype(np.float32))
 
     def of(self, features: Features) -> Features:
         """Features (n, d) along the directions (n, c)."""
-        return _unit(self.prototypes.standardise(features)) @ self.axes
+        ends = np.cumsum([len(part.mean) for part in self.prototypes])[:-1]
+        parts = zip(self.prototypes, np.split(features, ends, axis=1), _WEIGHTS, strict=False)
+        return np.concatenate([weight * _unit(one.standardise(part)) for one, part, weight in parts], axis=1) @ self.axes
 
 
-def _unit(features: Features) -> Features:
-    lengths = np.linalg.norm(features, axis=1, keepdims=True)
-    return (features / np.maximum(lengths, np.finfo(np.float32).tiny)).astype(np.float32)
+def _unit(standard: Features) -> Features:
+    lengths = np.linalg.norm(standard, axis=1, keepdims=True)
+    return (standard / np.maximum(lengths, np.finfo(np.float32).tiny)).astype(np.float32)

@@ -17,6 +17,7 @@ from recognition.directions import Directions
 from recognition.encoder.training import deterministic
 from recognition.known import Known
 from recognition.promotion import Candidate, judge, known_cohesion
+from recognition.prototypes import Prototypes
 from recognition.rfap import random_trees, similarity
 from recognition.samples import UNKNOWN, Features, Whole, drawn_of_each, matrix
 from schemas.errors import UsageError
@@ -66,7 +67,7 @@ def discover(known: Known, buffer: Buffer, config: Config) -> Discovery:
     clusters, labels = np.full(len(features), SET_ASIDE), np.full(len(features), UNKNOWN)
     if len(rows) < config.promotion.least_samples:
         return Discovery(buffer.keys, features, sifted, clusters, [], labels, 0.0)
-    directions = Directions.fit(known.prototypes, features[rows], config.components)
+    directions = Directions.fit(_prototypes(known, config), features[rows], config.components)
     similar, reference = _similarity(features[rows], directions, known, config)
     clusters[rows] = _clusters(directions.of(features[rows]), similar, reference, directions, known, config)
     judged = judge(clusters[rows], features[rows], similar, known.prototypes, reference, config.promotion)
@@ -75,6 +76,15 @@ def discover(known: Known, buffer: Buffer, config: Config) -> Discovery:
     for label, one in enumerate((one for one in candidates if one.promoted), first):
         labels[one.members] = label
     return Discovery(buffer.keys, features, sifted, clusters, candidates, labels, reference)
+
+
+def _prototypes(known: Known, config: Config) -> list[Prototypes]:
+    """Those of the known classes in the features before and in those after fine-tuning; or in all, where they are of one kind."""
+    if not config.pretrained:
+        return [known.prototypes]
+    own = known.fitted.joined(known.calibrating)
+    parts = np.split(own.features, [config.pretrained], axis=1)
+    return [Prototypes.fit(part, own.labels, config.metric) for part in parts]
 
 
 def _similarity(features: Features, directions: Directions, known: Known, config: Config) -> tuple[NDArray[np.float32], float]:
@@ -104,7 +114,8 @@ def _clusters(
 
     anchors, settings = directions.of(known.fitted.features), config.clustering
     if config.counted:
-        settings = replace(settings, candidates=likely_count(samples, settings.candidates, config.seed))
+        count = likely_count(samples, settings.candidates, config.seed)
+        settings = replace(settings, candidates=count, start="k-means")
     with deterministic(config.seed):
         backbone = Projection(samples.shape[1])
     return cluster(backbone, samples, anchors, known.fitted.labels, renewed, settings, config.seed).assignment

@@ -106,7 +106,7 @@ def fitted(
     labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
     encoder = pretrain(everything, preset, grid, seed, progress=progress)
     tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
-    model = TRFE(Config(seed=seed), (rounded(encoder), rounded(tuned)))
+    model = TRFE(Config(seed=seed, pretrained=encoder.architecture.dim), (rounded(encoder), rounded(tuned)))
     labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
     return model.fit(labelled.grids, labelled.labels, held.grids, held.labels)
 

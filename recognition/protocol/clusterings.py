@@ -19,14 +19,17 @@ from recognition.protocol.openset import ONLY_TUNED
 from recognition.protocol.stage import Stage
 from recognition.samples import Whole
 
+ALL_FEATURES = "all-features"
+"""TRFE clustering in the features of before and after fine-tuning together."""
 OWN: dict[str, Config] = {
     "trfe": Config(sifted=False),
     "trfe-given-k": Config(sifted=False, counted=False),
+    ALL_FEATURES: Config(sifted=False, counted=False),
     ONLY_TUNED: Config(sifted=False, counted=False),
     "rfap-linkage": Config(sifted=False, clusterer="linkage"),
 }
 """TRFE's own ways to cluster, by name."""
-GIVEN = ("trfe-given-k", ONLY_TUNED)
+GIVEN = ("trfe-given-k", ALL_FEATURES, ONLY_TUNED)
 """Those of them that are told how many new classes there are, as k-means and STAE are."""
 OTHERS: dict[str, type[ClusteringMethod]] = {
     "stae-kmeans": STAEKMeans,
@@ -50,9 +53,10 @@ def measure_clustering(name: str, stage: Stage) -> dict[str, Any]:
     if name in OWN:
         buffer = Buffer(len(new.rows))
         buffer.add(new.features, new.rows)
-        config = replace(OWN[name], seed=stage.seed)
+        config = replace(OWN[name], seed=stage.seed, pretrained=0 if name == ALL_FEATURES else stage.tuned)
         if name in GIVEN:
-            config = replace(config, clustering=replace(config.clustering, candidates=len(stage.round.new)))
+            given = replace(config.clustering, candidates=len(stage.round.new), start="k-means")
+            config = replace(config, clustering=given)
         clusters: Whole = discover(stage.model.known, buffer, config).clusters
     else:
         clusters = OTHERS[name](seed=stage.seed).cluster(stage.pool)

@@ -79,7 +79,7 @@ def measure_chain(name: str, first: Stage, rounds: Sequence[Round]) -> list[dict
 def begin(config: Config, stage: Stage) -> TRFE:
     """A model that knows the known classes of a stage."""
     held = stage.validation
-    return TRFE(replace(config, seed=stage.seed)).fit(*stage.labelled[:2], held.features, held.labels)
+    return TRFE(replace(config, seed=stage.seed, pretrained=stage.tuned)).fit(*stage.labelled[:2], held.features, held.labels)
 
 
 def follow(model: TRFE, stage: Stage, names: dict[int, int]) -> dict[str, Any]:

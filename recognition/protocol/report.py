@@ -28,6 +28,7 @@ TITLES = {
     "random": "random",
     "trfe-given-k": "TRFE, given K",
     "trfe-tuned": "TRFE, features after fine-tuning alone",
+    "all-features": "TRFE, all features, given K",
     "rfap-linkage": "RFAP + average linkage",
     "stae-kmeans": "STAE + k-means, given K",
     "stae-linkage": "STAE + average linkage, given K",
