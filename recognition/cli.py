@@ -50,6 +50,10 @@ def recognise(
     scenes: Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")] = "events",
     labels: Labels = "auto",
     model: Model = None,
+    keep_model: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder for the model as it is afterwards, to label more recordings by."),
+    ] = None,
     signalised: Signalised = False,
     standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
     verbose: Verbose = False,
@@ -60,12 +64,18 @@ def recognise(
 
     A folder for each class: scenarios that replay what was recorded, the same as parametrised manoeuvres, the OpenSCENARIO
     catalogues that they use, and OpenLABEL tags; beside them the roads and an index. Files that a person has edited stay.
+    A model that is kept knows the classes that it discovered, by the names that they have in the catalogue.
     """
+    from recognition.catalogue.model import ByModel
     from recognition.catalogue.pipeline import build
 
-    settings = _settings(scenes, signalised, standard)
+    settings, recogniser = _settings(scenes, signalised, standard), _recogniser(labels, model, quiet)
+    if keep_model and not isinstance(recogniser, ByModel):
+        raise UsageError("--keep-model is for a model that labels; rules learn nothing")
     with interruptible(NAME):
-        summary = build(paths, out, settings, _recogniser(labels, model, quiet), _progress(quiet))
+        summary = build(paths, out, settings, recogniser, _progress(quiet))
+        if keep_model and isinstance(recogniser, ByModel):
+            recogniser.keep(keep_model)
         code = _report(summary, verbose, quiet)
     raise typer.Exit(code)
 

@@ -55,6 +55,14 @@ class ByModel:
             self._finished = True
         return [_labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]]
 
+    def keep(self, folder: Path) -> None:
+        """Write the model as it is now: discovered classes are known to it, and what is still unknown waits in its buffer.
+
+        Raises:
+            UsageError: the folder can't be written.
+        """
+        self._model.save(folder)
+
     def _regular(self, recording: Recording, events: list[Event]) -> list[Moment]:
         """Moments at the stride, away from the events."""
         taken: dict[str, list[float]] = {}

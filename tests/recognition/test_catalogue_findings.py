@@ -12,12 +12,17 @@ from recognition import datasets
 from recognition.buffer import Buffer
 from recognition.catalogue.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, joined
 from recognition.catalogue.model import ByModel, title_of
+from recognition.config import Config
 from recognition.discovery import FIRST_DISCOVERED
+from recognition.encoder.config import Architecture
+from recognition.encoder.model import Encoder
 from recognition.grids import Grid
 from recognition.labels import Event, Label
 from recognition.sites import site_at
+from recognition.trfe import TRFE
 from schemas.errors import UsageError
 from tests.recognition import motorway
+from tests.recognition.clouds import clouds
 
 
 def moment(time: float, title: str = "a", ego: str = "1", **other: object) -> Moment:
@@ -127,6 +132,19 @@ def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_
     moments = look(tmp_path, oracle).moments("01")
     assert [each.state == KNOWN for each in moments] == [number % 2 == 0 for number in range(6, 6 + len(moments))]
     assert DISCOVERED in {each.state for each in moments}
+
+
+def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
+    encoder = Encoder(Architecture(8, 1, 2, (4, 8, 8)), Grid(channels=("others", "ego"), length=40.0, width=10.0)).eval()
+    trfe = TRFE(Config(trees=20, delta=0.5), (encoder,))
+    samples = [clouds([1, 2, 9], 60, seed=seed, width=8, apart=20.0) for seed in range(3)]
+    known = [(features[truth < 9], truth[truth < 9]) for features, truth in samples]
+    trfe.fit(*known[0], *known[1])
+    new = samples[2][0][samples[2][1] == 9]
+    trfe.observe(new, np.arange(len(new)))
+    trfe.expand(trfe.discover())
+    ByModel(trfe).keep(tmp_path / "kept")
+    assert set(TRFE.load(tmp_path / "kept").recognise(new).labels.tolist()) & {FIRST_DISCOVERED}
 
 
 def test_a_model_without_an_encoder_is_refused() -> None:

@@ -86,6 +86,7 @@ def test_edited_files_are_reported(recognize: Command, recordings: Path, tmp_pat
         (["in", "--out", "out", "--scenes", "all"], "--scenes"),
         (["in", "--out", "out", "--standard", "2.0"], "--standard"),
         (["in", "--out", "out", "--labels", "rules", "--model", "m"], "--model and --labels rules exclude each other"),
+        (["in", "--out", "out", "--labels", "rules", "--keep-model", "m"], "--keep-model is for a model that labels"),
         (["in", "--out", "out", "--model", "absent"], "absent: there is no model in this folder"),
         (["in", "--out", "/dev/null/out", "--labels", "rules"], "/dev/null"),
     ],
