@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import AgglomerativeClustering
+from sklearn.cluster import AgglomerativeClustering, KMeans
 
 from recognition.buffer import Buffer, Sifted, sift
 from recognition.clustering import Projection, cluster
@@ -16,7 +16,7 @@ from recognition.counting import likely_count
 from recognition.directions import Directions
 from recognition.encoder.training import deterministic
 from recognition.known import Known
-from recognition.promotion import Candidate, judge, known_cohesion
+from recognition.promotion import Candidate, cohesion, judge, known_cohesion
 from recognition.prototypes import Prototypes
 from recognition.rfap import random_trees, similarity
 from recognition.samples import UNKNOWN, Features, Whole, drawn_of_each, matrix
@@ -114,8 +114,23 @@ def _clusters(
 
     anchors, settings = directions.of(known.fitted.features), config.clustering
     if config.counted:
-        count = likely_count(samples, settings.candidates, config.seed)
-        settings = replace(settings, candidates=count, start="k-means")
+        least = config.promotion.relative_cohesion * reference
+        settings = replace(settings, candidates=_count(samples, similar, least, config), start="k-means")
     with deterministic(config.seed):
         backbone = Projection(samples.shape[1])
     return cluster(backbone, samples, anchors, known.fitted.labels, renewed, settings, config.seed).assignment
+
+
+def _count(samples: Features, similar: NDArray[np.float32], least_cohesion: float, config: Config) -> int:
+    """As many clusters as are likely, and more until most samples are in clusters that are cohesive enough for promotion.
+
+    What waits in a buffer need not be of classes alone: in few clusters, classes would drown in what is of none.
+    """
+    most = config.clustering.candidates
+    for count in range(likely_count(samples, most, config.seed), most):
+        clusters = KMeans(count, n_init=5, random_state=config.seed).fit_predict(samples)
+        of_each = [np.flatnonzero(clusters == number) for number in range(count)]
+        cohesive = [len(of) for of in of_each if cohesion(similar[np.ix_(of, of)]) >= least_cohesion]
+        if 2 * sum(cohesive) >= len(samples):
+            return count
+    return most

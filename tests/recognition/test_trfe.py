@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from recognition.buffer import Buffer
 from recognition.config import Config
-from recognition.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery
+from recognition.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
 from recognition.samples import Features, Whole
 from recognition.screening import EvtDeficit
 from recognition.trfe import TRFE
@@ -161,6 +162,19 @@ def test_delta_stays_when_classes_are_added() -> None:
     assert len(growing.known.classes) > len(KNOWN)
     assert before and after and after is not before
     assert after.threshold == before.threshold
+
+
+def test_a_class_is_found_among_samples_of_none() -> None:
+    """Two clusters are likeliest there, and hold everything."""
+    fitted = TRFE(CONFIG).fit(*clouds(KNOWN, 60, seed=0, apart=APART), *clouds(KNOWN, 60, seed=1, apart=APART))
+    stray = 12.0 * np.random.default_rng(0).standard_normal((150, 16)).astype(np.float32)
+    samples = np.concatenate([clouds([9], 60, seed=2, apart=2.0 * APART)[0], stray])
+    buffer = Buffer(len(samples))
+    buffer.add(samples, np.arange(len(samples)))
+    found = discover(fitted.known, buffer, replace(CONFIG, sifted=False))
+    (label,) = set(found.labels[:60].tolist())
+    assert label >= FIRST_DISCOVERED
+    assert np.mean(found.labels[60:] == label) < 0.3
 
 
 def test_a_window_has_the_screening_follow_a_shift() -> None:
