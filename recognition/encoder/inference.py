@@ -24,7 +24,7 @@ def features(encoders: Encoder | Sequence[Encoder], windows: Windows | NDArray[n
         UsageError: the grids have another shape than an encoder's.
     """
     chosen = [encoders] if isinstance(encoders, Encoder) else encoders
-    return np.concatenate([_applied(one, one, windows, one.architecture.dim) for one in chosen], axis=1)
+    return _applied(chosen, chosen, windows, sum(one.architecture.dim for one in chosen))
 
 
 def logits(encoder: Encoder, windows: Windows | NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -33,18 +33,24 @@ def logits(encoder: Encoder, windows: Windows | NDArray[np.uint8]) -> NDArray[np
     Raises:
         UsageError: the grids have another shape than the encoder's, or it has no class head.
     """
-    return _applied(encoder, encoder.logits, windows, len(encoder.classes))
+    return _applied([encoder], [encoder.logits], windows, len(encoder.classes))
 
 
 def _applied(
-    encoder: Encoder, function: Callable[[Tensor], Tensor], windows: Windows | NDArray[np.uint8], columns: int
+    encoders: Sequence[Encoder],
+    functions: Sequence[Callable[[Tensor], Tensor]],
+    windows: Windows | NDArray[np.uint8],
+    columns: int,
 ) -> NDArray[np.float32]:
+    """What the functions of encoders give (n, columns), beside each other."""
     grids = windows.grids if isinstance(windows, Windows) else windows
-    where = encoder.norm.weight.device
+    where = encoders[0].norm.weight.device
     found = np.empty((len(grids), columns), np.float32)
-    encoder.eval()
+    for encoder in encoders:
+        encoder.eval()
     with deterministic(0), torch.inference_mode(), mixed(where):
         for start in range(0, len(grids), _BATCH):
-            batch = torch.from_numpy(np.array(grids[start : start + _BATCH])).to(where)
-            found[start : start + _BATCH] = function(batch).float().cpu().numpy()
+            part = grids[start : start + _BATCH]
+            batch = torch.from_numpy(part if part.flags.writeable else part.copy()).to(where)
+            found[start : start + _BATCH] = torch.cat([function(batch).float() for function in functions], dim=1).cpu().numpy()
     return found
