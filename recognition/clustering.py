@@ -194,11 +194,11 @@ def _heads(backbone: nn.Module, samples: Tensor, anchors: Tensor, truth: Tensor,
     """The known-class head starts as the nearest-centre classifier of the backbone's features, the novel head as configured."""
     features, unknown = _batched(backbone, anchors, config.batch), _batched(backbone, samples, config.batch)
     centres = torch.stack([features[truth == label].mean(dim=0) for label in range(int(truth.max()) + 1)])
-    novel = nn.Linear(features.shape[1], config.candidates)
+    known, novel = _nearest(centres, features, truth), nn.Linear(features.shape[1], config.candidates)
     if config.start == "k-means" and config.candidates <= len(unknown):
         found = KMeans(config.candidates, n_init=5, random_state=seed).fit(unknown.numpy())
         novel = _nearest(torch.from_numpy(found.cluster_centers_), unknown, torch.from_numpy(found.labels_).long())
-    return Heads(backbone, _nearest(centres, features, truth), novel)
+    return Heads(backbone, known, novel)
 
 
 def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:
