@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from recognition.prototypes import Prototypes
-from recognition.samples import Features
+from recognition.samples import Features, unit
 
 _WEIGHTS = 1.0, 0.5
 """Of features before and after fine-tuning, which lays new classes onto known ones."""
@@ -32,18 +32,13 @@ class Directions(NamedTuple):
     def fit(cls, prototypes: Sequence[Prototypes], features: Features, components: int) -> Self:
         """The first `components` principal directions of features (n, d), or as many as there are."""
         bare = cls(tuple(prototypes), np.eye(features.shape[1], dtype=np.float32))
-        unit = bare.of(features)
-        axes = np.linalg.svd(unit - unit.mean(axis=0), full_matrices=False)[2][:components].T
-        spread = float((unit @ axes).std(axis=0).mean())
+        sphere = bare.of(features)
+        axes = np.linalg.svd(sphere - sphere.mean(axis=0), full_matrices=False)[2][:components].T
+        spread = float((sphere @ axes).std(axis=0).mean())
         return bare._replace(axes=(axes / max(spread, np.finfo(np.float32).tiny)).astype(np.float32))
 
     def of(self, features: Features) -> Features:
         """Features (n, d) along the directions (n, c)."""
         ends = np.cumsum([len(part.mean) for part in self.prototypes])[:-1]
         parts = zip(self.prototypes, np.split(features, ends, axis=1), _WEIGHTS, strict=False)
-        return np.concatenate([weight * _unit(one.standardise(part)) for one, part, weight in parts], axis=1) @ self.axes
-
-
-def _unit(standard: Features) -> Features:
-    lengths = np.linalg.norm(standard, axis=1, keepdims=True)
-    return (standard / np.maximum(lengths, np.finfo(np.float32).tiny)).astype(np.float32)
+        return np.concatenate([weight * unit(one.standardise(part)) for one, part, weight in parts], axis=1) @ self.axes

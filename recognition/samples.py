@@ -60,3 +60,9 @@ def deviations(features: Features) -> Features:
     """Standard deviation (d,) of each feature of (n, d), to divide by: 1 where it does not vary."""
     spread = features.std(axis=0)
     return np.where(spread > 0.0, spread, 1.0).astype(np.float32)
+
+
+def unit(features: Features) -> Features:
+    """Features (n, d) cut to unit length; those that are all 0 stay so."""
+    lengths = np.linalg.norm(features, axis=1, keepdims=True)
+    return (features / np.maximum(lengths, np.finfo(np.float32).tiny)).astype(np.float32)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.baselines.method import OpenSetMethod
-from recognition.samples import Features, Floats, Whole, deviations
+from recognition.samples import Features, Floats, Whole, deviations, unit
 
-NEAREST = 5
+_NEAREST = 5
 
 
 class KNN(OpenSetMethod):
@@ -22,7 +22,7 @@ class KNN(OpenSetMethod):
         from sklearn.neighbors import KNeighborsClassifier
 
         self._mean, self._deviation = features.mean(axis=0), deviations(features)
-        self._model = KNeighborsClassifier(NEAREST, algorithm="brute").fit(self._unit(features), indices)
+        self._model = KNeighborsClassifier(_NEAREST, algorithm="brute").fit(self._unit(features), indices)
 
     def _classify(self, features: Features) -> Whole:
         return np.asarray(self._model.predict(self._unit(features)), dtype=np.int64)
@@ -32,5 +32,4 @@ class KNN(OpenSetMethod):
         return np.asarray(self._model.kneighbors(self._unit(features))[0][:, -1], dtype=np.float64)
 
     def _unit(self, features: Features) -> Features:
-        standard = (features - self._mean) / self._deviation
-        return standard / np.maximum(np.linalg.norm(standard, axis=1, keepdims=True), np.finfo(np.float32).tiny)
+        return unit((features - self._mean) / self._deviation)

@@ -19,7 +19,7 @@ from recognition.baselines.mls import MLS
 from recognition.baselines.vote_threshold import PlainThreshold
 from recognition.baselines.voting import VotingMethod
 from recognition.protocol.stage import Stage
-from recognition.samples import UNKNOWN, Floats, Whole
+from recognition.samples import UNKNOWN, Features, Floats, Whole
 from recognition.screening import EvtDeficit, EvtJoint, EvtPooled, Screening
 
 OWN_RULE = "trfe"
@@ -85,11 +85,11 @@ def measure_open_set(name: str, stage: Stage) -> dict[str, Any]:
         The fields of `metrics.OpenSet`, the threshold, and the confusion matrix: `[truth, prediction, windows]` for each pair
         that occurs, with 0 for unknown.
     """
-    judged = _own_rule(stage) if name == OWN_RULE else _common_rule(name, stage)
-    pairs, counts = np.unique(np.stack([stage.truth, judged.predicted]), axis=1, return_counts=True)
+    found = _own_rule(stage) if name == OWN_RULE else _common_rule(name, stage)
+    pairs, counts = np.unique(np.stack([stage.truth, found.predicted]), axis=1, return_counts=True)
     return {
-        **metrics.open_set(stage.truth, judged.closed, judged.scores, judged.predicted)._asdict(),
-        "threshold": judged.threshold,
+        **metrics.open_set(stage.truth, found.closed, found.scores, found.predicted)._asdict(),
+        "threshold": found.threshold,
         "confusion": [[*map(int, pair), int(count)] for pair, count in zip(pairs.T, counts, strict=True)],
     }
 
@@ -105,7 +105,12 @@ def _common_rule(name: str, stage: Stage) -> Judged:
         stage = stage.only_tuned
     fitted, held, tested = stage.labelled, stage.validation, stage.test.features
     model = _unfitted(COMMON_RULE[name], stage).fit(fitted.features, fitted.labels, held.features, held.labels)
-    closed, scores = model.classify(tested), model.score(tested)
+    return judged(model, tested)
+
+
+def judged(model: OpenSetMethod, features: Features) -> Judged:
+    """What a fitted method makes of samples; `predict` would classify and score them once more."""
+    closed, scores = model.classify(features), model.score(features)
     return Judged(closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from recognition import metrics
 from recognition.encoder.probe import probe, speed_code
 from recognition.grids import Grid
-from recognition.protocol.openset import JointScreening
+from recognition.protocol.openset import JointScreening, judged
 from recognition.protocol.stage import Stage
 from recognition.samples import UNKNOWN
 
@@ -35,7 +35,8 @@ def measure_trees(stage: Stage) -> dict[str, Any]:
     points = []
     for trees in TREES:
         model = JointScreening(stage.seed, trees).fit(fitted.features, fitted.labels, held.features, held.labels)
-        figures = metrics.open_set(stage.truth, model.classify(tested), model.score(tested), model.predict(tested))
+        found = judged(model, tested)
+        figures = metrics.open_set(stage.truth, found.closed, found.scores, found.predicted)
         points.append({"value": trees, **figures._asdict()})
     return {"points": points}
 
