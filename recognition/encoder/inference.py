@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
@@ -42,15 +43,23 @@ def _applied(
     windows: Windows | NDArray[np.uint8],
     columns: int,
 ) -> NDArray[np.float32]:
-    """What the functions of encoders give (n, columns), beside each other."""
+    """What the functions of encoders give (n, columns), beside each other.
+
+    Threads take a batch each instead of sharing one: batches are too small to be divided well, and no sum depends on how many
+    threads there are.
+    """
     grids = windows.grids if isinstance(windows, Windows) else windows
     where = encoders[0].norm.weight.device
     found = np.empty((len(grids), columns), np.float32)
     for encoder in encoders:
         encoder.eval()
-    with deterministic(0), torch.inference_mode(), mixed(where):
-        for start in range(0, len(grids), _BATCH):
-            part = grids[start : start + _BATCH]
+
+    def apply(start: int) -> None:
+        part = grids[start : start + _BATCH]
+        with torch.inference_mode(), mixed(where):
             batch = torch.from_numpy(part if part.flags.writeable else part.copy()).to(where)
             found[start : start + _BATCH] = torch.cat([function(batch).float() for function in functions], dim=1).cpu().numpy()
+
+    with deterministic(0), ThreadPoolExecutor(torch.get_num_threads(), initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        list(pool.map(apply, range(0, len(grids), _BATCH)))
     return found
