@@ -7,20 +7,16 @@ from functools import lru_cache
 from pathlib import Path
 
 from recognition.datasets import Source
+from recognition.sites.fit import require_fit
 from recognition.sites.lanes import LaneGraph, graph
 from recognition.sites.maps import map_of
-from recognition.sites.placing import share_on_road
 from recognition.sites.proposal import propose
 from recognition.sites.roles import Entry, Role, Roles, roles_of
 from runner.recording import Recording
-from schemas.errors import InvalidFile
 from xodr.network import RoadNetwork
 from xodr.reader import load
 
 __all__ = ["Entry", "Role", "Roles", "Site", "site_at", "site_of"]
-
-_LEAST_ON_ROAD = 1.0 / 3.0
-"""Least share of the vehicles' places that are on a road: on its own map it is 65 % in the worst of the real recordings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,17 +73,8 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     path, lights = map_of(source, recording, roads)
     site = site_at(path, recording.network, lights, roads)
     if recording.network is None:
-        _require_here(source, recording, site)
+        require_fit(recording, site.network, (source.map or path).name, source.path)
     return site
-
-
-def _require_here(source: Source, recording: Recording, site: Site) -> None:
-    """A map that was found for a recording, and did not come with it, may be that of another place."""
-    share = share_on_road(recording, site.network)
-    if share < _LEAST_ON_ROAD:
-        name = (source.map or site.path).name
-        message = f"only {share:.0%} of the vehicles' places are on a road of {name}: a map of this place is needed"
-        raise InvalidFile(f"{message}, in the same coordinates", path=source.path)
 
 
 @lru_cache(maxsize=8)
