@@ -149,6 +149,17 @@ def test_features_do_not_depend_on_the_batch(tuned):
     assert (features(tuned, data) == together).all()
 
 
+def test_features_do_not_depend_on_the_number_of_threads(tuned):
+    data, before = windows(300), torch.get_num_threads()
+    found = []
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        found.append(features(tuned, data))
+        assert torch.get_num_threads() == threads
+    torch.set_num_threads(before)
+    assert (found[0] == found[1]).all()
+
+
 def test_encoders_are_read_as_they_were_saved(tuned, tmp_path):
     save(tuned, tmp_path)
     read = load(tmp_path)
