@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from runner.command_line import guarded, interruptible
-from schemas.command_line import Version, new_app
+from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ _EPILOG = (
     "not done here, 5 internal error."
 )
 
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Labels = Annotated[
     Literal["auto", "model", "rules"], typer.Option(help="Who labels: a model (auto: where one is shipped), or the rules alone.")
@@ -56,7 +55,7 @@ def recognise(
     ] = None,
     signalised: Signalised = False,
     standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
-    verbose: Verbose = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")] = False,
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
@@ -86,8 +85,9 @@ def label(
     model: Model = None,
     signalised: Signalised = False,
     in_place: Annotated[bool, typer.Option("--in-place", help="Write the tags into the scenarios themselves.")] = False,
-    verbose: Verbose = False,
+    _verbose: Verbose = False,
     quiet: Quiet = False,
+    _version: Version = False,
 ) -> None:
     """Label the results of runs, and annotate the scenarios that they are of.
 
@@ -178,7 +178,7 @@ def app_of(name: str | None = None) -> typer.Typer:
         app.command(NAME, epilog=_EPILOG)(recognise)
     else:
         module, _ = COMMANDS[name]
-        app.command()(getattr(import_module(module), name))
+        app.command(f"{NAME} {name}")(getattr(import_module(module), name))
     return app
 
 

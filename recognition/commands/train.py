@@ -14,6 +14,7 @@ from recognition.encoder.config import preset as preset_of
 from recognition.labels.classes import Label
 from recognition.protocol.splits import Split, Unit, split
 from runner.command_line import interruptible
+from schemas.command_line import Verbose, Version
 from schemas.errors import UsageError
 from schemas.storage import keep
 from schemas.version import version
@@ -49,7 +50,9 @@ def train(
         typer.Option(min=20, metavar="N", help="Most samples of each class that are kept with the model.  [default: all]"),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no figures.")] = False,
+    _version: Version = False,
 ) -> None:
     """Train a model that recognises the classes of recordings, to be used by xosc-recognize --model DIR.
 

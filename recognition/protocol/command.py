@@ -10,6 +10,7 @@ import typer
 
 from recognition.protocol.splits import Unit
 from runner.command_line import interruptible
+from schemas.command_line import Verbose, Version
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,7 +45,9 @@ def evaluate(
     ] = "recording",
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Seeds at a time, each in a process.")] = 2,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
+    _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
+    _version: Version = False,
 ) -> None:
     """Evaluate TRFE and every method beside it by the incremental open-world protocol.
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from runner.command_line import interruptible
+from schemas.command_line import Verbose, Version
 
 
 @interruptible("xosc-recognize record")
@@ -17,7 +18,9 @@ def record(
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     site: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this site (repeatable).")] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
+    _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")] = False,
+    _version: Version = False,
 ) -> None:
     """Record SUMO's traffic on maps of our own, in the formats of highD (motorways) and INTERACTION (all else)."""
     import sys
