@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from generation.parameters import SEVEN, Space
-from generation.units.extraction import fitted_speeds
-from generation.units.reconstruction import progress, reconstruct, ways
+from generation.units.reconstruction import progress, reconstruct
+from recognition.catalogue.maneuvers.speeds import fitted_speeds, ways
 from recognition.samples import Floats
 
 NUMBER = 6

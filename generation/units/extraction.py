@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from generation.units.motion import Motion, motion
-from generation.units.reconstruction import errors, ways
+from generation.units.reconstruction import errors
 from generation.units.samples import Samples
 from generation.units.segmentation import segment
 from generation.units.unit import LANE_CHANGE, Unit
+from recognition.catalogue.maneuvers.speeds import EVERY, fitted_speeds, ways
 from recognition.datasets import Source
 from recognition.datasets import open as open_data
 from recognition.labels.rules import Rules
@@ -20,12 +21,6 @@ from recognition.labels.scene import prepare
 from recognition.samples import Floats
 from recognition.sites import site_of
 from schemas.errors import UsageError
-
-_SPEED_WEIGHT = 10.0
-"""How many metres of the way one m/s of a speed counts as when speeds are fitted: so much that they stay near those at the
-instants that they are named after (0.3 to 0.6 m/s on own motorways), and follow the way all the same, s"""
-_EVERY = 0.2
-"""Resolution (s) of the motion that speeds are fitted to"""
 
 
 def parameters_of(motion: Motion, unit: Unit) -> tuple[Floats, float] | None:
@@ -51,23 +46,10 @@ def parameters_of(motion: Motion, unit: Unit) -> tuple[Floats, float] | None:
 def _speeds(motion: Motion, unit: Unit, duration: float, rest: float) -> Floats:
     """Start, end and final speed (3,), m/s."""
     scene = motion.scene
-    rows = np.arange(unit.first, unit.last + 1, scene.rows(_EVERY))
+    rows = np.arange(unit.first, unit.last + 1, scene.rows(EVERY))
     way = motion.way[rows] - motion.way[unit.start]
     model = ways(scene.time[rows] - scene.time[unit.start], duration, rest)
     return fitted_speeds(model, way, scene.speed[[unit.start, unit.end, unit.last]])
-
-
-def fitted_speeds(model: Floats, way: Floats, seen: Floats) -> Floats:
-    """Start, end and final speed (3,), m/s, that follow a way best and stay near the speeds seen at their instants.
-
-    Args:
-        model: what each speed adds to the way (n, 3), s (`generation.units.reconstruction.ways`).
-        way: since the manoeuvre began (n,), m.
-        seen: speeds at its beginning, its end, and the scene's end (3,), m/s.
-    """
-    target = np.concatenate([way, _SPEED_WEIGHT * seen])
-    found = np.linalg.lstsq(np.vstack([model, _SPEED_WEIGHT * np.eye(3)]), target)[0]
-    return np.maximum(found, 0.0)
 
 
 def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Samples:

@@ -14,6 +14,7 @@ import numpy as np
 from generation.parameters import SEVEN
 from generation.units.motion import Motion
 from generation.units.unit import Unit
+from recognition.catalogue.maneuvers.speeds import ways
 from recognition.sites.lanes import Floats
 
 ROLES = tuple(SEVEN)
@@ -45,14 +46,6 @@ def reconstruct(row: Floats, shift: float, time: Floats) -> tuple[Floats, Floats
 def progress(share: Floats) -> Floats:
     """Share of the lateral way by share of the time (DynamicsShape sinusoidal)."""
     return 0.5 - 0.5 * np.cos(np.pi * share)
-
-
-def ways(time: Floats, duration: float, rest: float) -> Floats:
-    """What each m/s of start, end and final speed adds to the way since the manoeuvre began (n, 3), s."""
-    during = np.clip(time, 0.0, duration)
-    after = np.clip(time - duration, 0.0, None)
-    gained, settled = during**2 / (2.0 * duration), after**2 / (2.0 * rest) if rest > 0.0 else 0.0 * after
-    return np.stack([np.minimum(time, 0.0) + during - gained, gained + after - settled, settled], axis=1)
 
 
 def errors(motion: Motion, unit: Unit, row: Floats) -> Errors:

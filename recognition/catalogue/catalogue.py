@@ -13,11 +13,12 @@ from recognition.catalogue.entities import entry
 from recognition.catalogue.episodes import Episode, plain
 from recognition.catalogue.maneuvers import Span, maneuver
 from recognition.catalogue.scenes import EGO, Part, Scene, Scope, Stage
+from recognition.catalogue.starting import paths
 from recognition.catalogue.store import Store
 from recognition.catalogue.variation import CONTROLLER
 from recognition.datasets import Exclusion, Source
 from recognition.sites import Site
-from runner.recording import Recording
+from runner.recording import Recording, Track
 from schemas.errors import Unsupported
 from schemas.storage import digest
 from xosc import maneuvers, tags
@@ -194,13 +195,14 @@ class Catalogue:
         measured = maneuver(context.recording, network, episode.label, episode.ego, partner, span)
         participants = [entry(track) for track in (measured.ego, measured.other) if track is not None]
         entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants]
-        built, route = variation.catalogue_entry(measured), variation.route(measured, network, episode.name)
+        other = context.name_of(measured.other)
+        built, followed = variation.catalogue_entry(measured), paths(measured, network, episode.name, other)
         entries += [context.entry("Maneuver", built.name, built), context.entry("Controller", CONTROLLER.name, CONTROLLER)]
-        entries += [context.entry("Route", route.name, route, context.recorded)] if route else []
+        entries += [context.entry("Route", route.name, route, context.recorded) for route in followed.routes.values()]
+        entries += [context.entry("Trajectory", path.name, path, episode.name) for path in followed.trajectories.values()]
         path = self.store.root / episode.folder / f"{episode.name}_maneuver.xosc"
         stage = variation.Stage(path, f"../{context.road}", _directories(entries))
-        other, way = context.name_of(partner), route.name if route else None
-        document = variation.scenario(stage, header, measured, network, other, way, self._config.version)
+        document = variation.scenario(stage, header, measured, network, other, followed, self._config.version)
         self._enter(entries)
         return document
 
@@ -229,10 +231,10 @@ class _Context(NamedTuple):
         """An entry of a catalogue of the scenario's class."""
         return _Entry(_Place(self.episode.folder, kind, part), name, built)
 
-    def name_of(self, track: str | None) -> str:
+    def name_of(self, track: Track | None) -> str:
         """Name in the scenario of a track that takes part in it."""
         parts: tuple[Part, ...] = self.scene.parts
-        return next((part.name for part in parts if part.track.name == track and part.name != EGO), "Other")
+        return next((part.name for part in parts if part.track is track and part.name != EGO), "Other")
 
 
 def _facts(context: _Context) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from recognition import datasets
 from recognition.catalogue import variation
 from recognition.catalogue.entities import entry
 from recognition.catalogue.maneuvers import Maneuver, Span, maneuver
+from recognition.catalogue.starting import paths
 from recognition.labels.classes import Label
 from runner.recording import Recording, Track
 from runner.relations import Motion, relation
@@ -52,8 +53,9 @@ def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[in
         path.parent.mkdir(exist_ok=True)
         xosc.write(maneuvers.catalog(path, HEADER, f"{kind}Catalog", entries), path)
     (folder / "road.xodr").write_bytes(Path(recording.network.path).read_bytes())
+    followed = paths(found, recording.network, "route", "Other")
     stage = variation.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
-    document = variation.scenario(stage, HEADER, found, recording.network, "Other", None, version)
+    document = variation.scenario(stage, HEADER, found, recording.network, "Other", followed, version)
     xosc.write(document, stage.path)
     return stage.path
 
@@ -83,13 +85,8 @@ def test_car_following_is_the_leads_change_of_speed(recording: Recording) -> Non
 
 
 REFUSED = {
-    "a class without a manoeuvre": (
-        Label.LEFT_TURN,
-        m.EGO,
-        None,
-        AT,
-        "lane changes and car following, not unsignalised left turn",
-    ),
+    "a class that is none of the 17": (Label.UNKNOWN, m.EGO, None, AT, "its class, unknown or discovered, is none of the 17"),
+    "no junction": (Label.LEFT_TURN, m.EGO, None, AT, "the way through the junction can't be told from the roads"),
     "no partner": (Label.CUT_IN, m.EGO, None, AT, "the other vehicle is not known"),
     "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "no change of lane on one road"),
     "a partner behind": (Label.CAR_FOLLOWING, m.CUTTER, m.EGO, AT, "is not ahead of the ego"),

@@ -12,6 +12,7 @@ from xosc.maneuvers.actions import (
     assign_route,
     delete_entity,
     event,
+    follow_path,
     follow_trajectory,
     lane_change,
     lane_position,
@@ -22,6 +23,7 @@ from xosc.maneuvers.actions import (
     speed_profile,
     teleport,
     trajectory,
+    trajectory_position,
     world_position,
 )
 from xosc.maneuvers.base import Number
@@ -31,6 +33,7 @@ from xosc.maneuvers.triggers import (
     Condition,
     Conditions,
     collision,
+    distance,
     element_state,
     relative_distance,
     simulation_time,
@@ -52,8 +55,10 @@ __all__ = [
     "collision",
     "controller",
     "delete_entity",
+    "distance",
     "element_state",
     "event",
+    "follow_path",
     "follow_trajectory",
     "lane_change",
     "lane_position",
@@ -73,6 +78,7 @@ __all__ = [
     "time_headway",
     "time_to_collision",
     "trajectory",
+    "trajectory_position",
     "vehicle",
     "world_position",
 ]

@@ -53,6 +53,11 @@ def relative_lane_position(entity: str, lanes: Number, ds: Number) -> Any:
     return sg.RelativeLanePosition(number(lanes), entity, 0.0, number(ds))
 
 
+def trajectory_position(path: Any, s: Number) -> Any:
+    """A position `s` (m) along a `trajectory`, or a catalogue's."""
+    return sg.TrajectoryPosition(path, number(s), 0.0)
+
+
 def teleport(position: Any) -> Any:
     """`TeleportAction`: be somewhere at once."""
     return sg.TeleportAction(position)
@@ -124,6 +129,16 @@ def follow_trajectory(path: Any, following_mode: str = "position", offset: Numbe
     """
     timing = word("ReferenceContext", domain), 1.0, number(offset)
     return sg.FollowTrajectoryAction(path, word("FollowingMode", following_mode), *timing)
+
+
+def follow_path(path: Any, start: Number) -> Any:
+    """`FollowTrajectoryAction` without times: along a `trajectory` (or a catalogue's) at the speed that other actions give.
+
+    Args:
+        path: the trajectory.
+        start: how far along it this begins, m.
+    """
+    return sg.FollowTrajectoryAction(path, word("FollowingMode", "position"), initialDistanceOffset=number(start))
 
 
 def route(name: str, waypoints: Sequence[Any]) -> Any:

@@ -81,6 +81,29 @@ def collision(entity: str, other: str, *, edge: str = "none") -> Condition:
     return Condition(f"collision with {other}", sg.CollisionCondition(other), edge, entity)
 
 
+def distance(
+    entity: str,
+    position: Any,
+    value: Number,
+    rule: str = "lessThan",
+    *,
+    kind: str = "euclidianDistance",
+    coordinates: str = "entity",
+    freespace: bool = True,
+    edge: str = "none",
+) -> Condition:
+    """`DistanceCondition`: the distance of `entity` to a position, m; see `relative_distance`."""
+    condition = sg.DistanceCondition(
+        number(value),
+        word("Rule", rule),
+        position,
+        freespace=freespace,
+        distance_type=word("RelativeDistanceType", kind),
+        coordinate_system=word("CoordinateSystem", coordinates),
+    )
+    return Condition("distance", condition, edge, entity)
+
+
 def relative_distance(
     entity: str,
     other: str,

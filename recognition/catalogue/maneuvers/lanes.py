@@ -1,17 +1,14 @@
-"""The manoeuvre in a recorded scene, as seven numbers: gap, speeds, times. Classes without such a manoeuvre are refused by name.
+"""Manoeuvres in lanes: lane changes, also from and to ramps, cutting in and out, car following and free cruise.
 
-The actor is who changes lane (in car following the lead, who changes its speed): the ego in lane changes, else the other one.
-The manoeuvre begins and ends where the lateral motion does. Before it, everyone is taken to keep its speed.
+A lane change begins and ends where the lateral motion does.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.catalogue.maneuvers.record import LONGEST, SHORTEST, SMOOTHING, Maneuver, Seven, Span, speed_at
 from recognition.datasets.rows import Floats
 from recognition.labels.classes import Label
 from runner.recording import Recording, Track
@@ -19,10 +16,8 @@ from runner.relations import Motion, relation
 from schemas.errors import Unsupported
 from xodr.network import RoadNetwork
 
-LONGEST = 10.0
-"""Time (s) from the scene's start to the manoeuvre, and from its end to the scene's, at most."""
-
-_KINDS = {
+KINDS = {
+    Label.FREE_CRUISE: "cruise",
     Label.CAR_FOLLOWING: "following",
     Label.CUT_IN: "cut_in",
     Label.URBAN_CUT_IN: "cut_in",
@@ -30,88 +25,31 @@ _KINDS = {
     Label.URBAN_CUT_OUT: "cut_out",
     Label.LANE_CHANGE_LEFT: "lane_change",
     Label.LANE_CHANGE_RIGHT: "lane_change",
+    Label.RAMP_ENTERING: "lane_change",
+    Label.RAMP_EXITING: "lane_change",
 }
-_SHORTEST = 1.0
-"""Duration (s) of a manoeuvre, at least"""
+"""Kinds of the classes whose manoeuvre is told by lanes."""
 _DRIFT = 0.1
 """Lateral speed (m/s) below which a lane change has not begun yet, or has ended"""
 _SIDEWAYS = 1.0
 """Lateral way (m) of a lane change, at least"""
-_SMOOTHING = 0.5
-"""Window (s) over which speeds are averaged"""
 _JUMP = 0.7
 """Lateral way (m) from one row to the next that is no motion: the road's reference line has changed"""
 _APART = 1.0
 """Gap (m) at the beginning between those in one lane, at least"""
 
 
-class Seven(NamedTuple):
-    """The parameters: gap to the lead at the trigger (m; None without a lead), speeds (m/s), times (s)."""
-
-    gap: float | None
-    start_speed: float
-    start_delay: float
-    end_speed: float
-    duration: float
-    final_speed: float
-    end_delay: float
-
-
-@dataclass(frozen=True)
-class Maneuver:
-    """A manoeuvre.
-
-    Attributes:
-        kind: cut_in, cut_out, lane_change or following.
-        ego: its track.
-        other: who is ahead of the ego when it begins; None for nobody.
-        left: whether the lane change is to the left; None where there is none.
-        values: the parameters.
-        speed: before the manoeuvre of the one who is not the actor, m/s.
-        start, end: of the scene, in the recording, s.
-    """
-
-    kind: str
-    ego: Track
-    other: Track | None
-    left: bool | None
-    values: Seven
-    speed: float
-    start: float
-    end: float
-
-    @property
-    def ego_acts(self) -> bool:
-        """Whether the ego is the actor."""
-        return self.kind == "lane_change"
-
-
-class Span(NamedTuple):
-    """An event's start, middle and end, s."""
-
-    start: float
-    middle: float
-    end: float
-
-
-def maneuver(recording: Recording, network: RoadNetwork, label: Label, ego: str, partner: str | None, span: Span) -> Maneuver:
-    """The manoeuvre of an event.
-
-    Args:
-        network: the roads that the recording's road coordinates are on.
-        partner: whom the event is about besides the ego.
+def in_lanes(recording: Recording, network: RoadNetwork, kind: str, ego: str, partner: str | None, span: Span) -> Maneuver:
+    """The manoeuvre of an event of one of the kinds in `KINDS`; see `maneuvers.maneuver`.
 
     Raises:
-        Unsupported: the class, or what was recorded, is no manoeuvre that the parameters describe.
+        Unsupported: what was recorded is no such manoeuvre.
     """
-    kind = _KINDS.get(label)
-    if kind is None:
-        raise Unsupported(f"the seven parameters describe lane changes and car following, not {label.title}")
     own, other = recording.tracks[ego], recording.tracks[partner] if partner is not None else None
-    actor = own if kind == "lane_change" else other
+    actor = own if kind in ("lane_change", "cruise") else other
     if actor is None:
         raise Unsupported("the other vehicle is not known")
-    if kind == "following":
+    if kind in ("following", "cruise"):
         start, end, left = span.start, min(span.end, span.start + LONGEST), None
     else:
         start, end, left = lane_change(actor, network, span.middle)
@@ -124,11 +62,11 @@ def maneuver(recording: Recording, network: RoadNetwork, label: Label, ego: str,
         raise Unsupported("the manoeuvre was not recorded whole")
     passive = own if actor is not own else other
     if gap is not None and passive is not None and kind != "cut_in":
-        first = max(first, start - _longest_approach(gap, _speed(own, start), _speed(other or own, start)))
+        first = max(first, start - _longest_approach(gap, speed_at(own, start), speed_at(other or own, start)))
     speed = _mean_speed(passive, first, start) if passive is not None else 0.0
-    speeds = (_speed(actor, time) for time in (start, end, last))
+    speeds = (speed_at(actor, time) for time in (start, end, last))
     starting, ending, final = speeds
-    values = Seven(gap, starting, start - first, ending, max(end - start, _SHORTEST), final, last - end)
+    values = Seven(gap, starting, start - first, ending, max(end - start, SHORTEST), final, last - end)
     return Maneuver(kind, own, other, left, values, speed, first, last)
 
 
@@ -139,9 +77,9 @@ def lane_change(track: Track, network: RoadNetwork, time: float) -> tuple[float,
         Unsupported: there is none that stands out from drifting.
     """
     at, side = track.columns["time"], _sideways(track, network)
-    width = max(1, round(_SMOOTHING / max(float(np.median(np.diff(at))), 1e-3)))
+    width = max(1, round(SMOOTHING / max(float(np.median(np.diff(at))), 1e-3)))
     rate = np.convolve(np.gradient(side, at), np.full(width, 1.0 / width), "same")
-    near = np.flatnonzero(np.abs(at - time) <= _SHORTEST)
+    near = np.flatnonzero(np.abs(at - time) <= SHORTEST)
     left = _to_the_left(track, network, near, time)
     towards = rate if left else -rate
     middle = int(near[towards[near].argmax()])
@@ -219,18 +157,11 @@ def _longest_approach(gap: float, ego_speed: float, other_speed: float) -> float
     return (gap - _APART) / opening if opening * LONGEST > gap - _APART > 0.0 else LONGEST
 
 
-def _speed(track: Track, time: float) -> float:
-    """Speed (m/s) about a time (s)."""
-    columns = track.columns
-    near = np.abs(columns["time"] - time) <= 0.5 * _SMOOTHING
-    return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
-
-
 def _mean_speed(track: Track, start: float, end: float) -> float:
     """Speed (m/s) with which a track would have come from where it was at `start` to where it was at `end` (s)."""
     columns = track.columns
     rows = np.flatnonzero((columns["time"] >= start) & (columns["time"] <= end))
-    if end - start < _SMOOTHING or len(rows) < 2:
-        return _speed(track, end)
+    if end - start < SMOOTHING or len(rows) < 2:
+        return speed_at(track, end)
     way = np.hypot(np.diff(columns["x"][rows]), np.diff(columns["y"][rows])).sum()
     return float(way / (columns["time"][rows[-1]] - columns["time"][rows[0]]))

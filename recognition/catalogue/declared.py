@@ -1,0 +1,81 @@
+"""The parameters that scenarios with a manoeuvre declare: the seven with their ranges, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from recognition.catalogue.maneuvers import Maneuver
+from xosc import maneuvers
+
+GAP, START_SPEED, DELAY = "Gap_m", "StartSpeed_mps", "StartDelay_s"
+END_SPEED, DURATION, FINAL_SPEED, REST = "EndSpeed_mps", "Duration_s", "FinalSpeed_mps", "EndDelay_s"
+RANGES: dict[str, tuple[float, float]] = {
+    GAP: (5.0, 80.0),
+    START_SPEED: (10.0, 40.0),
+    DELAY: (0.0, 10.0),
+    END_SPEED: (10.0, 40.0),
+    DURATION: (1.0, 8.0),
+    FINAL_SPEED: (10.0, 40.0),
+    REST: (0.0, 10.0),
+}
+"""The seven parameters and their ranges (m, m/s, s), as in `maneuvers.Seven`; a recorded value beyond widens its range"""
+EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
+"""Speed of the one who is not the actor, by who that is"""
+BEGIN = "Begin_s"
+"""When a passage begins: after the delay, or sooner where the recorded ways are too short for so long a delay"""
+
+_IN_TOWN = (0.0, 15.0)
+"""Speeds of passages, m/s"""
+_STILL = 0.001
+"""Added to speeds (m/s) that are divided by"""
+
+
+def values(maneuver: Maneuver) -> dict[str, float]:
+    """The parameters that the manoeuvre has, with their recorded values."""
+    named = dict(zip(RANGES, maneuver.values, strict=True))
+    return {name: round(value, 3) for name, value in named.items() if value is not None}
+
+
+def passive(maneuver: Maneuver) -> str:
+    """Name of the speed of the one who is not the actor."""
+    return OTHER_SPEED if maneuver.ego_acts else EGO_SPEED
+
+
+def declarations(maneuver: Maneuver) -> list[Any]:
+    """Declarations of the seven, with their ranges, and of what else the scenario uses."""
+    declared = []
+    for name, value in values(maneuver).items():
+        low, high = _range(name, maneuver)
+        limits = ("greaterOrEqual", min(low, value)), ("lessOrEqual", max(high, value))
+        declared.append(maneuvers.parameter(name, "double", value, [limits]))
+    if maneuver.other is not None:
+        declared.append(maneuvers.parameter(passive(maneuver), "double", round(maneuver.speed, 3)))
+    if maneuver.passage is not None:
+        declared.append(maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver)}}}"))
+    return declared
+
+
+def _range(name: str, maneuver: Maneuver) -> tuple[float, float]:
+    passage = maneuver.passage
+    if passage is not None and name in (START_SPEED, END_SPEED, FINAL_SPEED):
+        return _IN_TOWN
+    low, high = RANGES[name]
+    if passage is not None and passage.meeting is not None and name == GAP:  # no farther than where its way begins
+        return low, min(high, math.floor(passage.meeting.reach * 1e3) / 1e3)
+    return low, high
+
+
+def _begin(maneuver: Maneuver) -> str:
+    """The delay, no longer than both need from where their ways begin."""
+    passage = maneuver.passage
+    assert passage is not None
+    begin = _lesser(f"${DELAY}", f"{passage.begins:.3f} / (${START_SPEED} + {_STILL})")
+    if passage.meeting is None:
+        return begin
+    return _lesser(begin, f"({passage.meeting.reach:.3f} - ${GAP}) / (${OTHER_SPEED} + {_STILL})")
+
+
+def _lesser(a: str, b: str) -> str:
+    """The lesser of two terms; versions of the standard before 1.3 have no min()."""
+    return f"({a} + {b} - sqrt(pow({a} - {b}, 2))) / 2"

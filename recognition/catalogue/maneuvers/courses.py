@@ -1,0 +1,66 @@
+"""The recorded way of a participant as a path on which it may drive at other speeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.catalogue.scenes import Scope, needed
+from recognition.datasets.rows import Floats
+from runner.recording import Track
+from xosc import maneuvers
+
+_SPACING = 0.5
+"""Way (m) from point to point: more than who stands still seems to move about"""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Points of a way.
+
+    Attributes:
+        time: when they were passed, s.
+        x, y, h: position of the reference point (m) and heading (rad).
+        station: distance from the first point along the others, m.
+    """
+
+    time: Floats
+    x: Floats
+    y: Floats
+    h: Floats
+    station: Floats
+
+    @classmethod
+    def of(cls, track: Track) -> Course:
+        """The way of a track, from its first row on."""
+        columns = track.columns
+        x, y = columns["x"], columns["y"]
+        rows = _spaced(x, y)
+        x, y = x[rows], y[rows]
+        station = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+        return cls(columns["time"][rows], x, y, np.unwrap(columns["h"][rows]), station)
+
+    def at(self, time: float | Floats) -> Any:
+        """How far along the way the participant was at times (s), m."""
+        return np.interp(time, self.time, self.station)
+
+    def trajectory(self, name: str) -> Any:
+        """The entry of a trajectory catalogue."""
+        scope = Scope()
+        values = np.column_stack([self.x / scope.tolerance, self.y / scope.tolerance, self.h / scope.turn])
+        rows = needed(self.station, values)
+        columns = (self.time - self.time[0], self.x, self.y, self.h)
+        time, x, y, h = (np.round(values[rows], 4).tolist() for values in columns)
+        return maneuvers.trajectory(name, time, x, y, h=h)
+
+
+def _spaced(x: Floats, y: Floats) -> NDArray[np.int64]:
+    """The first row, and each that is `_SPACING` away from the one taken before it."""
+    taken = [0]
+    for row, (here, there) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+        if np.hypot(here - x[taken[-1]], there - y[taken[-1]]) >= _SPACING:
+            taken.append(row)
+    return np.array(taken, np.int64)

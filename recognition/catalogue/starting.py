@@ -1,0 +1,116 @@
+"""How the participants of a scenario with a manoeuvre start, so that the gap is the one wanted when the delay has passed.
+
+In lanes, the other one starts as far ahead of the ego as the gap at the trigger, the speeds and the delay say. On recorded ways,
+the ego starts as far before the place where its manoeuvre begins, and the other one as far before where the ways meet.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from recognition.catalogue.declared import BEGIN, DELAY, EGO_SPEED, GAP, OTHER_SPEED, START_SPEED, passive, values
+from recognition.catalogue.maneuvers import Maneuver
+from recognition.catalogue.maneuvers.lanes import facing
+from recognition.catalogue.scenes import EGO
+from runner.positions.lane import travel_s
+from runner.recording import Track
+from schemas.errors import Unsupported
+from xodr.model import RoadPoint
+from xodr.network import RoadNetwork
+from xosc import maneuvers
+
+
+class Paths(NamedTuple):
+    """Entries of the route and the trajectory catalogue that participants take, by participant."""
+
+    routes: dict[str, Any]
+    trajectories: dict[str, Any]
+
+
+def paths(maneuver: Maneuver, network: RoadNetwork, name: str, other: str) -> Paths:
+    """What the ego of a manoeuvre and the other one follow; none for the way straight on.
+
+    Args:
+        network: the roads that the tracks' road coordinates are on.
+        name: of the scenario.
+        other: name of the other participant.
+    """
+    if maneuver.passage is not None:
+        _, _, met = passage = maneuver.passage
+        courses = {EGO: passage.course} | ({other: met.course} if met is not None else {})
+        return Paths({}, {who: course.trajectory(f"{who} way") for who, course in courses.items()})
+    route = _route(maneuver, network, name)
+    return Paths({EGO: route} if route is not None else {}, {})
+
+
+def init(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) -> dict[str, list[Any]]:
+    """The actions at the beginning, by participant.
+
+    Args:
+        network: the roads that the tracks' road coordinates are on.
+        other: name of the other participant.
+        followed: `paths`.
+
+    Raises:
+        Unsupported: the road does not reach back to where the other one would have to begin.
+    """
+    speed = f"${START_SPEED if maneuver.ego_acts else EGO_SPEED}"
+    if maneuver.passage is None:
+        found = {EGO: _in_lane(maneuver, speed, followed.routes)}
+        return found if maneuver.other is None else found | {other: _beside(maneuver, maneuver.other, network)}
+    passage = maneuver.passage
+    found = {EGO: _on_course(followed.trajectories[EGO], f"{passage.begins:.3f} - ${START_SPEED} * ${BEGIN}", speed)}
+    if passage.meeting is not None:
+        station = f"{passage.meeting.reach:.3f} - ${GAP} - ${OTHER_SPEED} * ${BEGIN}"
+        found[other] = _on_course(followed.trajectories[other], station, f"${OTHER_SPEED}")
+    return found
+
+
+def _on_course(path: Any, station: str, speed: str) -> list[Any]:
+    """On a recorded way, at a distance (m) from its beginning."""
+    reference, start = maneuvers.reference("TrajectoryCatalog", path.name), f"${{{station}}}"
+    place = maneuvers.teleport(maneuvers.trajectory_position(reference, start))
+    return [place, maneuvers.speed(speed), maneuvers.follow_path(reference, start)]
+
+
+def _place(track: Track, time: float) -> RoadPoint:
+    """Where a track is on the road at a time (s)."""
+    columns = track.columns
+    row = min(int(np.searchsorted(columns["time"], time)), len(columns["time"]) - 1)
+    s, t, offset = (float(columns[name][row]) for name in ("s", "t", "lane_offset"))
+    return RoadPoint(str(columns["road_id"][row]), s, t, int(columns["lane_id"][row]), offset)
+
+
+def _in_lane(maneuver: Maneuver, speed: str, routes: dict[str, Any]) -> list[Any]:
+    """The ego where it was recorded."""
+    here = _place(maneuver.ego, maneuver.start)
+    position = maneuvers.lane_position(here.road_id, here.lane_id, round(here.s, 3), round(here.offset, 3))
+    actions = [maneuvers.teleport(position), maneuvers.speed(speed)]
+    if EGO in routes:
+        actions.append(maneuvers.assign_route(maneuvers.reference("RouteCatalog", routes[EGO].name)))
+    return actions
+
+
+def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]:
+    """Ahead of the ego (or, to cut in, beside its lane) by what gives the wanted gap after the delay."""
+    here = _place(maneuver.ego, maneuver.start)
+    side = int(facing(maneuver.ego, network)[np.searchsorted(maneuver.ego.columns["time"], maneuver.start)])
+    own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
+    boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
+    known = values(maneuver) | {passive(maneuver): round(maneuver.speed, 3)}
+    ahead = known[GAP] - (known[own] - known[mine]) * known[DELAY] + boxes
+    if travel_s(network, here, side * ahead, network.straightest) is None:
+        raise Unsupported("the road is too short for the speeds before the manoeuvre")
+    ds = f"${{{side} * (${GAP} - (${own} - ${mine}) * ${DELAY} + {boxes})}}"
+    lanes = side * (-1 if maneuver.left else 1) if maneuver.kind == "cut_in" else 0
+    return [maneuvers.teleport(maneuvers.relative_lane_position(EGO, lanes, ds)), maneuvers.speed(f"${own}")]
+
+
+def _route(maneuver: Maneuver, network: RoadNetwork, name: str) -> Any | None:
+    """The route of an ego that leaves its road, from where it is first to where it is last; None for one that needs none."""
+    places = [_place(maneuver.ego, time) for time in (maneuver.start, maneuver.end)]
+    if places[0].road_id == places[1].road_id or network.route(places) is None:
+        return None
+    return maneuvers.route(name, [maneuvers.lane_position(each.road_id, each.lane_id, round(each.s, 3)) for each in places])
