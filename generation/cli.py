@@ -12,7 +12,7 @@ import typer
 
 from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
 from runner.command_line import guarded, interruptible, parameters_of, progress_bar
-from schemas.command_line import Verbose, Version, new_app
+from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def xosc_generate(
         Path,
         typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A logical scenario, or a catalogue's folder from xosc-recognize."),
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files; nothing in it is overwritten.")],
+    out: Annotated[Path, out_folder("Folder for the files; nothing in it is overwritten.")],
     sut: Sut = "cas",
     recorded: Recorded = None,
     kind: Kind = None,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from runner.command_line import guarded, interruptible
-from schemas.command_line import Verbose, Version, new_app
+from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -45,13 +45,12 @@ Signalised = Annotated[bool, typer.Option("--signalised", help="Let the rules co
 
 def recognise(
     paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Recordings: files, or folders with all below them.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the catalogue.")],
+    out: Annotated[Path, out_folder("Folder of the catalogue.")],
     scenes: Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")] = "events",
     labels: Labels = "auto",
     model: Model = None,
     keep_model: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder for the model as it is afterwards, to label more recordings by."),
+        Path | None, out_folder("Folder for the model as it is afterwards, to label more recordings by.")
     ] = None,
     signalised: Signalised = False,
     standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",

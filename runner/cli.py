@@ -14,7 +14,7 @@ import typer
 
 from runner.command_line import guarded, interruptible, parameters_of
 from runner.run_options import Ego, MaxTime, Param, Seed, Sut, Timestep, World
-from schemas.command_line import Verbose, Version, new_app
+from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -50,9 +50,7 @@ def xosc_run(
             help="Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
         ),
     ] = True,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for trajectories, event log and result of each run.")
-    ] = None,
+    out: Annotated[Path | None, out_folder("Folder for trajectories, event log and result of each run.")] = None,
     osi: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
     ] = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -37,9 +38,45 @@ def test_every_command_refuses_what_it_does_not_know(command: Command, name: lis
 
 
 @pytest.mark.parametrize("further", ["train", "evaluate"])
-def test_verbose_adds_the_traceback_of_an_error(command: Command, tmp_path: object, further: str) -> None:
+def test_verbose_adds_the_traceback_of_an_error(command: Command, tmp_path: Path, further: str) -> None:
     call = ["xosc-recognize", further, f"{tmp_path}/absent", "--out", f"{tmp_path}/out"]
     bare, more = command(*call), command(*call, "-v")
     assert bare.code == more.code != 0
     assert bare.err.count("\n") == 1
     assert more.err.startswith("Traceback") and more.err.endswith(bare.err)
+
+
+@pytest.mark.parametrize("inside", ["", "/in/it"])
+@pytest.mark.parametrize(
+    "call",
+    [
+        ["xosc-run", "a.xosc", "--out"],
+        ["xosc-export", "a.xosc", "--to", "1.1", "--out"],
+        ["xosc-generate", "a.xosc", "--out"],
+        ["xosc-loop", "recordings", "--out"],
+        ["xosc-recognize", "recordings", "--out"],
+        ["xosc-recognize", "recordings", "--out", "new", "--keep-model"],
+        ["xosc-recognize", "record"],
+        ["xosc-recognize", "train", "recordings", "--out"],
+        ["xosc-recognize", "evaluate", "recordings", "--out"],
+    ],
+    ids=" ".join,
+)
+def test_a_file_in_the_way_of_an_output_folder_is_named_in_one_line(
+    command: Command, tmp_path: Path, call: list[str], inside: str
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    answer = command(*call, f"{tmp_path}/file{inside}")
+    assert answer == (2, "", f"{call[0]}: {tmp_path}/file: a folder to write into is expected, this is a file\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("option", "known"), [("preset", "cpu-rows, full, pca"), ("scale", "paper"), ("method", "trfe"), ("experiment", "probe")]
+)
+def test_evaluate_names_what_it_knows(command: Command, tmp_path: Path, option: str, known: str) -> None:
+    plural = option if option in ("preset", "scale") else f"{option}s"
+    answer = command("xosc-recognize", "evaluate", "windows", "--out", tmp_path / "out", f"--{plural}", "foo")
+    assert (answer.code, answer.err.count("\n")) == (2, 1)
+    assert answer.err.startswith(f"xosc-recognize: there is no {option} 'foo'; {option}s: ")
+    assert known in answer.err

@@ -9,7 +9,7 @@ import typer
 
 from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
 from runner.command_line import guarded, interruptible, parameters_of, progress_bar
-from schemas.command_line import Verbose, Version, new_app
+from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ app = new_app()
 @app.command()
 def evaluate(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for searches, tables and figures.")],
+    out: Annotated[Path, out_folder("Folder for searches, tables and figures.")],
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds.")] = 5,
     budget: Annotated[int, typer.Option(min=3, metavar="N", help="Simulator calls of each search.")] = 3000,
     methods: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")] = None,

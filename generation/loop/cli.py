@@ -12,7 +12,7 @@ import typer
 
 from generation.options import Jobs, Quiet, Sut
 from runner.command_line import guarded, interruptible, progress_bar
-from schemas.command_line import Verbose, Version, new_app
+from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 NAME = "xosc-loop"
@@ -29,7 +29,7 @@ def xosc_loop(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for all that comes of it; index.html in it is the page.")],
+    out: Annotated[Path, out_folder("Folder for all that comes of it; index.html in it is the page.")],
     sut: Sut = "cas",
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search: one a class and round.")] = 300,
     rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")] = 2,

@@ -14,7 +14,7 @@ from recognition.encoder.config import preset as preset_of
 from recognition.labels.classes import Label
 from recognition.protocol.splits import Split, Unit, split
 from runner.command_line import interruptible
-from schemas.command_line import Verbose, Version
+from schemas.command_line import Verbose, Version, out_folder
 from schemas.errors import UsageError
 from schemas.storage import keep
 from schemas.version import version
@@ -33,7 +33,7 @@ CARD = "README.md"
 @interruptible("xosc-recognize train")
 def train(
     path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the model.")],
+    out: Annotated[Path, out_folder("Folder of the model.")],
     cache: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder that keeps windows made of recordings.  [default: DIR/windows]")
     ] = None,

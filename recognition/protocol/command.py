@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +10,7 @@ import typer
 
 from recognition.protocol.splits import Unit
 from runner.command_line import interruptible
-from schemas.command_line import Verbose, Version
+from schemas.command_line import Verbose, Version, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _PRINTED = ("open-set", "clustering", "open-world", "chain")
 
 def evaluate(
     path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for results, caches, tables and figures.")],
+    out: Annotated[Path, out_folder("Folder for results, caches, tables and figures.")],
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds; each has its own split.")] = 5,
     methods: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only these methods and variants (repeatable).")
@@ -53,16 +53,20 @@ def evaluate(
 
     An interrupted evaluation goes on with the same command; more seeds, methods and experiments can be added later.
     """
-    from recognition.protocol.evaluation import Evaluation, Settings
+    from recognition.encoder.config import PRESETS
+    from recognition.protocol import pixels
+    from recognition.protocol.evaluation import EXPERIMENTS, Evaluation, Settings
     from recognition.protocol.processes import run_beside
 
-    kinds, names = _experiments(experiments), _methods(methods)
-    if scale not in SCALES:
-        raise UsageError(f"there is no scale {scale!r}; scales: {', '.join(SCALES)}")
+    _require("scale", [scale], SCALES)
+    _require("preset", [preset], (*PRESETS, pixels.PRESET))
+    _require("experiment", experiments or (), EXPERIMENTS)
+    _require("method", methods or (), sorted({name for names in EXPERIMENTS.values() for name in names}))
+    kinds = [name for name in EXPERIMENTS if not experiments or name in experiments]
     with interruptible("xosc-recognize evaluate", "the same command goes on where it was"):
         settings = Settings(events_per_class or SCALES[scale], preset, split_by)
         evaluation = Evaluation(path, out, settings)
-        pending = evaluation.pending(seeds, kinds, names)
+        pending = evaluation.pending(seeds, kinds, methods or None)
         _show(run_beside(path, out, settings, pending, jobs), len(pending), quiet)
         _write(evaluation, out, figures, quiet)
 
@@ -82,23 +86,11 @@ def _write(evaluation: Evaluation, out: Path, figures: bool, quiet: bool) -> Non
         print(f"all tables: {out / 'report.md'}")
 
 
-def _experiments(chosen: list[str] | None) -> list[str]:
-    from recognition.protocol.evaluation import EXPERIMENTS
-
-    for name in chosen or ():
-        if name not in EXPERIMENTS:
-            raise UsageError(f"there is no experiment {name!r}; experiments: {', '.join(EXPERIMENTS)}")
-    return [name for name in EXPERIMENTS if not chosen or name in chosen]
-
-
-def _methods(chosen: list[str] | None) -> list[str] | None:
-    from recognition.protocol.evaluation import EXPERIMENTS
-
-    known = sorted({name for names in EXPERIMENTS.values() for name in names})
-    for name in chosen or ():
+def _require(what: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse a name that is none of those known."""
+    for name in names:
         if name not in known:
-            raise UsageError(f"there is no method {name!r}; methods: {', '.join(known)}")
-    return chosen or None
+            raise UsageError(f"there is no {what} {name!r}; {what}s: {', '.join(known)}")
 
 
 def _show(counts: Iterable[int], total: int, quiet: bool) -> None:

@@ -8,12 +8,17 @@ from typing import Annotated
 import typer
 
 from runner.command_line import interruptible
-from schemas.command_line import Verbose, Version
+from schemas.command_line import Verbose, Version, writable_folder
 
 
 @interruptible("xosc-recognize record")
 def record(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the recordings, one folder in it for each site.")],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT", callback=writable_folder, help="Folder for the recordings, one folder in it for each site."
+        ),
+    ],
     scale: Annotated[float, typer.Option(metavar="FACTOR", help="How much: 1 gives about 2,600 events of each class.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     site: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this site (repeatable).")] = None,

@@ -12,7 +12,7 @@ import typer
 from runner.command_line import guarded, interruptible, parameters_of
 from runner.exports import TARGETS
 from runner.run_options import Ego, MaxTime, Param, Seed, Sut, Timestep, World
-from schemas.command_line import Verbose, Version, new_app
+from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def _print_targets(wanted: bool) -> None:
 def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write into; nothing in it is overwritten.")],
+    out: Annotated[Path, out_folder("Folder to write into; nothing in it is overwritten.")],
     param: Param = None,
     sut: Sut = "cas",
     ego: Ego = None,
