@@ -71,8 +71,8 @@ PRESETS: dict[str, Preset] = {
     "cpu-rows": _CPU._replace(architecture=replace(_CPU.architecture, front="cells", tokens="rows")),
     "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
 }
-"""`cpu` trains at paper scale in minutes on two cores. Its ablations: `cpu-cells` has no convolutions, `cpu-rows` has tokens of the
-grids flattened row by row besides, as published. `full` has the size of the publication and wants a GPU."""
+"""`cpu` trains at paper scale in minutes on two cores. Its ablations: `cpu-cells` has no convolutions, `cpu-rows` has tokens of
+the grids flattened row by row besides, as published. `full` has the size of the publication and wants a GPU."""
 
 
 def preset(name: str) -> Preset:

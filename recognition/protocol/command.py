@@ -38,8 +38,14 @@ def evaluate(
     ] = None,
     preset: Annotated[
         str,
-        typer.Option(help="Encoder: cpu, cpu-cells (no convolutions), full, or pca (principal components of the grids instead)."),
+        typer.Option(
+            help="Encoder: cpu, cpu-cells (no convolutions), cpu-rows (grids flattened row by row besides), full, or pca "
+            "(principal components of the grids instead)."
+        ),
     ] = "cpu",
+    channels: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only these channels of the grids (repeatable).")
+    ] = None,
     split_by: Annotated[
         Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
     ] = "recording",
@@ -54,6 +60,7 @@ def evaluate(
     An interrupted evaluation goes on with the same command; more seeds, methods and experiments can be added later.
     """
     from recognition.encoder.config import PRESETS
+    from recognition.grids import CHANNELS, Grid
     from recognition.protocol import pixels
     from recognition.protocol.evaluation import EXPERIMENTS, Evaluation, Settings
     from recognition.protocol.processes import run_beside
@@ -62,9 +69,11 @@ def evaluate(
     _require("preset", [preset], (*PRESETS, pixels.PRESET))
     _require("experiment", experiments or (), EXPERIMENTS)
     _require("method", methods or (), sorted({name for names in EXPERIMENTS.values() for name in names}))
+    _require("channel", channels or (), CHANNELS)
     kinds = [name for name in EXPERIMENTS if not experiments or name in experiments]
     with interruptible("xosc-recognize evaluate", "the same command goes on where it was"):
-        settings = Settings(events_per_class or SCALES[scale], preset, split_by)
+        grid = Grid(channels=tuple(one for one in CHANNELS if one in channels)) if channels else Grid()
+        settings = Settings(events_per_class or SCALES[scale], preset, split_by, grid)
         evaluation = Evaluation(path, out, settings)
         pending = evaluation.pending(seeds, kinds, methods or None)
         _show(run_beside(path, out, settings, pending, jobs), len(pending), quiet)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -127,9 +128,19 @@ def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> N
         Evaluation(windows, tmp_path, Settings(None))
 
 
+def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=re.escape(f"not of the grid {Grid(channels=('others', 'area')).shape}")):
+        evaluate(windows, tmp_path, channels=["area", "others"])
+
+
 @pytest.mark.parametrize(
     ("option", "word"),
-    [({"scale": "huge"}, "scale"), ({"methods": ["magic"]}, "method"), ({"experiments": ["magic"]}, "experiment")],
+    [
+        ({"scale": "huge"}, "scale"),
+        ({"methods": ["magic"]}, "method"),
+        ({"experiments": ["magic"]}, "experiment"),
+        ({"channels": ["magic"]}, "channel"),
+    ],
 )
 def test_unknown_choices_are_named_with_the_known_ones(tmp_path: Path, option: dict[str, object], word: str) -> None:
     with pytest.raises(UsageError, match=f"there is no {word}"):
