@@ -196,8 +196,9 @@ class Catalogue:
         participants = [entry(track) for track in (measured.ego, measured.other) if track is not None]
         entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants]
         other = context.name_of(measured.other)
-        built, followed = variation.catalogue_entry(measured), paths(measured, network, episode.name, other)
-        entries += [context.entry("Maneuver", built.name, built), context.entry("Controller", CONTROLLER.name, CONTROLLER)]
+        built, followed = variation.catalogue_entries(measured), paths(measured, network, episode.name, other)
+        entries += [context.entry("Maneuver", each.name, each) for each in built]
+        entries += [context.entry("Controller", CONTROLLER.name, CONTROLLER)]
         entries += [context.entry("Route", route.name, route, context.recorded) for route in followed.routes.values()]
         entries += [context.entry("Trajectory", path.name, path, episode.name) for path in followed.trajectories.values()]
         path = self.store.root / episode.folder / f"{episode.name}_maneuver.xosc"

@@ -22,6 +22,8 @@ RANGES: dict[str, tuple[float, float]] = {
 """The seven parameters and their ranges (m, m/s, s), as in `maneuvers.Seven`; a recorded value beyond widens its range"""
 EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
 """Speed of the one who is not the actor, by who that is"""
+ONWARDS = "OtherFinalSpeed_mps"
+"""Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"
 """When a passage begins: after the delay, or sooner where the recorded ways are too short for so long a delay"""
 
@@ -52,6 +54,8 @@ def declarations(maneuver: Maneuver) -> list[Any]:
     if maneuver.other is not None:
         declared.append(maneuvers.parameter(passive(maneuver), "double", round(maneuver.speed, 3)))
     if maneuver.passage is not None:
+        if maneuver.passage.onwards is not None:
+            declared.append(maneuvers.parameter(ONWARDS, "double", round(maneuver.passage.onwards.speed, 3)))
         declared.append(maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver)}}}"))
     return declared
 

@@ -38,8 +38,8 @@ def paths(maneuver: Maneuver, network: RoadNetwork, name: str, other: str) -> Pa
         other: name of the other participant.
     """
     if maneuver.passage is not None:
-        _, _, met = passage = maneuver.passage
-        courses = {EGO: passage.course} | ({other: met.course} if met is not None else {})
+        met = maneuver.passage.meeting
+        courses = {EGO: maneuver.passage.course} | ({other: met.course} if met is not None else {})
         return Paths({}, {who: course.trajectory(f"{who} way") for who, course in courses.items()})
     route = _route(maneuver, network, name)
     return Paths({EGO: route} if route is not None else {}, {})

@@ -11,7 +11,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from recognition.catalogue import starting
-from recognition.catalogue.declared import BEGIN, DELAY, DURATION, END_SPEED, FINAL_SPEED, GAP, RANGES, REST, declarations, values
+from recognition.catalogue.declared import (
+    BEGIN,
+    DELAY,
+    DURATION,
+    END_SPEED,
+    FINAL_SPEED,
+    GAP,
+    ONWARDS,
+    RANGES,
+    REST,
+    declarations,
+    values,
+)
 from recognition.catalogue.entities import entry
 from recognition.catalogue.maneuvers import Maneuver
 from recognition.catalogue.scenes import EGO
@@ -25,6 +37,9 @@ from xosc.versions import Version
 
 CONTROLLER = maneuvers.controller("system_under_test", {"role": "drives the ego; which system that is, is up to the simulator"})
 
+_GO_ON = "go_on"
+"""Name of the entry by which the other one goes on"""
+_MEETING = maneuvers.world_position("$MeetingX", "$MeetingY")
 _REACHED = 0.5
 """How much longer than wanted the gap (m) may be when the manoeuvre begins: it is looked at once a step."""
 _PATIENCE = 10.0
@@ -47,8 +62,13 @@ def entry_name(maneuver: Maneuver) -> str:
     return kind if maneuver.other else f"{kind}_without_lead"
 
 
-def catalogue_entry(maneuver: Maneuver) -> Any:
-    """The entry of the manoeuvre catalogue: parameters, trigger and actions, whoever the participants are."""
+def catalogue_entries(maneuver: Maneuver) -> list[Any]:
+    """The entries of the manoeuvre catalogue, whoever the participants are: the actor's, and the other one's in a passage."""
+    return [_change(maneuver), *([_go_on()] if _meeting(maneuver) else [])]
+
+
+def _change(maneuver: Maneuver) -> Any:
+    """The actor's parameters, trigger and actions."""
     over_time = Dynamics("linear", "time", f"${DURATION}")
     change = [maneuvers.speed(f"${END_SPEED}", over_time)]
     if maneuver.left is not None:
@@ -66,6 +86,16 @@ def catalogue_entry(maneuver: Maneuver) -> Any:
     declared += [maneuvers.parameter(name, "double", 0.0) for name in _meeting(maneuver)]
     declared += [maneuvers.parameter(name, "double", RANGES[name][0]) for name in values(maneuver)]
     return maneuvers.maneuver(entry_name(maneuver), events, declared)
+
+
+def _go_on() -> Any:
+    """The other one's change of speed from where the ways meet."""
+    change = maneuvers.speed(f"${ONWARDS}", Dynamics("linear", "time", f"${DURATION}"))
+    there = maneuvers.distance("$Other", _MEETING, _REACHED)
+    numbers = {"MeetingX": 0.0, "MeetingY": 0.0, ONWARDS: 0.0, DURATION: 1.0}
+    declared = [maneuvers.parameter("Other", "string", "Other")]
+    declared += [maneuvers.parameter(name, "double", value) for name, value in numbers.items()]
+    return maneuvers.maneuver(_GO_ON, [maneuvers.event("go on", [change], there)], declared)
 
 
 def scenario(
@@ -97,7 +127,7 @@ def scenario(
         road=stage.road,
         entities={name: maneuvers.reference(f"{each.kind}Catalog", each.name) for name, each in participants.items()},
         init=starting.init(maneuver, network, other, followed),
-        maneuvers=[(actor, maneuvers.reference("ManeuverCatalog", entry_name(maneuver), assigned))],
+        maneuvers=[(actor, maneuvers.reference("ManeuverCatalog", entry_name(maneuver), assigned)), *_others(maneuver, other)],
         parameters=declarations(maneuver),
         catalogs=stage.catalogs,
         stop=[[done], [limit]],
@@ -106,11 +136,25 @@ def scenario(
     )
 
 
+def _others(maneuver: Maneuver, other: str) -> list[tuple[str, Any]]:
+    """What the one who is not the actor does in a passage."""
+    onwards = maneuver.passage.onwards if maneuver.passage is not None else None
+    if onwards is None:
+        return []
+    assigned: dict[str, Number] = {
+        "Other": other,
+        **_meeting(maneuver),
+        ONWARDS: f"${ONWARDS}",
+        DURATION: round(onwards.duration, 3),
+    }
+    return [(other, maneuvers.reference("ManeuverCatalog", _GO_ON, assigned))]
+
+
 def _gap_is_there(maneuver: Maneuver) -> Condition:
     """That the gap is no longer than the one wanted: of the two in lanes, or of the other one's front to where the ways meet."""
     wanted = f"${{${GAP} + {_REACHED}}}"
     if maneuver.passage is not None:
-        return maneuvers.distance("$Other", maneuvers.world_position("$MeetingX", "$MeetingY"), wanted)
+        return maneuvers.distance("$Other", _MEETING, wanted)
     return maneuvers.relative_distance("$Follower", "$Leader", wanted, coordinates="lane")
 
 

@@ -45,7 +45,7 @@ def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[in
     vehicles = {each.name: each.built for each in (entry(track) for track in (found.ego, found.other) if track is not None)}
     catalogs = {
         "Vehicle": list(vehicles.values()),
-        "Maneuver": [variation.catalogue_entry(found)],
+        "Maneuver": variation.catalogue_entries(found),
         "Controller": [variation.CONTROLLER],
     }
     for kind, entries in catalogs.items():

@@ -69,5 +69,5 @@ class _Way:
         if reach <= course.at(self._begins):
             return None
         x, y = (round(float(columns[axis][place]), 3) for axis in ("x", "y"))
-        found = Meeting(track, course, x, y, float(time[place]), reach)
+        found = Meeting(track, course, x, y, reach, float(np.interp(reach, course.station, course.time)))
         return abs(float(time[place] - self._then[nearest[first]])), found

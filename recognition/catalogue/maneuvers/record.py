@@ -40,24 +40,38 @@ class Meeting(NamedTuple):
         other: its track.
         course: its way.
         x, y: the place, m.
-        time: when the other one was there, s.
-        reach: how far its reference point is along its course when its front is there, m.
+        reach: how far along its course the reference point of the other one is when its front is there, m.
+        time: when that was, s.
     """
 
     other: Track
     course: Course
     x: float
     y: float
-    time: float
     reach: float
+    time: float
+
+
+class Onwards(NamedTuple):
+    """How one goes on: to which speed (m/s), reached evenly within which time (s)."""
+
+    speed: float
+    duration: float
 
 
 class Passage(NamedTuple):
-    """Ways that are not told by lanes alone: the ego's, how far along it the manoeuvre begins (m), and the one that it meets."""
+    """Ways that are not told by lanes alone.
+
+    Attributes:
+        course: the ego's.
+        begins: how far along it the manoeuvre begins, m.
+        meeting: with the way of another one, and `onwards` how that one goes on from there; None where there is nobody.
+    """
 
     course: Course
     begins: float
-    meeting: Meeting | None
+    meeting: Meeting | None = None
+    onwards: Onwards | None = None
 
 
 @dataclass(frozen=True)
