@@ -1,4 +1,4 @@
-"""`xosc-recognize train`: a model from recordings, with a card that says what it was trained on and how good it is."""
+"""`xosc-recognize train`: a model from recordings, with a card about it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from recognition.commands.card import CARD, card_of
 from recognition.encoder.config import preset as preset_of
-from recognition.labels.classes import Label
 from recognition.protocol.splits import Split, Unit, split
 from runner.command_line import interruptible
 from schemas.command_line import Verbose, Version, out_folder
 from schemas.errors import UsageError
 from schemas.storage import keep
-from schemas.version import version
 
 if TYPE_CHECKING:
     from recognition.encoder.config import Preset
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
     from recognition.grids import Grid
     from recognition.trfe import TRFE
     from recognition.windows import Windows
-
-CARD = "README.md"
-"""File of a model's folder that tells people about it"""
 
 
 @interruptible("xosc-recognize train")
@@ -112,30 +108,3 @@ def fitted(
     model = TRFE(Config(seed=seed, pretrained=encoder.architecture.dim), (rounded(encoder), rounded(tuned)))
     labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
     return model.fit(labelled.grids, labelled.labels, held.grids, held.labels)
-
-
-def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:
-    """What a model was trained on, and what it makes of recordings that it has not seen."""
-    import numpy as np
-
-    test = windows.select(parts.test)
-    found = model.recognise(test.grids)
-    used = [
-        (label, *(int((windows.labels[rows] == label).sum()) for rows in parts[:4])) for label in model.known.classes.tolist()
-    ]
-    lines = [
-        "# TRFE model",
-        "",
-        f"Made by xosc-recognize train (xosc-toolchain {version()}) from {data}.",
-        f"{len(test)} windows of test recordings: {np.mean(found.labels == test.labels):.1%} recognised,"
-        f" {np.mean(found.labels == Label.UNKNOWN):.1%} taken for unknown, {np.mean(found.closed == test.labels):.1%} right where"
-        " unknown is no answer.",
-        "",
-        "| class | trained with label | without | calibrated | tested | recognised |",
-        "|---|---|---|---|---|---|",
-    ]
-    for label, *counts in used:
-        own = test.labels == label
-        lines.append(f"| {Label(label).title} | {' | '.join(map(str, counts))} | {np.mean(found.labels[own] == label):.1%} |")
-    missing = ", ".join(f"{Label(label).title} ({count} windows)" for label, count in sorted(parts.left_out.items()))
-    return "\n".join([*lines, *(["", f"Too rare to be divided, so not known: {missing}."] if missing else [])]) + "\n"

@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 
 from recognition import cli
+from recognition.catalogue.pipeline import SHIPPED
+from recognition.commands.card import CARD, LIMITS, decision, scope
 from recognition.encoder.config import PRESETS, Architecture, Preset, Schedule
 from recognition.grids import Grid
 from recognition.labels import Label
+from recognition.screening import EvtDeficit
+from recognition.trfe import TRFE
 from recognition.windows import Windows
 from tests.recognition import motorway
 
@@ -37,6 +41,11 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     return int(end.value.code or 0)
 
 
+def delta(model: TRFE) -> float:
+    assert isinstance(model.known.screening, EvtDeficit)
+    return model.known.screening.delta
+
+
 def test_a_model_is_trained_and_recognises(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -47,6 +56,9 @@ def test_a_model_is_trained_and_recognises(
     card = (tmp_path / "model" / "README.md").read_text()
     assert capsys.readouterr().out == card + "\n"
     assert "| highway free cruise |" in card and "| highway cut in |" in card and "100.0% right" in card
+    model = TRFE.load(tmp_path / "model")
+    assert f"{model.config.trees} trees vote on 64 features of 2 encoders" in card and f"δ = {delta(model):.2g}." in card
+    assert all(f"\n## {title}\n" in card for title in ("How it decides", "Limits of use", "Licence"))
     motorway.write_motorway(tmp_path / "in")
     code = call(monkeypatch, tmp_path / "in", "--out", tmp_path / "out", "--model", tmp_path / "model")
     assert code == 0
@@ -55,6 +67,13 @@ def test_a_model_is_trained_and_recognises(
     assert {row["model_class"] for row in rows} <= {label.title for label in CLASSES}
     assert all(0.0 <= row["confidence"] <= 1.0 for row in rows)
     assert any(row["rule_class"] for row in rows) and any(not row["rule_class"] for row in rows)
+
+
+def test_the_card_of_the_shipped_model_is_its_own() -> None:
+    card, model = (SHIPPED / CARD).read_text(), TRFE.load(SHIPPED)
+    assert decision(model) in card and f"δ = {delta(model):.2g}." in card
+    assert scope(model) in card and LIMITS in card and "Apache-2.0" in card
+    assert all(f"\n| {Label(label).title} | " in card for label in model.known.classes.tolist())
 
 
 def test_windows_that_are_kept_are_of_the_recordings_that_are_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
