@@ -23,7 +23,7 @@ from recognition.neighbours import Neighbours
 from recognition.prototypes import Prototypes
 from recognition.samples import UNKNOWN, Whole, matrix
 from recognition.voters import Voters
-from schemas.errors import InvalidFile, ToolchainError
+from schemas.errors import InvalidFile, ToolchainError, reason
 from schemas.storage import keep, writing
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def load(folder: Path) -> TRFE:
             model.buffer.add(matrix(waiting["inputs"], len(model.known.prototypes.mean)), waiting["keys"])
         model.recognise(model.known.fitted.features[:1])
     except (KeyError, ValueError, IndexError, TypeError, ToolchainError) as error:
-        raise InvalidFile(f"its parts do not fit together: {error}", path=folder / _MODEL) from None
+        raise InvalidFile(f"its parts do not fit together: {reason(error)}", path=folder / _MODEL) from None
     return model
 
 
@@ -154,7 +154,7 @@ def _read_model(path: Path) -> tuple[Config, Arrays]:
             raise ValueError(f"its format is {about['format']!r}, {_FORMAT!r} is expected")
         config = _settings(Config, about["config"])
     except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
-        raise InvalidFile(f"this is no model: {_first_line(error)}", path=path) from None
+        raise InvalidFile(f"this is no model: {reason(error)}", path=path) from None
     for name, value in arrays.items():
         if not np.issubdtype(value.dtype, np.number) or not np.isfinite(value).all():
             raise InvalidFile(f"{name} is not made of finite numbers", path=path)
@@ -191,7 +191,7 @@ def _read_forest(path: Path) -> RandomForestClassifier:
         forest = skops.io.load(path, trusted=[_TREE])
         _check_forest(forest)
     except Exception as error:
-        raise InvalidFile(f"this is no forest: {_first_line(error)}", path=path) from None
+        raise InvalidFile(f"this is no forest: {reason(error)}", path=path) from None
     return forest
 
 
@@ -223,7 +223,3 @@ def _check_tree(tree: DecisionTreeClassifier, classes: int, width: int) -> None:
     )
     if not sound:
         raise ValueError("one of its trees is broken")
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().split("\n")[0] or type(error).__name__

@@ -43,6 +43,13 @@ def _rebuild(kind: type[ToolchainError], message: str, path: str | None, line: i
     return kind(message, path=path, line=line, element=element)
 
 
+def reason(error: Exception) -> str:
+    """What an exception of others says, in one line: its first, the key that it misses, or else its kind."""
+    if isinstance(error, KeyError):
+        return f"there is no {error}"
+    return next(iter(str(error).strip().splitlines()), type(error).__name__)
+
+
 class UsageError(ToolchainError):
     """The call itself is wrong: an unknown option value, entity or parameter name."""
 

@@ -13,11 +13,12 @@ from recognition.encoder.config import Architecture
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import device
 from recognition.grids import Grid
-from schemas.errors import InvalidFile, ToolchainError
-from schemas.storage import keep, writing
+from schemas.errors import InvalidFile, ToolchainError, reason
+from schemas.storage import keep, read_object, writing
 
 _WEIGHTS, _CONFIG = "encoder.safetensors", "encoder.json"
 _FORMAT = "xosc-toolchain encoder 1"
+Tensors = dict[str, torch.Tensor]
 
 
 def save(encoder: Encoder, folder: Path) -> None:
@@ -46,17 +47,10 @@ def load(folder: Path) -> Encoder:
     Raises:
         InvalidFile: a file is missing, truncated, or not an encoder's.
     """
-    from safetensors import SafetensorError
-    from safetensors.torch import load_file
-
-    encoder = _untrained(folder / _CONFIG)
     path = folder / _WEIGHTS
-    try:
-        encoder.load_state_dict(load_file(path))
-    except (OSError, SafetensorError, RuntimeError) as error:
-        raise InvalidFile(f"these are not the weights of this encoder: {_first_line(error)}", path=path) from None
-    if not all(torch.isfinite(value).all() for value in encoder.state_dict().values()):
-        raise InvalidFile("there are weights that are not finite", path=path)
+    weights = _weights(path)
+    encoder = _untrained(folder / _CONFIG, weights, path)
+    encoder.load_state_dict(weights)
     return encoder.to(device()).eval()
 
 
@@ -73,20 +67,49 @@ def _smallest(value: torch.Tensor) -> torch.Tensor:
     return half if torch.equal(half.to(value.dtype), value) else value
 
 
-def _untrained(path: Path) -> Encoder:
+def _weights(path: Path) -> Tensors:
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
     try:
-        config = json.loads(path.read_text(encoding="utf-8"))
+        weights = load_file(path)
+    except (OSError, SafetensorError) as error:
+        raise InvalidFile(f"these are no weights: {reason(error)}", path=path) from None
+    for name, value in weights.items():
+        if not value.is_floating_point() or not torch.isfinite(value).all():
+            raise InvalidFile(f"the weights {name} are not finite numbers", path=path)
+    return weights
+
+
+def _untrained(path: Path, weights: Tensors, of: Path) -> Encoder:
+    """The encoder that a file describes. It takes memory only if these weights, `of` another file, are of its shapes."""
+    config = read_object(path)
+    try:
         if config["format"] != _FORMAT:
             raise ValueError(f"its format is {config['format']!r}, {_FORMAT!r} is expected")
         architecture, grid = Architecture(**_tuples(config["architecture"])), Grid(**_tuples(config["grid"]))
-        return Encoder(architecture, grid, [int(label) for label in config["classes"]])
-    except (OSError, ValueError, TypeError, KeyError, ToolchainError) as error:
-        raise InvalidFile(f"this describes no encoder: {_first_line(error)}", path=path) from None
+        classes = [int(label) for label in config["classes"]]
+        if architecture.depth > len(weights):
+            raise ValueError(f"the {len(weights)} tensors of {of.name} are too few for its {architecture.depth} blocks")
+        with torch.device("meta"):
+            shapes = Encoder(architecture, grid, classes).state_dict()
+    except (ArithmeticError, ValueError, TypeError, KeyError, RuntimeError, ToolchainError) as error:
+        raise InvalidFile(f"this describes no encoder: {reason(error)}", path=path) from None
+    _require_shapes(shapes, weights, of)
+    return Encoder(architecture, grid, classes)
+
+
+def _require_shapes(shapes: Tensors, weights: Tensors, path: Path) -> None:
+    """Refuse weights that are not of all these names and shapes."""
+    for found, names in (("lack", shapes.keys() - weights.keys()), ("have besides", weights.keys() - shapes.keys())):
+        if names:
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            raise InvalidFile(f"these are not the weights of this encoder: they {found} {min(names)}{more}", path=path)
+    for name, value in weights.items():
+        if value.shape != shapes[name].shape:
+            there, wanted = tuple(value.shape), tuple(shapes[name].shape)
+            raise InvalidFile(f"these are not the weights of this encoder: {name} is of shape {there}, not {wanted}", path=path)
 
 
 def _tuples(values: dict[str, Any]) -> dict[str, Any]:
     return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().split("\n")[0] or type(error).__name__

@@ -225,7 +225,7 @@ def rewritten(path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict
         (lambda arrays, settings, about: settings["clustering"].update(extra=1), "its settings are not those of Clustering"),
         (lambda arrays, settings, about: settings.update(promotion=3), "its settings are not those of Promotion"),
         (lambda arrays, settings, about: arrays.pop("prototypes.radii"), "do not fit together"),
-        (lambda arrays, settings, about: arrays.pop("screening.limits"), "do not fit together"),
+        (lambda arrays, settings, about: arrays.pop("screening.limits"), "do not fit together: there is no 'limits'"),
         (lambda arrays, settings, about: arrays["fitted.features"].fill(np.nan), "fitted.features is not made of finite"),
         (
             lambda arrays, settings, about: arrays.update({"fitted.features": arrays["fitted.features"][:, 1:]}),
