@@ -9,7 +9,7 @@ const redraws = [];
 
 const badge = (kind, text) => el("span", { class: `badge ${kind}` }, text);
 const play = (path, name) => path ? el("a", { class: "play", href: link(path), "aria-label": `Play ${name}` }, "▶ Play") : el("span", { class: "muted" }, "no replay");
-const FILES = { scenario: ".xosc", manoeuvre: "manoeuvre .xosc", road: ".xodr", tags: "tags" };
+const FILES = { scenario: ".xosc", manoeuvre: "manoeuvre", road: ".xodr", tags: "tags" };
 const files = (each, name) => el("td", { class: "files" }, ...Object.entries(each).map(([kind, path]) => el("a", { href: link(path), "aria-label": `${kind} of ${name}` }, FILES[kind])));
 
 /** A table in a region of its own that scrolls; columns are [title, class]. */

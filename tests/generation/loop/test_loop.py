@@ -130,6 +130,14 @@ def test_nothing_sticks_out_of_the_page(out: Path, browser: Browser, width: int,
     assert [address for address in browser.requests if not address.startswith("file:")] == []
 
 
+@pytest.mark.parametrize("width", [800, 1200])
+def test_tables_show_all_columns(out: Path, browser: Browser, width: int) -> None:
+    browser.open(out / PAGE, width=width)
+    browser.run("document.querySelectorAll('details').forEach(each => { each.open = true; })")
+    browser.settle()
+    assert browser.run("[...document.querySelectorAll('.wide')].filter(each => each.scrollWidth > each.clientWidth).length") == 0
+
+
 def test_a_replay_opens_by_keyboard(out: Path, browser: Browser) -> None:
     browser.open(out / PAGE)
     browser.run("document.querySelector('details.group > summary').focus()")
