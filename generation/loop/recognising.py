@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from generation.loop.settings import Bar
 from generation.loop.stages import Found
 from generation.units import Samples, extract_from
@@ -39,14 +37,12 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
     if model is None:
         summary = build(paths, folder, Settings(), ByRules(), along)
     else:
-        from recognition.catalogue.model import ByModel
-        from recognition.trfe import TRFE
+        from recognition.catalogue.model import load
 
-        trfe = TRFE.load(model)
-        summary = build(paths, folder, Settings(), ByModel(trfe), along)
+        recogniser = load(model)
+        summary = build(paths, folder, Settings(), recogniser, along)
         if keep is not None:
-            trfe.buffer.remove(np.ones(len(trfe.buffer), dtype=bool))  # what waits is of these recordings, and is unknown
-            trfe.save(keep)
+            recogniser.keep(keep, waiting=False)  # so that what runs show is not clustered with the unknown of these recordings
     return {
         "classes": dict(sorted(summary.classes.items())),
         "states": dict(sorted(Counter(row["state"] for row in rows_of(folder)).items())),

@@ -55,12 +55,18 @@ class ByModel:
             self._finished = True
         return [_labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]]
 
-    def keep(self, folder: Path) -> None:
-        """Write the model as it is now: discovered classes are known to it, and what is still unknown waits in its buffer.
+    def keep(self, folder: Path, *, waiting: bool = True) -> None:
+        """Write the model as it is now: discovered classes are known to it.
+
+        Args:
+            folder: of the model.
+            waiting: whether what is still unknown goes on waiting in its buffer, or is forgotten.
 
         Raises:
             UsageError: the folder can't be written.
         """
+        if not waiting:
+            self._model.buffer.remove(np.ones(len(self._model.buffer), dtype=bool))
         self._model.save(folder)
 
     def _regular(self, recording: Recording, events: list[Event]) -> list[Moment]:

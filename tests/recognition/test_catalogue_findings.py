@@ -143,8 +143,12 @@ def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
     new = samples[2][0][samples[2][1] == 9]
     trfe.observe(new, np.arange(len(new)))
     trfe.expand(trfe.discover())
-    ByModel(trfe).keep(tmp_path / "kept")
-    assert set(TRFE.load(tmp_path / "kept").recognise(new).labels.tolist()) & {FIRST_DISCOVERED}
+    trfe.buffer.add(100.0 * new[:3], np.arange(3))
+    for waiting, left in ((True, 3), (False, 0)):
+        ByModel(trfe).keep(tmp_path / "kept", waiting=waiting)
+        kept = TRFE.load(tmp_path / "kept")
+        assert set(kept.recognise(new).labels.tolist()) & {FIRST_DISCOVERED}
+        assert len(kept.buffer) == left
 
 
 def test_a_model_without_an_encoder_is_refused() -> None:
