@@ -122,7 +122,8 @@ def _actors(space: Space) -> set[str]:
 def of_catalogue(path: Path) -> Iterator[Scenario]:
     """For each folder in a catalogue the scenario in the middle of those that declare the same parameters.
 
-    The recorded parameters are the values that those scenarios declare; most of a kind win where there are several kinds.
+    The recorded parameters are the values that those scenarios declare; most of a kind win where there are several kinds. Where
+    there is nobody besides the ego, there is nothing to search for.
     """
     for folder in (path, *sorted(each for each in path.iterdir() if each.is_dir())):
         kinds: dict[tuple[str, ...], list[tuple[Path, Floats, str]]] = {}
@@ -139,9 +140,12 @@ def of_catalogue(path: Path) -> Iterator[Scenario]:
 
 
 def _declared(file: Path) -> tuple[tuple[str, ...], Floats, str] | None:
-    """Names and values of a scenario's searchable parameters, and the recording that it is from; None without any."""
+    """Names and values of a scenario's searchable parameters, and the recording that it is from; None without any.
+
+    The same for a scenario without anybody besides the ego.
+    """
     document = xosc.load(file)
-    if document.kind != "scenario":
+    if document.kind != "scenario" or len(document.node.need("Entities").children()) < 2:
         return None
     try:
         names = Space.of(file).names

@@ -75,7 +75,7 @@ def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | N
         elif label in LIBRARY:
             yield of_scenario(SCENARIOS / f"{LIBRARY[label]}.xosc", own, folder, title)
         else:
-            yield Refused(title, "nothing is recorded of parameters by which it could be varied")
+            yield Refused(title, _why_not(found.get(folder)))
 
 
 def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target | None:
@@ -87,6 +87,12 @@ def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target 
     return (
         Target(folder, title, scenario.path, scenario.on, f"{count} manoeuvres of these recordings") if count >= LEAST else None
     )
+
+
+def _why_not(scenario: Scenario | None) -> str:
+    if scenario is None:
+        return "nothing is recorded of parameters by which it could be varied"
+    return f"{len(scenario.recorded.theta)} manoeuvres near somebody else are recorded, {LEAST} make a density"
 
 
 def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> Target | Refused:

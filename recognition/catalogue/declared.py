@@ -25,7 +25,7 @@ EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
 ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"
-"""When a passage begins: after the delay, or sooner where the recorded ways are too short for so long a delay"""
+"""When a manoeuvre that has its place begins: after the delay, or sooner where the recorded ways are too short for that"""
 
 _IN_TOWN = (0.0, 15.0)
 """Speeds of passages, m/s"""
@@ -62,7 +62,7 @@ def declarations(maneuver: Maneuver) -> list[Any]:
 
 def _range(name: str, maneuver: Maneuver) -> tuple[float, float]:
     passage = maneuver.passage
-    if passage is not None and name in (START_SPEED, END_SPEED, FINAL_SPEED):
+    if maneuver.kind == "passage" and name in (START_SPEED, END_SPEED, FINAL_SPEED):
         return _IN_TOWN
     low, high = RANGES[name]
     if passage is not None and passage.meeting is not None and name == GAP:  # no farther than where its way begins

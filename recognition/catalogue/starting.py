@@ -37,12 +37,12 @@ def paths(maneuver: Maneuver, network: RoadNetwork, name: str, other: str) -> Pa
         name: of the scenario.
         other: name of the other participant.
     """
-    if maneuver.passage is not None:
-        met = maneuver.passage.meeting
-        courses = {EGO: maneuver.passage.course} | ({other: met.course} if met is not None else {})
-        return Paths({}, {who: course.trajectory(f"{who} way") for who, course in courses.items()})
-    route = _route(maneuver, network, name)
-    return Paths({EGO: route} if route is not None else {}, {})
+    route = _route(maneuver, network, name) if maneuver.kind != "passage" else None
+    passage, courses = maneuver.passage, {}
+    if passage is not None:
+        courses = {EGO: passage.course} | ({other: passage.meeting.course} if passage.meeting is not None else {})
+    trajectories = {who: course.trajectory(f"{who} way") for who, course in courses.items()}
+    return Paths({EGO: route} if route is not None else {}, trajectories)
 
 
 def init(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) -> dict[str, list[Any]]:
@@ -56,23 +56,33 @@ def init(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) 
     Raises:
         Unsupported: the road does not reach back to where the other one would have to begin.
     """
-    speed = f"${START_SPEED if maneuver.ego_acts else EGO_SPEED}"
-    if maneuver.passage is None:
-        found = {EGO: _in_lane(maneuver, speed, followed.routes)}
-        return found if maneuver.other is None else found | {other: _beside(maneuver, maneuver.other, network)}
+    started = {EGO: _ego(maneuver, followed)}
+    if maneuver.passage is not None and maneuver.passage.meeting is not None:
+        station = f"{maneuver.passage.meeting.reach:.3f} - ${GAP} - ${OTHER_SPEED} * ${BEGIN}"
+        started[other] = _on_way(followed.trajectories[other], station, f"${OTHER_SPEED}", follow=True)
+    elif maneuver.other is not None:
+        started[other] = _beside(maneuver, maneuver.other, network)
+    return started
+
+
+def _ego(maneuver: Maneuver, followed: Paths) -> list[Any]:
+    """Where it was recorded, or where it comes from there to the place of its manoeuvre, on its route or way."""
     passage = maneuver.passage
-    found = {EGO: _on_course(followed.trajectories[EGO], f"{passage.begins:.3f} - ${START_SPEED} * ${BEGIN}", speed)}
-    if passage.meeting is not None:
-        station = f"{passage.meeting.reach:.3f} - ${GAP} - ${OTHER_SPEED} * ${BEGIN}"
-        found[other] = _on_course(followed.trajectories[other], station, f"${OTHER_SPEED}")
-    return found
+    if passage is None:
+        actions = [_recorded(maneuver), maneuvers.speed(f"${START_SPEED if maneuver.ego_acts else EGO_SPEED}")]
+    else:
+        station = f"{passage.begins:.3f} - ${START_SPEED} * ${BEGIN}"
+        actions = _on_way(followed.trajectories[EGO], station, f"${START_SPEED}", follow=maneuver.kind == "passage")
+    if EGO in followed.routes:
+        actions.append(maneuvers.assign_route(maneuvers.reference("RouteCatalog", followed.routes[EGO].name)))
+    return actions
 
 
-def _on_course(path: Any, station: str, speed: str) -> list[Any]:
-    """On a recorded way, at a distance (m) from its beginning."""
-    reference, start = maneuvers.reference("TrajectoryCatalog", path.name), f"${{{station}}}"
-    place = maneuvers.teleport(maneuvers.trajectory_position(reference, start))
-    return [place, maneuvers.speed(speed), maneuvers.follow_path(reference, start)]
+def _on_way(way: Any, station: str, speed: str, *, follow: bool) -> list[Any]:
+    """At a distance (m) from the beginning of a recorded way, which is followed from there or not."""
+    reference, start = maneuvers.reference("TrajectoryCatalog", way.name), f"${{{station}}}"
+    actions = [maneuvers.teleport(maneuvers.trajectory_position(reference, start)), maneuvers.speed(speed)]
+    return [*actions, maneuvers.follow_path(reference, start)] if follow else actions
 
 
 def _place(track: Track, time: float) -> RoadPoint:
@@ -83,14 +93,10 @@ def _place(track: Track, time: float) -> RoadPoint:
     return RoadPoint(str(columns["road_id"][row]), s, t, int(columns["lane_id"][row]), offset)
 
 
-def _in_lane(maneuver: Maneuver, speed: str, routes: dict[str, Any]) -> list[Any]:
-    """The ego where it was recorded."""
+def _recorded(maneuver: Maneuver) -> Any:
+    """The place of the ego when the scene begins."""
     here = _place(maneuver.ego, maneuver.start)
-    position = maneuvers.lane_position(here.road_id, here.lane_id, round(here.s, 3), round(here.offset, 3))
-    actions = [maneuvers.teleport(position), maneuvers.speed(speed)]
-    if EGO in routes:
-        actions.append(maneuvers.assign_route(maneuvers.reference("RouteCatalog", routes[EGO].name)))
-    return actions
+    return maneuvers.teleport(maneuvers.lane_position(here.road_id, here.lane_id, round(here.s, 3), round(here.offset, 3)))
 
 
 def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]:

@@ -1,6 +1,6 @@
 """Manoeuvres in lanes: lane changes, also from and to ramps, cutting in and out, car following and free cruise.
 
-A lane change begins and ends where the lateral motion does.
+A lane change begins and ends where the lateral motion does. At ramps it has its place: the ego comes to where it was recorded.
 """
 
 from __future__ import annotations
@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.catalogue.maneuvers.record import LONGEST, SHORTEST, SMOOTHING, Maneuver, Seven, Span, speed_at
+from recognition.catalogue.maneuvers.record import EGO_ACTS, LONGEST, SHORTEST, Maneuver, Passage, Seven, Span
+from recognition.catalogue.maneuvers.speeds import SMOOTHING, recorded_speeds, speed_at
 from recognition.datasets.rows import Floats
 from recognition.labels.classes import Label
 from runner.recording import Recording, Track
@@ -25,8 +26,8 @@ KINDS = {
     Label.URBAN_CUT_OUT: "cut_out",
     Label.LANE_CHANGE_LEFT: "lane_change",
     Label.LANE_CHANGE_RIGHT: "lane_change",
-    Label.RAMP_ENTERING: "lane_change",
-    Label.RAMP_EXITING: "lane_change",
+    Label.RAMP_ENTERING: "ramp",
+    Label.RAMP_EXITING: "ramp",
 }
 """Kinds of the classes whose manoeuvre is told by lanes."""
 _DRIFT = 0.1
@@ -46,7 +47,7 @@ def in_lanes(recording: Recording, network: RoadNetwork, kind: str, ego: str, pa
         Unsupported: what was recorded is no such manoeuvre.
     """
     own, other = recording.tracks[ego], recording.tracks[partner] if partner is not None else None
-    actor = own if kind in ("lane_change", "cruise") else other
+    actor = own if kind in EGO_ACTS else other
     if actor is None:
         raise Unsupported("the other vehicle is not known")
     if kind in ("following", "cruise"):
@@ -64,10 +65,13 @@ def in_lanes(recording: Recording, network: RoadNetwork, kind: str, ego: str, pa
     if gap is not None and passive is not None and kind != "cut_in":
         first = max(first, start - _longest_approach(gap, speed_at(own, start), speed_at(other or own, start)))
     speed = _mean_speed(passive, first, start) if passive is not None else 0.0
-    speeds = (speed_at(actor, time) for time in (start, end, last))
-    starting, ending, final = speeds
-    values = Seven(gap, starting, start - first, ending, max(end - start, SHORTEST), final, last - end)
-    return Maneuver(kind, own, other, left, values, speed, first, last)
+    duration, passage = max(end - start, SHORTEST), None
+    starting, ending, final = recorded_speeds(actor, start if kind == "ramp" else first, start, duration, last - end)
+    if kind == "ramp":
+        passage = Passage.of(own, start)
+        first = max(first, start - passage.longest(starting))
+    values = Seven(gap, starting, start - first, ending, duration, final, last - end)
+    return Maneuver(kind, own, other, left, values, speed, first, last, passage)
 
 
 def lane_change(track: Track, network: RoadNetwork, time: float) -> tuple[float, float, bool]:
@@ -91,7 +95,24 @@ def lane_change(track: Track, network: RoadNetwork, time: float) -> tuple[float,
         raise Unsupported("the lane change goes on over another lane")
     if way < _SIDEWAYS:
         raise Unsupported(f"the lane change covers {way:.1f} m sideways only, which does not stand out from drifting")
-    return float(at[first]), float(at[last]), left
+    return float(at[_beside_since(track, network, np.arange(first, middle + 1), left)]), float(at[last]), left
+
+
+def _beside_since(track: Track, network: RoadNetwork, rows: NDArray[np.int64], left: bool) -> int:
+    """The first of some rows from which on there is a lane to the left (or right) of the one that the track is in then.
+
+    Rows in the lane changed to don't count: they have had theirs.
+    """
+    changed = _changes(track, rows)
+    rows = rows[rows < changed[0]] if len(changed) else rows
+    columns, side = track.columns, facing(track, network) * (1 if left else -1)
+    lacking = [
+        row
+        for row in rows.tolist()
+        if network.road(columns["road_id"][row]).lane_beside(columns["s"][row], int(columns["lane_id"][row]), int(side[row]))
+        is None
+    ]
+    return min(lacking[-1] + 1, int(rows[-1])) if lacking else int(rows[0])
 
 
 def _to_the_left(track: Track, network: RoadNetwork, rows: NDArray[np.int64], time: float) -> bool:
@@ -144,7 +165,7 @@ def _gap(ego: Track, other: Track, time: float, kind: str) -> float | None:
         raise Unsupported("the other vehicle was not recorded together with the ego")
     nearest = int(np.abs(ego.columns["time"][rows] - time).argmin())
     gap, aside = float(view.ahead[nearest]), float(view.aside[nearest])
-    if kind == "lane_change" and (gap <= 0.0 or aside != 0.0):
+    if kind in EGO_ACTS and (gap <= 0.0 or aside != 0.0):
         return None
     if gap <= 0.0:
         raise Unsupported("the other vehicle is not ahead of the ego when the manoeuvre begins")

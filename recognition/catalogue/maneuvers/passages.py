@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.catalogue.maneuvers.courses import Course
 from recognition.catalogue.maneuvers.meetings import meeting
-from recognition.catalogue.maneuvers.record import LONGEST, SHORTEST, Maneuver, Meeting, Onwards, Passage, Seven, Span, speed_at
-from recognition.catalogue.maneuvers.speeds import EVERY, fitted_speeds, ways
+from recognition.catalogue.maneuvers.record import LONGEST, SHORTEST, Maneuver, Meeting, Onwards, Passage, Seven, Span
+from recognition.catalogue.maneuvers.speeds import recorded_speeds
 from recognition.labels.classes import Label
 from recognition.labels.stays import held, stays
 from runner.recording import Recording, Track
@@ -26,6 +25,8 @@ ROUNDABOUT = (Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_EXITING, Label.ROUNDAB
 """Classes whose passage is what was recognised: entering and leaving have no other beginning and end"""
 _STANDS = 0.5
 """Speed (m/s) below which somebody stands"""
+_BEND = 0.1
+"""Change of heading (rad) that is none yet, or left over"""
 _FLICKER = 0.5
 """Stays (s) on another road that don't count: where lanes of a junction overlap, rows may jump between them"""
 
@@ -37,60 +38,52 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
         Unsupported: it was not recorded whole, or the partner was past where the ways meet before it began.
     """
     own = recording.tracks[ego]
-    start, end = _inside(own, network, span.middle, recording.timestep) if label in JUNCTION else (span.start, span.end)
-    time, course = own.columns["time"], Course.of(own)
-    if not time[0] < start < end <= time[-1]:
+    start, end = span.start, span.end
+    if label in JUNCTION:
+        start, end = _inside(own, network, span.middle, recording.timestep, label in (Label.LEFT_TURN, Label.RIGHT_TURN))
+    time = own.columns["time"]
+    if not time[0] <= start < end <= time[-1]:
         raise Unsupported("the manoeuvre was not recorded whole")
-    met = meeting(recording, own, course, start, partner)
+    alone = Passage.of(own, start)
+    met = meeting(recording, own, alone.course, start, partner)
     if partner is not None and met is None:
         raise Unsupported("the ways of the two don't meet after the passage begins")
     duration, rest = max(end - start, SHORTEST), min(LONGEST, float(time[-1]) - end)
-    speeds = _speeds(own, course, start, duration, rest)
-    begins, delay = float(course.at(start)), min(LONGEST, start - float(time[0]))
-    gap, speed, onwards = None, 0.0, None
-    if met is not None:
-        here = float(met.course.at(start))
-        gap = met.reach - here
-        speed = gap / (met.time - start)
-        delay = min(delay, start - float(met.other.columns["time"][0]), here / speed)
-        onwards = _onwards(met, speed, end + rest)
-    delay = min(delay, begins / speeds[0] if speeds[0] else LONGEST)
-    values = Seven(gap, speeds[0], delay, speeds[1], duration, speeds[2], rest)
-    other = met.other if met is not None else None
-    return Maneuver("passage", own, other, None, values, speed, start - delay, end + rest, Passage(course, begins, met, onwards))
+    speeds = recorded_speeds(own, start, start, duration, rest)
+    delay = min(alone.longest(speeds[0]), start - float(time[0]))
+    if met is None:
+        values = Seven(None, speeds[0], delay, speeds[1], duration, speeds[2], rest)
+        return Maneuver("passage", own, None, None, values, 0.0, start - delay, end + rest, alone)
+    here = float(met.course.at(start))
+    speed = (met.reach - here) / (met.time - start)
+    delay = min(delay, start - float(met.other.columns["time"][0]), here / speed)
+    values = Seven(met.reach - here, speeds[0], delay, speeds[1], duration, speeds[2], rest)
+    both = alone._replace(meeting=met, onwards=_onwards(met, speed, end + rest))
+    return Maneuver("passage", own, met.other, None, values, speed, start - delay, end + rest, both)
 
 
-def _inside(track: Track, network: RoadNetwork, time: float, timestep: float) -> tuple[float, float]:
+def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, turns: bool) -> tuple[float, float]:
     """When a track comes into the junction that it is in or has just left at a time (s), and when it leaves it.
 
-    Who stands in the junction comes to it when setting off for the last time.
-
-    Raises:
-        Unsupported: it was not recorded before or after.
+    Who turns comes to it where the heading begins to change, and leaves it where it has changed. Who stands in it comes to it
+    when setting off for the last time. Of who was first or last recorded inside, it is what was recorded.
     """
     at = track.columns["time"]
     inside = np.array([network.road(road).junction_id is not None for road in track.columns["road_id"]], np.int64)
     begin, size = stays(held(inside, np.zeros_like(inside), max(1, round(_FLICKER / timestep))), np.zeros_like(inside))
     chosen = np.flatnonzero(inside[begin] == 1)
-    first, last = begin[chosen], (begin + size)[chosen] - 1
     if not len(chosen):
         raise Unsupported("the way through the junction can't be told from the roads")
-    away = np.maximum(np.maximum(at[first] - time, time - at[last]), 0.0)
-    nearest = int(away.argmin())
-    if first[nearest] == 0 or last[nearest] == len(at) - 1:
-        raise Unsupported("the manoeuvre was not recorded whole")
+    first, last = begin[chosen], (begin + size)[chosen] - 1
+    nearest = int(np.maximum(at[first] - time, time - at[last]).argmin())
     rows = np.arange(first[nearest], last[nearest] + 1)
+    if turns:
+        turned = np.unwrap(track.columns["h"][rows])
+        bends = np.flatnonzero((np.abs(turned - turned[0]) > _BEND) & (np.abs(turned - turned[-1]) > _BEND))
+        rows = rows[bends[0] : bends[-1] + 1] if len(bends) else rows
     stands = rows[track.columns["speed"][rows] < _STANDS]
-    return float(at[stands[-1] if len(stands) else rows[0]]), float(at[rows[-1] + 1])
-
-
-def _speeds(track: Track, course: Course, start: float, duration: float, rest: float) -> list[float]:
-    """Start, end and final speed (m/s) with which the ego comes along its way as it did from the beginning of the passage on."""
-    time = np.arange(EVERY, duration + rest + EVERY / 2, EVERY)
-    seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
-    way = course.at(start + time) - course.at(start)
-    found: list[float] = fitted_speeds(ways(time, duration, rest), way, seen).tolist()
-    return found
+    start = stands[-1] if len(stands) else rows[0]
+    return float(at[start]), float(at[min(rows[-1] + 1, len(at) - 1)])
 
 
 def _onwards(met: Meeting, speed: float, end: float) -> Onwards:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from recognition.catalogue.maneuvers.courses import Course
 from runner.recording import Track
 
@@ -14,8 +12,8 @@ LONGEST = 10.0
 """Time (s) from the scene's start to the manoeuvre, and from its end to the scene's, at most."""
 SHORTEST = 1.0
 """Duration (s) of a manoeuvre, at least"""
-SMOOTHING = 0.5
-"""Window (s) over which speeds are averaged"""
+EGO_ACTS = ("lane_change", "cruise", "ramp", "passage")
+"""Kinds of manoeuvres whose actor is the ego"""
 
 
 class Seven(NamedTuple):
@@ -60,10 +58,10 @@ class Onwards(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """Ways that are not told by lanes alone.
+    """A manoeuvre that has its place.
 
     Attributes:
-        course: the ego's.
+        course: the ego's way.
         begins: how far along it the manoeuvre begins, m.
         meeting: with the way of another one, and `onwards` how that one goes on from there; None where there is nobody.
     """
@@ -73,20 +71,31 @@ class Passage(NamedTuple):
     meeting: Meeting | None = None
     onwards: Onwards | None = None
 
+    @classmethod
+    def of(cls, ego: Track, time: float) -> Passage:
+        """That of an ego whose manoeuvre begins where it is at a time (s), without anybody else."""
+        course = Course.of(ego)
+        return cls(course, float(course.at(time)))
+
+    def longest(self, speed: float) -> float:
+        """How long (s) the ego drives at a speed (m/s) from where its way begins to its manoeuvre, at most `LONGEST`."""
+        return min(LONGEST, self.begins / speed) if speed > 0.0 else LONGEST
+
 
 @dataclass(frozen=True)
 class Maneuver:
     """A manoeuvre.
 
     Attributes:
-        kind: cut_in, cut_out, lane_change, following, cruise or passage.
+        kind: cut_in, cut_out, lane_change, following, cruise, ramp (a lane change at one) or passage.
         ego: its track.
         other: who is ahead of the ego when it begins, in a passage whose way the ego's meets; None for nobody.
         left: whether the lane change is to the left; None where there is none.
         values: the parameters.
         speed: of the one who is not the actor, before the manoeuvre, m/s.
         start, end: of the scene, in the recording, s.
-        passage: the ways, where both keep to those that were recorded; None where they keep to lanes.
+        passage: the place, in a passage and at ramps; None for a manoeuvre that may be anywhere on its road. In a passage those
+            who take part keep to the ways that were recorded, elsewhere to lanes.
     """
 
     kind: str
@@ -102,7 +111,7 @@ class Maneuver:
     @property
     def ego_acts(self) -> bool:
         """Whether the ego is the actor."""
-        return self.kind in ("lane_change", "cruise", "passage")
+        return self.kind in EGO_ACTS
 
 
 class Span(NamedTuple):
@@ -111,10 +120,3 @@ class Span(NamedTuple):
     start: float
     middle: float
     end: float
-
-
-def speed_at(track: Track, time: float) -> float:
-    """Speed (m/s) about a time (s)."""
-    columns = track.columns
-    near = np.abs(columns["time"] - time) <= 0.5 * SMOOTHING
-    return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
