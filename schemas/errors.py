@@ -43,13 +43,6 @@ def _rebuild(kind: type[ToolchainError], message: str, path: str | None, line: i
     return kind(message, path=path, line=line, element=element)
 
 
-def reason(error: Exception) -> str:
-    """What an exception of others says, in one line: its first, the key that it misses, or else its kind."""
-    if isinstance(error, KeyError):
-        return f"there is no {error}"
-    return next(iter(str(error).strip().splitlines()), type(error).__name__)
-
-
 class UsageError(ToolchainError):
     """The call itself is wrong: an unknown option value, entity or parameter name."""
 
@@ -66,3 +59,10 @@ class Unsupported(ToolchainError):
     """A valid file that asks for something this toolchain does not do, named exactly."""
 
     exit_code = 4
+
+
+def reason(error: Exception) -> str:
+    """What an exception of others says, in one line: its first, the key that it misses, or else its kind."""
+    if isinstance(error, KeyError):
+        return f"there is no {error}"
+    return next(iter(str(error).strip().splitlines()), type(error).__name__)
