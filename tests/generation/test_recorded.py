@@ -96,10 +96,10 @@ def test_the_kind_goes_by_the_scenarios_name() -> None:
 
 
 def test_a_scenario_with_nobody_besides_the_ego_is_not_searched(tmp_path: Path) -> None:
-    document = xosc.load(CUT_IN)
-    entities = document.root.find("Entities")
+    tagged = annotated(xosc.load(CUT_IN), [Tag("Recording", "site/1")])
+    entities = tagged.root.find("Entities")
     assert entities is not None
     for each in list(entities)[1:]:
         entities.remove(each)
-    xosc.write(document, tmp_path / "alone.xosc")
+    xosc.write(tagged, tmp_path / "alone.xosc")
     assert list(of_catalogue(tmp_path)) == []
