@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import xosc
 from recognition import datasets
-from recognition.catalogue.pipeline import cache_roads
 from recognition.datasets import Source
 from schemas.errors import InvalidFile
 from schemas.storage import digest
@@ -35,7 +34,7 @@ class Inputs(NamedTuple):
         """
         scenarios = [path for path in sorted(folder.rglob("*.xosc")) if xosc.load(path).kind != "catalog"]
         try:
-            recordings = datasets.open(folder, cache_roads()).sources
+            recordings = datasets.open(folder).sources
         except InvalidFile as error:
             if not scenarios or error.path != str(folder):  # a path of its own is that of a malformed file
                 raise

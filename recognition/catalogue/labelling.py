@@ -12,11 +12,9 @@ from recognition import datasets
 from recognition.catalogue import findings
 from recognition.catalogue.catalogue import AUTHOR
 from recognition.catalogue.findings import Finding
-from recognition.catalogue.pipeline import Progress, Recogniser, Settings, cache_roads
+from recognition.catalogue.pipeline import Progress, Recogniser, Settings, look
 from recognition.catalogue.store import digests, write_unless_edited
 from recognition.datasets import Source, runs
-from recognition.labels import label
-from recognition.sites import site_of
 from schemas.errors import InvalidFile, Unsupported
 from schemas.storage import digest
 from xosc import tags
@@ -54,9 +52,7 @@ def label_runs(
     if not sources:
         raise InvalidFile("there are no results of xosc-run --out here", path=folder)
     for source in progress(sources, "recognising"):
-        recording = source.load()
-        site = site_of(source, recording, cache_roads())
-        recogniser.look(source.name, recording, site, label(recording, site, source.name, settings.rules))
+        look(source, recogniser, settings.rules)
     found = {source.name: findings.joined(recogniser.moments(source.name), settings.gap) for source in sources}
     by_scenario: dict[Path, list[Source]] = {}
     for source in sources:

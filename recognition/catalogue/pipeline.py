@@ -14,13 +14,12 @@ from recognition.catalogue.catalogue import Catalogue, Config
 from recognition.catalogue.episodes import Around, of_findings, of_vehicles
 from recognition.catalogue.findings import Moment, by_rules
 from recognition.catalogue.index import recordings_of
-from recognition.datasets import Source
+from recognition.datasets import Source, cache_roads
 from recognition.labels import Event, Rules, label
 from recognition.sites import Site, site_of
 from recognition.sites.placing import place
 from runner.recording import Recording
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
-from xodr.sumo_net.cache import folder as cache_folder
 
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
 """The model that comes with the package"""
@@ -105,11 +104,10 @@ def build(paths: Sequence[Path], out: Path, settings: Settings, recogniser: Reco
         InvalidFile: there is no recording of a known format in a path.
         UsageError: the folder can't be written or has the catalogue of other recordings, or two recordings have one name.
     """
-    roads = cache_roads()
-    sources = [source for path in paths for source in datasets.open(path, roads).sources]
+    sources = [source for path in paths for source in datasets.open(path).sources]
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
-    work = _Work(settings, recogniser, Catalogue(out, settings.config), roads)
+    work = _Work(settings, recogniser, Catalogue(out, settings.config))
     for source in progress(sources, "recognising"):
         work.try_to(work.look, source)
     for source in progress([source for source in sources if source.name not in work.failures], "writing"):
@@ -137,17 +135,24 @@ def _refuse_others(out: Path, names: set[str]) -> None:
         )
 
 
-def cache_roads() -> Path:
-    """Folder for roads that are made from recordings."""
-    return cache_folder() / "roads"
+def look(source: Source, recogniser: Recogniser, rules: Rules) -> Site:
+    """Read a recording, label it by the rules, and have a recogniser look at it; its site.
+
+    Raises:
+        InvalidFile, Unsupported, UsageError: it can't be read, or nothing sound tells of its roads.
+    """
+    recording = source.load()
+    site = site_of(source, recording, cache_roads())
+    recogniser.look(source.name, recording, site, label(recording, site, source.name, rules))
+    return site
 
 
 class _Work:
     """One catalogue in the making."""
 
-    def __init__(self, settings: Settings, recogniser: Recogniser, catalogue: Catalogue, roads: Path) -> None:
+    def __init__(self, settings: Settings, recogniser: Recogniser, catalogue: Catalogue) -> None:
         self.failures: dict[str, ToolchainError] = {}
-        self._settings, self._recogniser, self._catalogue, self._roads = settings, recogniser, catalogue, roads
+        self._settings, self._recogniser, self._catalogue = settings, recogniser, catalogue
         self._sites: dict[str, Site] = {}
 
     def try_to(self, do: Callable[[Source], None], source: Source) -> None:
@@ -160,9 +165,7 @@ class _Work:
 
     def look(self, source: Source) -> None:
         """Read and label a recording."""
-        recording = source.load()
-        site = self._sites[source.name] = site_of(source, recording, self._roads)
-        self._recogniser.look(source.name, recording, site, label(recording, site, source.name, self._settings.rules))
+        self._sites[source.name] = look(source, self._recogniser, self._settings.rules)
 
     def write(self, source: Source) -> None:
         """Write the scenarios of a recording."""

@@ -5,7 +5,7 @@ World frame: x, y, z in m, right-handed with z up, headings mathematical, SI uni
 (see `recognition.datasets.participants`).
 """
 
-from recognition.datasets.finder import open
+from recognition.datasets.finder import cache_roads, open
 from recognition.datasets.source import DataSet, Exclusion, Gap, Report, Source
 
-__all__ = ["DataSet", "Exclusion", "Gap", "Report", "Source", "open"]
+__all__ = ["DataSet", "Exclusion", "Gap", "Report", "Source", "cache_roads", "open"]

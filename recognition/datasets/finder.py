@@ -26,6 +26,11 @@ class _Format(NamedTuple):
 _FORMATS = [_Format(module.claims, module.sources) for module in (highd, interaction, runs, commonroad, ngsim)]
 
 
+def cache_roads() -> Path:
+    """Folder for roads that are made from recordings, where no other is named."""
+    return cache_folder() / "roads"
+
+
 def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) -> DataSet:
     """The recordings in a folder (with all that is below it) or a file.
 
@@ -33,7 +38,7 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
     `xosc-run --out`. Nothing is read before `DataSet.sources` is asked for, and no track before a source is loaded.
 
     Args:
-        roads: folder for roads that are made from recordings (highD); by default in the cache folder.
+        roads: folder for roads that are made from recordings (highD); `cache_roads` by default.
 
     Raises:
         InvalidFile: there is no such folder or file.
@@ -41,7 +46,7 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
     path = Path(path)
     if not path.exists():
         raise InvalidFile("no such file or folder", path=path)
-    return DataSet(path, partial(_find, path, Path(roads) if roads is not None else cache_folder() / "roads"))
+    return DataSet(path, partial(_find, path, Path(roads) if roads is not None else cache_roads()))
 
 
 def _find(path: Path, roads: Path) -> list[Source]:
