@@ -157,3 +157,9 @@ def test_a_passage_before_the_recording_is_refused(crossing: Site) -> None:
     late = track("left", whole.columns["x"][68:], whole.columns["y"][68:], start=6.8)
     with pytest.raises(Unsupported, match="not recorded whole"):
         measured(crossing, late, label=Label.ROUNDABOUT_ENTERING)
+
+
+def test_an_ego_that_stands_is_refused(crossing: Site) -> None:
+    stands = track("left", np.full(160, 5.0), 2.0, heading=0.0)
+    with pytest.raises(Unsupported, match="does not move"):
+        measured(crossing, stands, label=Label.ROUNDABOUT_CIRCULATING)

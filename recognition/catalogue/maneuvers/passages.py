@@ -35,7 +35,7 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     """The passage of an event; see `maneuvers.maneuver`.
 
     Raises:
-        Unsupported: it was not recorded whole, or the partner was past where the ways meet before it began.
+        Unsupported: it was not recorded whole, nobody moves in it, or the partner was past where the ways meet before it began.
     """
     own = recording.tracks[ego]
     start, end = span.start, span.end
@@ -45,6 +45,8 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     if not time[0] <= start < end <= time[-1]:
         raise Unsupported("the manoeuvre was not recorded whole")
     alone = Passage.of(own, start)
+    if alone.begins >= alone.course.station[-1]:
+        raise Unsupported("the ego does not move after the passage begins")
     met = meeting(recording, own, alone.course, start, partner)
     if partner is not None and met is None:
         raise Unsupported("the ways of the two don't meet after the passage begins")
