@@ -72,10 +72,25 @@ def test_every_action_is_valid_where_the_version_has_it(action: Any, version: tu
         assert document.version == version and document.kind == "scenario" and is_valid(document)
 
 
+@pytest.mark.parametrize("version", VERSIONS)
+def test_places_along_a_trajectory_came_with_1_1(version: tuple[int, int]) -> None:
+    path = m.reference("paths", "t")
+    actions = [m.teleport(m.trajectory_position(path, 12.5)), m.follow_path(path, 12.5)]
+    if version == (1, 0):
+        with pytest.raises(Unsupported, match="cannot be said in OpenSCENARIO"):
+            driven([m.event("e", actions, m.simulation_time(1))], version)
+    else:
+        document = driven([m.event("e", actions, m.simulation_time(1))], version)
+        followed = next(document.root.iter("FollowTrajectoryAction"))
+        assert is_valid(document) and followed.get("initialDistanceOffset") == "12.5"
+        assert followed.find("TimeReference/None") is not None
+
+
 TRIGGERS = {
     "simulation_time": m.simulation_time(3),
     "element_state": m.element_state("event", "first"),
     "collision": m.collision("Ego", "Target"),
+    "distance": m.distance("Ego", m.world_position(1, 2), 20, "greaterThan"),
     "relative_distance": m.relative_distance("Ego", "Target", 20, edge="rising"),
     "time_headway": m.time_headway("Ego", "Target", 1.5),
     "time_to_collision": m.time_to_collision("Ego", "Target", "$Ttc"),
