@@ -20,7 +20,7 @@ _LEAST_ON_ROAD = 1.0 / 3.0
 """Least share of the vehicles' places that are on a road: on its own map it is 65 % in the worst of the real recordings."""
 _MOST_ASTRAY = 1.0 / 3.0
 """Greatest share of places where vehicles go astray: on its own map it is 3 % in the worst of the real recordings, on that of
-another junction, or turned or mirrored, 45 % and more where five vehicles move. Of four, two may have ways that the map lacks."""
+another junction, or turned or mirrored, mostly 45 % and more where five move. Of four, two may have ways that it lacks."""
 _ASTRAY = math.radians(45.0)
 """Vehicles whose motion is more than this away from the traffic of their lane (rad) go across it or against it."""
 _MOVING = 2.0
