@@ -30,8 +30,9 @@ MODULES = (
     "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
     "schemas", "schemas.errors",
     "runner", "runner.batch", "runner.jobs", "runner.recording", "runner.criticality", "runner.sut", "runner.positions",
-    "recognition", "recognition.catalogue.pipeline", "recognition.catalogue.model", "recognition.datasets",
-    "recognition.sites", "recognition.labels", "recognition.grids", "recognition.screening", "recognition.recorder",
+    "recognition", "recognition.catalogue.pipeline", "recognition.catalogue.maneuvers", "recognition.catalogue.model",
+    "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.screening",
+    "recognition.recorder",
     "generation", "generation.parameters", "generation.recorded", "generation.search", "generation.units", "generation.logical",
     "generation.loop.settings", "generation.loop.loop",
 )  # fmt: skip
