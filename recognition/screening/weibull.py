@@ -39,7 +39,8 @@ class WeibullVotes(Screening):
     def _score(self, votes: Whole, distances: Floats | None) -> Floats:
         column = votes.argmax(axis=1)
         ratio = (votes.max(axis=1) + 0.5) / self.scales[column]
-        return np.exp(-(ratio ** self.shapes[column]))
+        with np.errstate(over="ignore"):  # where votes hardly vary the power is beyond floats, and the score 0
+            return np.exp(-(ratio ** self.shapes[column]))
 
 
 def weibull(values: Floats) -> tuple[float, float]:
