@@ -54,6 +54,8 @@ class Grid:
                 raise UsageError(f"{name} of a grid must be a positive length, not {getattr(self, name)}")
         if not set(self.channels) <= set(CHANNELS) or len(set(self.channels)) < max(len(self.channels), 1):
             raise UsageError(f"channels of a grid are different ones of {', '.join(CHANNELS)}, not {self.channels}")
+        if self.pose not in ("window", "frame"):
+            raise UsageError(f"a grid is aligned to the window or the frame, not {self.pose!r}")
         if self.frames < 2 or not 0.0 < self.span < math.inf:
             raise UsageError("a grid needs two or more frames over a positive time")
 

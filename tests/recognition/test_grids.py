@@ -136,7 +136,14 @@ def test_a_gap_of_a_few_frames_in_the_egos_track_is_bridged_by_the_nearest():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"length": 0.0}, {"cell_width": float("inf")}, {"channels": ("others", "height")}, {"channels": ()}, {"frames": 1}],
+    [
+        {"length": 0.0},
+        {"cell_width": float("inf")},
+        {"channels": ("others", "height")},
+        {"channels": ()},
+        {"pose": "x"},
+        {"frames": 1},
+    ],
 )
 def test_impossible_grids_are_refused(wrong):
     with pytest.raises(UsageError, match="grid"):
