@@ -97,9 +97,7 @@ def distance(
         number(value),
         word("Rule", rule),
         position,
-        freespace=freespace,
-        distance_type=word("RelativeDistanceType", kind),
-        coordinate_system=word("CoordinateSystem", coordinates),
+        **_measured(kind, coordinates, freespace),
     )
     return Condition("distance", condition, edge, entity)
 
@@ -154,9 +152,7 @@ def time_headway(
         other,
         number(value),
         word("Rule", rule),
-        freespace=freespace,
-        distance_type=word("RelativeDistanceType", kind),
-        coordinate_system=word("CoordinateSystem", coordinates),
+        **_measured(kind, coordinates, freespace),
     )
     return Condition("time headway", condition, edge, entity)
 
@@ -176,9 +172,16 @@ def time_to_collision(
     condition = sg.TimeToCollisionCondition(
         number(value),
         word("Rule", rule),
-        freespace=freespace,
         entity=other,
-        distance_type=word("RelativeDistanceType", kind),
-        coordinate_system=word("CoordinateSystem", coordinates),
+        **_measured(kind, coordinates, freespace),
     )
     return Condition("time to collision", condition, edge, entity)
+
+
+def _measured(kind: str, coordinates: str, freespace: bool) -> dict[str, Any]:
+    """How a condition measures its distance, see `relative_distance`."""
+    return {
+        "freespace": freespace,
+        "distance_type": word("RelativeDistanceType", kind),
+        "coordinate_system": word("CoordinateSystem", coordinates),
+    }
