@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.catalogue.maneuvers.courses import Course
 from recognition.catalogue.maneuvers.record import EGO_ACTS, LONGEST, SHORTEST, Maneuver, Passage, Seven, Span
 from recognition.catalogue.maneuvers.speeds import SMOOTHING, recorded_speeds, speed_at
 from recognition.datasets.rows import Floats
@@ -66,9 +67,10 @@ def in_lanes(recording: Recording, network: RoadNetwork, kind: str, ego: str, pa
         first = max(first, start - _longest_approach(gap, speed_at(own, start), speed_at(other or own, start)))
     speed = _mean_speed(passive, first, start) if passive is not None else 0.0
     duration, passage = max(end - start, SHORTEST), None
-    starting, ending, final = recorded_speeds(actor, start if kind == "ramp" else first, start, duration, last - end)
+    course, counted = Course.of(actor), start if kind == "ramp" else first
+    starting, ending, final = recorded_speeds(actor, course, counted, start, duration, last - end)
     if kind == "ramp":
-        passage = Passage.of(own, start)
+        passage = Passage.of(course, start)
         first = max(first, start - passage.longest(starting))
     values = Seven(gap, starting, start - first, ending, duration, final, last - end)
     return Maneuver(kind, own, other, left, values, speed, first, last, passage)

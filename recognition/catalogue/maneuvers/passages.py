@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from recognition.catalogue.maneuvers.courses import Course
 from recognition.catalogue.maneuvers.meetings import meeting
 from recognition.catalogue.maneuvers.record import LONGEST, SHORTEST, Maneuver, Meeting, Onwards, Passage, Seven, Span
 from recognition.catalogue.maneuvers.speeds import recorded_speeds
@@ -44,14 +45,15 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     time = own.columns["time"]
     if not time[0] <= start < end <= time[-1]:
         raise Unsupported("the manoeuvre was not recorded whole")
-    alone = Passage.of(own, start)
-    if alone.begins >= alone.course.station[-1]:
+    course = Course.of(own)
+    alone = Passage.of(course, start)
+    if alone.begins >= course.station[-1]:
         raise Unsupported("the ego does not move after the passage begins")
-    met = meeting(recording, own, alone.course, start, partner)
+    met = meeting(recording, own, course, start, partner)
     if partner is not None and met is None:
         raise Unsupported("the ways of the two don't meet after the passage begins")
     duration, rest = max(end - start, SHORTEST), min(LONGEST, float(time[-1]) - end)
-    speeds = recorded_speeds(own, start, start, duration, rest)
+    speeds = recorded_speeds(own, course, start, start, duration, rest)
     delay = min(alone.longest(speeds[0]), start - float(time[0]))
     if met is None:
         values = Seven(None, speeds[0], delay, speeds[1], duration, speeds[2], rest)

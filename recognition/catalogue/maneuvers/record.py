@@ -72,9 +72,8 @@ class Passage(NamedTuple):
     onwards: Onwards | None = None
 
     @classmethod
-    def of(cls, ego: Track, time: float) -> Passage:
-        """That of an ego whose manoeuvre begins where it is at a time (s), without anybody else."""
-        course = Course.of(ego)
+    def of(cls, course: Course, time: float) -> Passage:
+        """That of an ego on its way whose manoeuvre begins where it is at a time (s), without anybody else."""
         return cls(course, float(course.at(time)))
 
     def longest(self, speed: float) -> float:

@@ -55,14 +55,14 @@ def speed_at(track: Track, time: float) -> float:
     return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
 
 
-def recorded_speeds(track: Track, first: float, start: float, duration: float, rest: float) -> list[float]:
+def recorded_speeds(track: Track, course: Course, first: float, start: float, duration: float, rest: float) -> list[float]:
     """Start, end and final speed (m/s) of a manoeuvre with which a track covers the way that it was recorded on.
 
     Args:
+        course: that way.
         first: from when on its way counts, s.
         start: of the manoeuvre, s; duration and rest as in `ways`.
     """
-    course = Course.of(track)
     time = np.arange(first - start, duration + rest + EVERY / 2, EVERY)
     seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
     found: list[float] = fitted_speeds(ways(time, duration, rest), course.at(start + time) - course.at(start), seen).tolist()
