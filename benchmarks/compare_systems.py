@@ -3,7 +3,7 @@
     python benchmarks/compare_systems.py PATH... [--systems NAME...] [--method NAME] [--most N] [--scenarios DIR]
         [--recorded PATH] [--draw N] [--processes N] [--timestep S] [--out DIR]
 
-Paths are what `xosc-generate` wrote into a folder, the folder of a study (`python -m generation.evaluation`), scenarios, or
+Paths are what `xosc-generate` wrote into a folder, the folder of a study (`python -m generation.study.comparison`), scenarios, or
 variation files; every parameter set is a case. Of a study, the cases are the best ones of `--method`, at most `--most`, of all
 its seeds, no two of them much alike; its scenario is looked for in `--scenarios`, and `--recorded` is what it was made with where
 not with our own recordings. With `--draw`, so many uniform points of each logical scenario's parameter space are cases instead.
@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.cases import Choice
-from generation.evaluation.edge_cases import CONFIGURATION, edge_cases, opened
 from generation.logical.library import SCENARIOS
+from generation.outcomes.systems import SYSTEMS, compare
 from generation.parameters import Space
-from generation.systems import SYSTEMS, compare
-from runner.jobs import Job, Outcome, jobs_of
+from generation.search.cases import Choice
+from generation.study.comparison.edge_cases import CONFIGURATION, edge_cases, opened
+from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.errors import ToolchainError, UsageError
 
 

@@ -18,12 +18,13 @@ from typing import Any
 import numpy as np
 
 import xosc
-from generation.evaluator import Evaluator
+from generation.outcomes.evaluator import Evaluator
 from generation.parameters import Space
-from runner import criticality, execution
+from runner.interpreter import execution
+from runner.interpreter.simulation import Simulation
+from runner.measures import criticality
 from runner.recording import Recorder
-from runner.simulation import Simulation
-from runner.sumo import SumoWorld
+from runner.worlds.sumo import SumoWorld
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc"
 PARTS: tuple[tuple[Any, str, str], ...] = (

@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.batch import Options
-from runner.execution import run
-from runner.jobs import Job, Outcome, failure
-from runner.pool import Pool
+from runner.batch.batch import Options
+from runner.batch.jobs import Job, Outcome, failure
+from runner.batch.pool import Pool
+from runner.interpreter.execution import run
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "r157_cut_in.xosc"
 TIMESTEP = 0.1

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import libsumo
 
 import xosc
-from runner.batch import Options, run_batch
-from runner.execution import prepare
-from runner.jobs import Outcome, jobs_of
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import Outcome, jobs_of
+from runner.interpreter.execution import prepare
 from xodr import sumo_net
 
 _OK = (0, 1)

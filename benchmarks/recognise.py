@@ -19,8 +19,8 @@ import torch
 from recognition.catalogue.pipeline import SHIPPED
 from recognition.encoder.training import deterministic, mixed
 from recognition.grids import Grid
-from recognition.protocol.data import windows_at
-from recognition.trfe import TRFE
+from recognition.training.data import windows_at
+from recognition.trfe.trfe import TRFE
 
 _REPEATS = 3
 

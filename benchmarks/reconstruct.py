@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from generation.parameters import SEVEN
-from generation.units import CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Samples, extract
+from recognition.maneuvers.units import CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Samples, extract
 
 LOW, HIGH = (np.array([getattr(each, side) for each in SEVEN.values()]) for side in ("low", "high"))
 SIDEWAYS = (LANE_CHANGE, CUT_IN, CUT_OUT)

@@ -22,9 +22,9 @@ import numpy as np
 from step_cost import ROADS, write_scenario
 
 import runner
+from runner.interpreter.result import RunResult
 from runner.replay.animation import write_animation
 from runner.replay.player import write_replay
-from runner.result import RunResult
 
 if TYPE_CHECKING:
     from tests.runner.chromium import Browser

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from generation.loop.failures import Failures, failures
 from generation.pipeline import Settings, generate
 from generation.recorded import kind_of, of_recordings, of_samples
-from recognition.samples import Floats
+from recognition.trfe.samples import Floats
 
 
 def main() -> None:

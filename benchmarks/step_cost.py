@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 
 import libsumo
 
-from runner.execution import prepare
-from runner.simulation import Simulation
-from runner.sumo import SumoWorld
+from runner.interpreter.execution import prepare
+from runner.interpreter.simulation import Simulation
+from runner.worlds.sumo import SumoWorld
 from xodr.builders import four_way_intersection, straight_highway
 
 COUNTS = (2, 6, 20)

@@ -21,8 +21,8 @@ from recognition.encoder.pretraining import OBJECTIVES, pretrain
 from recognition.encoder.probe import probe, speed_code
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.protocol.data import windows_at
-from recognition.protocol.splits import split
+from recognition.training.data import windows_at
+from recognition.training.splits import split
 
 PAPER = 43_800
 

@@ -29,11 +29,13 @@ MODULES = (
     "xosc", "xosc.distributions", "xosc.maneuvers", "xosc.listing", "xosc.tags",
     "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
     "schemas", "schemas.errors",
-    "runner", "runner.batch", "runner.jobs", "runner.recording", "runner.criticality", "runner.sut", "runner.positions",
-    "recognition", "recognition.catalogue.pipeline", "recognition.catalogue.maneuvers", "recognition.catalogue.model",
-    "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.screening",
+    "runner", "runner.batch.batch", "runner.batch.jobs", "runner.recording", "runner.measures.criticality", "runner.sut",
+    "runner.positions",
+    "recognition", "recognition.catalogue.pipeline", "recognition.maneuvers", "recognition.catalogue.model",
+    "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.trfe.screening",
     "recognition.recorder",
-    "generation", "generation.parameters", "generation.recorded", "generation.search", "generation.units", "generation.logical",
+    "recognition.maneuvers.units",
+    "generation", "generation.parameters", "generation.recorded", "generation.mcsg.search", "generation.logical",
     "generation.loop.settings", "generation.loop.loop",
 )  # fmt: skip
 """The public surface: what these modules list in `__all__`, or else define without an underscore."""

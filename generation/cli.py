@@ -16,7 +16,7 @@ from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from generation.evaluator import Outcomes
+    from generation.outcomes.evaluator import Outcomes
     from generation.parameters import Space
     from generation.pipeline import Generated, Settings
     from generation.recorded import Recorded as Units
@@ -78,8 +78,8 @@ def xosc_generate(
     Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
     parameters as a stochastic variation file, and copies of all that they need to run.
     """
-    from generation.cases import Choice
     from generation.pipeline import Settings
+    from generation.search.cases import Choice
 
     settings = Settings(
         sut, method, budget, seed, density, weight, rss, timestep, jobs,

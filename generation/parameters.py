@@ -14,7 +14,7 @@ from os import PathLike
 import numpy as np
 
 import xosc
-from recognition.samples import Floats
+from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope, nearest

@@ -6,17 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from generation.cases import CAREFUL, Cases, Choice, choose
 from generation.density.base import Density
-from generation.evaluator import Evaluator
-from generation.memory import Memory
-from generation.methods import METHODS, method
+from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.reward import Realism, Reward
 from generation.parameters import Space
-from generation.problem import History, Problem, counted
 from generation.recorded import Recorded
-from generation.reward import Realism, Reward
+from generation.search.cases import CAREFUL, Cases, Choice, choose
+from generation.search.memory import Memory
+from generation.search.methods import METHODS, method
+from generation.search.problem import History, Problem, counted
 from generation.variations import Evidence, Writer
-from recognition.samples import Floats
+from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 from schemas.storage import digest
 
@@ -30,7 +30,7 @@ class Settings:
 
     Attributes:
         sut: name of the system under test.
-        method: name of the search method (`generation.methods`).
+        method: name of the search method (`generation.search.methods`).
         budget: simulator calls.
         seed: of the search.
         density: name of the density model (`generation.density.selection`).
@@ -106,7 +106,7 @@ def generate(
     """
     search = method(settings.method)
     if METHODS[settings.method].knots:
-        raise UsageError(f"{settings.method} searches trajectories: it is a part of python -m generation.evaluation only")
+        raise UsageError(f"{settings.method} searches trajectories: it is a part of python -m generation.study.comparison only")
     space = Space.of(scenario, settings.pinned, settings.free)
     real = recorded(space).within(space)
     realism = _prior(real, settings.density, scenario)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 import xosc
 from generation.logical.maneuvers import EGO, MANEUVERS
 from generation.parameters import SEVEN, Space
-from generation.units import KINDS, OWN, Samples, extract
-from recognition.samples import Floats
+from recognition.maneuvers.units import KINDS, OWN, Samples, extract
+from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 from xosc.node import Node
 from xosc.tags import PREFIX
@@ -68,7 +68,8 @@ def of_recordings(path: Path | None, kind: str) -> Samples:
     """Units of a kind.
 
     Args:
-        path: recordings, or a table of units that `generation.units.Samples` wrote; None for those of our own recordings.
+        path: recordings, or a table of units that `recognition.maneuvers.units.Samples` wrote; None for those of our own
+            recordings.
 
     Raises:
         UsageError: there is no such kind, or the recordings have no units.

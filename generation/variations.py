@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 import xosc
-from generation.cases import Cases
 from generation.density.base import Density
 from generation.parameters import Space
-from recognition.samples import Floats
+from generation.search.cases import Cases
+from recognition.trfe.samples import Floats
 from xosc.distributions import (
     Deterministic,
     DeterministicMultiParameterDistribution,

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "record": ("recognition.recorder.command", "make recordings of SUMO's traffic on maps of our own"),
-    "train": ("recognition.commands.train", "train a model on recordings"),
-    "evaluate": ("recognition.protocol.command", "evaluate TRFE and its baselines on recordings"),
+    "train": ("recognition.training.command", "train a model on recordings"),
+    "evaluate": ("recognition.study.protocol.command", "evaluate TRFE and its baselines on recordings"),
     "label": ("recognition.cli", "label the results of xosc-run, and the scenarios that they are of"),
 }
 """Further commands: the module that has a function of the command's name, and what it does. Imported when they are asked for."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.samples import UNKNOWN, Whole
+from recognition.trfe.samples import UNKNOWN, Whole
 
 DROPPED = -1
 """Cluster number of a sample that a method put into no cluster."""

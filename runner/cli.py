@@ -18,8 +18,8 @@ from schemas.command_line import Verbose, Version, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from runner.batch import Also
-    from runner.jobs import Outcome
+    from runner.batch.batch import Also
+    from runner.batch.jobs import Outcome
     from runner.outputs.terminal import Table
 
 _EPILOG = (
@@ -73,8 +73,8 @@ def xosc_run(
     _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
-    from runner.batch import Options, rehearse_batch, run_batch
-    from runner.jobs import jobs_of
+    from runner.batch.batch import Options, rehearse_batch, run_batch
+    from runner.batch.jobs import jobs_of
     from runner.outputs.terminal import Table
 
     options = Options(timestep, sut, ego, seed, max_time, world, constraints)

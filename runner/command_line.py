@@ -23,7 +23,7 @@ def guarded(name: str, app: Callable[[], object]) -> None:
     try:
         app()
     except Exception as error:
-        from runner.jobs import describe
+        from runner.batch.jobs import describe
 
         expected = isinstance(error, ToolchainError | OSError)
         if not expected or "-v" in sys.argv or "--verbose" in sys.argv:

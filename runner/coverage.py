@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from runner import registry
-from runner.scenario import WRAPPERS
+from runner.contracts import registry
+from runner.interpreter.compiler import WRAPPERS
 from schemas.errors import ToolchainError
 from schemas.registry import schema_for
 

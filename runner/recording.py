@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
 
-    from runner.entities import BoundingBox, Entity
-    from runner.simulation import Simulation
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import BoundingBox, Entity
     from xodr.model import RoadPoint
     from xodr.network import RoadNetwork
 

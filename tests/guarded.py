@@ -110,8 +110,8 @@ def _serve(connection: Any, sources: Sequence[Source], seed: int, numbers: Seque
     written: list[str] = []
     sys.addaudithook(lambda event, args: written.append(os.fsdecode(args[0])) if _is_writing(event, args) else None)
     for module in (
-        "runner.execution",
-        "runner.sumo",
+        "runner.interpreter.execution",
+        "runner.worlds.sumo",
         "runner.outputs.trajectories",
         "pyarrow.parquet",
         "pyproj",
@@ -156,8 +156,8 @@ def _run(sources: Sequence[Source], seed: int, number: int, scratch: Path, writt
 
 def _execute(path: Path, world: str, out: Path) -> tuple[int, str, str]:
     """Exit code, message and traceback of the gravest outcome, as the command line has them."""
-    from runner.batch import Options, execute
-    from runner.jobs import Outcome, jobs_of
+    from runner.batch.batch import Options, execute
+    from runner.batch.jobs import Outcome, jobs_of
 
     options = Options(timestep=0.05, max_time=_SIMULATED, world=world)
     jobs = islice(jobs_of([path], {}, True), _JOBS_OF_A_DISTRIBUTION)

@@ -10,10 +10,10 @@ import pytest
 import runner
 import schemas
 import xosc
-from runner.batch import Options
+from runner.batch.batch import Options
+from runner.batch.jobs import Job, jobs_of
 from runner.exports import TARGETS, Target
 from runner.exports.exporting import export_documents, export_runs
-from runner.jobs import Job, jobs_of
 from schemas.errors import ToolchainError
 from xosc.exports.folder import Folder
 

@@ -9,8 +9,8 @@ import pytest
 import schemas
 import xodr
 import xosc
-from runner.batch import Options, execute
-from runner.jobs import Job, jobs_of
+from runner.batch.batch import Options, execute
+from runner.batch.jobs import Job, jobs_of
 
 ROOT = Path(__file__).parents[1]
 SCENARIOS = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))

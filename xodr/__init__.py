@@ -3,12 +3,12 @@
 `xodr.load(path)` reads a file; see `RoadNetwork` for what can be asked of it.
 """
 
+from xodr.graph.relative import Relative
+from xodr.graph.routes import RoadPath
+from xodr.graph.travel import Travel
 from xodr.model import LaneLink, Pose, RoadError, RoadPoint
 from xodr.network import RoadNetwork
 from xodr.reader import load
-from xodr.relative import Relative
 from xodr.road import Road
-from xodr.routes import RoadPath
-from xodr.travel import Travel
 
 __all__ = ["LaneLink", "Pose", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "load"]

@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from random import Random
 
-from xodr.links import link_table
-from xodr.locate import Locator, follow
+from xodr.graph.links import link_table
+from xodr.graph.relative import Relations, Relative
+from xodr.graph.routes import RoadPath, Router
+from xodr.graph.travel import Choose, Travel, Traveller
+from xodr.graph.ways import Ways
+from xodr.lookup.locate import Locator, follow
 from xodr.model import Controller, Header, Junction, LaneLink, Pose, RoadError, RoadPoint, Signal
-from xodr.relative import Relations, Relative
 from xodr.road import Road
-from xodr.routes import RoadPath, Router
-from xodr.travel import Choose, Travel, Traveller
-from xodr.ways import Ways
 
 
 class RoadNetwork:

@@ -18,13 +18,13 @@ from lxml import etree
 from schemas.errors import ToolchainError
 from schemas.xml import line_of, local_name, parse
 from xodr.elements import ascending, coefficients, invalid, number, profile, speed, text, whole
-from xodr.furniture import read_object, read_signal, read_signal_reference
 from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral, Start, poly3
 from xodr.lanes import read_sections
 from xodr.model import Connection, Controller, Header, Junction, RoadLink, RoadType
 from xodr.network import RoadNetwork
 from xodr.profiles import Cubic, Profile
 from xodr.road import Road, Surface
+from xodr.road_objects import read_object, read_signal, read_signal_reference
 
 _log = logging.getLogger(__name__)
 _CACHED_FILES = 64

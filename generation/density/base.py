@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recognition.samples import Floats, Whole
+from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
 
 FOLDS = 5

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor, nn
 
 from generation.density.base import Density, Whitening, folds
-from recognition.baselines.seeding import seeded
-from recognition.samples import Floats, Whole
+from recognition.training.seeding import seeded
+from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
 
 

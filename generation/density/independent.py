@@ -6,7 +6,7 @@ import numpy as np
 
 from generation.density.base import Density
 from generation.density.kde import KDE
-from recognition.samples import Floats, Whole
+from recognition.trfe.samples import Floats, Whole
 
 
 class Independent(Density):

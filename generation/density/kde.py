@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Density, Whitening, folds
-from recognition.samples import Floats, Whole
+from recognition.trfe.samples import Floats, Whole
 
 FACTORS = np.geomspace(0.2, 2.0, 19)
 """Multiples of Scott's bandwidth that cross-validation chooses from."""

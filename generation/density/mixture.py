@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Density, Whitening
-from recognition.samples import Floats, Whole
+from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
 
 _MOST = 8

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.density.base import Density, folds
-from recognition.protocol.tables import Table, spread
-from recognition.samples import Floats
+from recognition.study.protocol.tables import Table, spread
+from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 
 MODELS = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from generation.logical.geometries import Limits
-from generation.units.unit import BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE
 from recognition.labels import Label
+from recognition.maneuvers.units.unit import BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE
 
 EGO = "Ego"
 
@@ -21,7 +21,7 @@ class Maneuver:
         leader: who is ahead of the ego when it begins.
         ego_lane, leader_lane: "left" or "right" of the geometry's lanes, where the ego and the leader are at the beginning.
         change: lanes to the left that the actor changes: +1, −1, or 0 for none.
-        kind: of recorded units that are such manoeuvres (`generation.units.KINDS`).
+        kind: of recorded units that are such manoeuvres (`recognition.maneuvers.units.KINDS`).
         geometries: where it makes sense.
         label, urban_label: the class of it for the ego on motorways, and elsewhere; None where it is none of the 17.
         braking: limits of the speeds at and after the end, m/s, where the actor slows down whatever the road.

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.cases import Choice, apart, critical, diverse
 from generation.parameters import Space
-from generation.problem import Episodes
-from recognition.samples import Floats
+from generation.search.cases import Choice, apart, critical, diverse
+from generation.search.problem import Episodes
+from recognition.trfe.samples import Floats
 
 _ALIKE = Choice().apart
 """Failures that are nearer to each other than this are one; as for edge cases"""

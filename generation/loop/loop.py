@@ -15,10 +15,10 @@ from generation.loop.searching import found_by, search
 from generation.loop.settings import Bar, Settings
 from generation.loop.stages import Found, Stages
 from generation.loop.targets import Refused, Target, of_classes, of_scenario, split
-from generation.units import Samples
 from recognition.catalogue.episodes import plain
 from recognition.catalogue.index import rows_of
-from runner.jobs import Job, Outcome, jobs_of
+from recognition.maneuvers.units import Samples
+from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas import check_many
 from schemas.errors import UsageError
 from schemas.files import expand

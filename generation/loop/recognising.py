@@ -8,10 +8,10 @@ from pathlib import Path
 
 from generation.loop.settings import Bar
 from generation.loop.stages import Found
-from generation.units import Samples, extract_from
 from recognition.catalogue.index import rows_of
 from recognition.catalogue.pipeline import ByRules, Settings, build
 from recognition.datasets import Source, cache_roads
+from recognition.maneuvers.units import Samples, extract_from
 from schemas.errors import ToolchainError
 
 MODEL = "model"

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from generation.loop.stages import Found
-from runner.batch import Options, run_batch
-from runner.jobs import Job, Outcome
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import Job, Outcome
 from runner.replay.player import keep_replay
 from runner.replay.report import report, write_report
 

@@ -14,7 +14,7 @@ from generation.loop.settings import Settings
 from generation.loop.stages import Found
 from generation.loop.targets import Target
 from generation.pipeline import Generated, generate
-from recognition.samples import Floats
+from recognition.trfe.samples import Floats
 from schemas.errors import ToolchainError
 
 _SHOWN = 300

@@ -11,8 +11,8 @@ from generation.logical.library import SCENARIOS
 from generation.parameters import Space
 from generation.pipeline import LEAST
 from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_samples
-from generation.units import OWN, Samples
 from recognition.labels.classes import Label
+from recognition.maneuvers.units import OWN, Samples
 from schemas.errors import Unsupported, UsageError
 
 LIBRARY = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from generation.cases import AVOIDED, COLLISION
 from generation.loop.stages import Found
+from generation.search.cases import AVOIDED, COLLISION
 
 
 def summary(stage: str, found: Found) -> str:

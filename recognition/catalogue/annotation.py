@@ -7,8 +7,8 @@ from typing import Any
 
 from recognition.catalogue.scenes import EGO, Scene
 from recognition.labels.classes import Label
-from runner.criticality import criticality
-from runner.relations import Motion
+from runner.measures.criticality import criticality
+from runner.measures.relations import Motion
 from xosc.tags import ASAM, Tag
 
 MEASURES = {
@@ -18,7 +18,7 @@ MEASURES = {
     "min_distance": "MinDistance",
     "pet": "PostEncroachmentTime",
 }
-"""Extremes of `runner.criticality` and the tags for them; s, m and m/s²."""
+"""Extremes of `runner.measures.criticality` and the tags for them; s, m and m/s²."""
 
 _JUNCTION, _RING, _MOTORWAY = "JunctionIntersection", "JunctionRoundabout", "RoadTypeMotorway"
 _CLASSES: dict[str, tuple[str, ...]] = {

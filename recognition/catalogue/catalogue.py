@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 from recognition.catalogue import annotation, index, replay, variation
 from recognition.catalogue.entities import entry
 from recognition.catalogue.episodes import Episode, plain
-from recognition.catalogue.maneuvers import Span, maneuver
 from recognition.catalogue.scenes import EGO, Part, Scene, Scope, Stage
 from recognition.catalogue.starting import paths
 from recognition.catalogue.store import Store
 from recognition.catalogue.variation import CONTROLLER
 from recognition.datasets import Exclusion, Source
+from recognition.maneuvers import Span, maneuver
 from recognition.sites import Site
 from runner.recording import Recording, Track
 from schemas.errors import Unsupported

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from recognition.catalogue.maneuvers import Maneuver
+from recognition.maneuvers import Maneuver
 from xosc import maneuvers
 
 GAP, START_SPEED, DELAY = "Gap_m", "StartSpeed_mps", "StartDelay_s"

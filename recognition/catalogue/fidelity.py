@@ -11,8 +11,8 @@ import numpy as np
 from recognition.catalogue.index import rows_of
 from recognition.catalogue.scenes import Part, Scene, Scope, Stage
 from recognition.datasets import Source
-from runner.execution import run
-from runner.result import RunResult
+from runner.interpreter.execution import run
+from runner.interpreter.result import RunResult
 
 _STEP = 0.05
 """Time step (s) of the runs"""

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from recognition.catalogue.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, by_rules
-from recognition.discovery import FIRST_DISCOVERED
 from recognition.grids import covered, rasterise
 from recognition.labels.classes import Event, Label
 from recognition.sites import Site
-from recognition.trfe import TRFE
+from recognition.trfe.discovery import FIRST_DISCOVERED
+from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
 from schemas.errors import UsageError
 

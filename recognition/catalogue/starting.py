@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from recognition.catalogue.declared import BEGIN, DELAY, EGO_SPEED, GAP, OTHER_SPEED, START_SPEED, passive, values
-from recognition.catalogue.maneuvers import Maneuver
-from recognition.catalogue.maneuvers.lanes import facing
 from recognition.catalogue.scenes import EGO
+from recognition.maneuvers import Maneuver
+from recognition.maneuvers.lanes import facing
 from runner.positions.lane import travel_s
 from runner.recording import Track
 from schemas.errors import Unsupported

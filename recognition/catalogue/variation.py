@@ -25,9 +25,9 @@ from recognition.catalogue.declared import (
     values,
 )
 from recognition.catalogue.entities import entry
-from recognition.catalogue.maneuvers import Maneuver
 from recognition.catalogue.scenes import EGO
 from recognition.catalogue.starting import Paths
+from recognition.maneuvers import Maneuver
 from xodr.network import RoadNetwork
 from xosc import maneuvers
 from xosc.document import Document

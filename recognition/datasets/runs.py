@@ -17,8 +17,8 @@ from recognition.datasets.source import Report, Source
 from recognition.datasets.tables import read_table
 from recognition.datasets.tracks import cut
 from recognition.datasets.values import Kind
+from runner.outputs.stored import RESULT, TRAJECTORIES, read_setup
 from runner.recording import COLUMNS, Recording
-from runner.stored import RESULT, TRAJECTORIES, read_setup
 from schemas.errors import InvalidFile
 from xodr.network import RoadNetwork
 from xodr.reader import load

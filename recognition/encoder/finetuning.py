@@ -12,7 +12,7 @@ from recognition.encoder.augmentation import augmented
 from recognition.encoder.config import Schedule
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import Progress, deterministic, device, train
-from recognition.windows import Windows
+from recognition.training.windows import Windows
 from schemas.errors import UsageError
 
 _SMOOTHING = 0.05

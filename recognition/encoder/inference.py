@@ -12,7 +12,7 @@ from torch import Tensor
 
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import deterministic, mixed
-from recognition.windows import Windows
+from recognition.training.windows import Windows
 
 _BATCH = 64
 """Windows at a time: as many as stay in the processor's cache."""

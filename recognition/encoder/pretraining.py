@@ -14,7 +14,7 @@ from recognition.encoder.config import Preset
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import Progress, deterministic, device, train
 from recognition.grids import Grid
-from recognition.windows import Windows
+from recognition.training.windows import Windows
 from schemas.errors import UsageError
 
 _PROJECTED = 256

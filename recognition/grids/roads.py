@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from recognition.grids.config import Grid
 from recognition.grids.frames import Floats
+from xodr.graph.ways import DRIVABLE
 from xodr.network import RoadNetwork
 from xodr.road import Road
 from xodr.sampling import lane_borders
-from xodr.ways import DRIVABLE
 
 Singles = NDArray[np.float32]
 _PIXEL = 0.5

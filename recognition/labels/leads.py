@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.sites.lanes import NOWHERE, Floats, LaneGraph, Whole
-from runner.criticality import Measure, time_headway, time_to_collision
+from runner.measures.criticality import Measure, time_headway, time_to_collision
 
 NOBODY = -1
 _MOST_STRIPS = 12

@@ -12,7 +12,7 @@ import numpy as np
 from recognition.sites.lanes import Floats, Whole
 from runner.recording import Recording, Track
 from schemas.errors import InvalidFile
-from xodr import placing
+from xodr.lookup import placing
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
 

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from xodr.graph.travel import Traveller
 from xodr.model import LaneLink
 from xodr.network import RoadNetwork
 from xodr.road import Road
-from xodr.travel import Traveller
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]

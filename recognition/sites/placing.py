@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from runner.recording import Recording
-from xodr import placing
+from xodr.lookup import placing
 from xodr.network import RoadNetwork
 
 

@@ -8,8 +8,8 @@ from recognition.sites.lanes import LaneGraph, Strip
 from recognition.sites.ramps import ramp_roles
 from recognition.sites.roles import Entry, Role
 from recognition.sites.shapes import crosses_or_turns, ring_strips
+from xodr.graph.ways import DRIVABLE
 from xodr.network import RoadNetwork
-from xodr.ways import DRIVABLE
 
 FAST = 70.0 / 3.6 + 0.01
 """Roads with a limit above this (m/s) are no urban ones: METHOD says at most 70 km/h, and files round."""

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.sites.lanes import Floats, LaneGraph
+from xodr.graph.ways import DRIVABLE
 from xodr.network import RoadNetwork
 from xodr.sampling import sample
-from xodr.ways import DRIVABLE
 
 LONGEST = 400.0
 """Longest way round, m."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from runner.actions.base import PrivateAction, Running
-from runner.entities import Entity
-from runner.registry import action
+from runner.contracts.action import PrivateAction, Running
+from runner.contracts.registry import action
+from runner.participants.entities import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _EPSILON = 1e-9
 

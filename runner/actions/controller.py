@@ -1,6 +1,6 @@
 """AssignControllerAction, ActivateControllerAction and OverrideControllerValueAction.
 
-How controllers and systems under test combine is said in `runner.ego`. A controller of any other entity is a
+How controllers and systems under test combine is said in `runner.interpreter.ego`. A controller of any other entity is a
 program that is not at hand: assigning and activating it is written to the event log, the entity goes on as scripted.
 """
 
@@ -9,14 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from runner.actions.base import PrivateAction
-from runner.entities import Entity
-from runner.registry import action
+from runner.contracts.action import PrivateAction
+from runner.contracts.registry import action
+from runner.participants.entities import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _DOMAINS = ("longitudinal", "lateral", "lighting", "animation")
 _PEDALS = ("Throttle", "Brake", "Clutch", "ParkingBrake")

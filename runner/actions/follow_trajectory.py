@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runner import registry
-from runner.actions.base import LATERAL, LONGITUDINAL, PrivateAction, Running
-from runner.following import JOINING, PathMotion, back_to_lane, join
-from runner.paths import Chain, Schedule, nearest
-from runner.trajectories import Trajectory
+from runner.contracts import registry
+from runner.contracts.action import LATERAL, LONGITUDINAL, PrivateAction, Running
+from runner.motion.following import JOINING, PathMotion, back_to_lane, join
+from runner.motion.paths import Chain, Schedule, nearest
+from runner.motion.trajectories import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.entities import Entity
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
     from xosc.node import Node
 
 _SAME_PLACE = 1e-6

@@ -12,16 +12,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner.actions.base import LATERAL, PrivateAction, Running, need_places
-from runner.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
-from runner.entities import Entity
-from runner.registry import action
+from runner.contracts.action import LATERAL, PrivateAction, Running, need_places
+from runner.contracts.registry import action
+from runner.motion.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
+from runner.participants.entities import Entity
 from xodr.model import RoadPoint
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""

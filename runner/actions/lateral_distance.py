@@ -7,19 +7,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner import distances
-from runner.actions.base import LATERAL, PrivateAction, Running, need_places
 from runner.actions.lateral import follow_road, settle_lane
 from runner.actions.longitudinal_distance import read_system
-from runner.dynamics import GapController, read_constraints
-from runner.entities import Entity, Performance, box_corners
-from runner.motion import wrap
-from runner.registry import action
+from runner.contracts.action import LATERAL, PrivateAction, Running, need_places
+from runner.contracts.registry import action
+from runner.motion.dynamics import GapController, read_constraints
+from runner.motion.motion import wrap
+from runner.participants.entities import Entity, Performance, box_corners
+from runner.spacing import distances
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _SIDES = {"leftToReferencedEntity": 1, "rightToReferencedEntity": -1, "any": 0}
 _REACHED = 0.01

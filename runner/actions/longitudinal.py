@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner.actions.base import LONGITUDINAL, PrivateAction, Running
-from runner.dynamics import EPSILON, Shape, TransitionDynamics
-from runner.entities import Entity
-from runner.registry import action
+from runner.contracts.action import LONGITUDINAL, PrivateAction, Running
+from runner.contracts.registry import action
+from runner.motion.dynamics import EPSILON, Shape, TransitionDynamics
+from runner.participants.entities import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 RELATIVE: dict[str, Callable[[float, float], float]] = {
     "delta": lambda speed, value: speed + value,

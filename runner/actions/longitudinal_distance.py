@@ -7,19 +7,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner import distances
-from runner.actions.base import LONGITUDINAL, PrivateAction, Running, need_places
 from runner.actions.longitudinal import set_speed
-from runner.dynamics import GapController, read_constraints, tighter
-from runner.entities import Entity, Performance, box_corners
-from runner.following import PathMotion
-from runner.motion import wrap
-from runner.registry import action
+from runner.contracts.action import LONGITUDINAL, PrivateAction, Running, need_places
+from runner.contracts.registry import action
+from runner.motion.dynamics import GapController, read_constraints, tighter
+from runner.motion.following import PathMotion
+from runner.motion.motion import wrap
+from runner.participants.entities import Entity, Performance, box_corners
+from runner.spacing import distances
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 
 _SIDES = {"trailingReferencedEntity": 1, "leadingReferencedEntity": -1, "any": 0}

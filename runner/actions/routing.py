@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runner import registry
-from runner.actions.base import PrivateAction, Running
-from runner.positions.base import network_of
-from runner.routes import AssignedRoute, RandomRoute, Route
+from runner.contracts import registry
+from runner.contracts.action import PrivateAction, Running
+from runner.contracts.position import network_of
+from runner.motion.routes import AssignedRoute, RandomRoute, Route
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.entities import Entity
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
     from runner.positions import Position
-    from runner.scenario import Context
-    from runner.simulation import Simulation
     from xodr.network import RoadNetwork
     from xosc.node import Node
 

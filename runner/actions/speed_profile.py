@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from runner.actions.base import LONGITUDINAL, PrivateAction, Running
-from runner.dynamics import FOLLOWING_MODES, read_constraints, tighter
-from runner.entities import Entity, Performance
-from runner.registry import action
+from runner.contracts.action import LONGITUDINAL, PrivateAction, Running
+from runner.contracts.registry import action
+from runner.motion.dynamics import FOLLOWING_MODES, read_constraints, tighter
+from runner.participants.entities import Entity, Performance
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _UNLIMITED = Performance()
 _STRETCH, _STRETCHES = 1.25, 100

@@ -14,16 +14,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from runner.actions.base import LONGITUDINAL, PrivateAction, Running, need_places
 from runner.actions.longitudinal import RELATIVE
-from runner.entities import Entity
-from runner.motion import Placement
-from runner.registry import action
+from runner.contracts.action import LONGITUDINAL, PrivateAction, Running, need_places
+from runner.contracts.registry import action
+from runner.motion.motion import Placement
+from runner.participants.entities import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _STILL = 1e-6
 """Speed (m/s) below which an entity is taken to stand."""

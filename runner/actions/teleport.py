@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runner import registry
-from runner.actions.base import PrivateAction
+from runner.contracts import registry
+from runner.contracts.action import PrivateAction
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.entities import Entity
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
     from runner.positions import Position
-    from runner.scenario import Context
-    from runner.simulation import Simulation
     from xosc.node import Node
 
 

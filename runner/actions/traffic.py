@@ -1,8 +1,8 @@
 """TrafficSourceAction, TrafficSinkAction, TrafficSwarmAction, TrafficAreaAction and TrafficStopAction.
 
-They bring in traffic that SUMO's drivers drive (`runner.traffic`), and take out only such traffic, never what the scenario
-declares. None of them ends by itself: a TrafficStopAction of the same trafficName ends it (without a name: all of them);
-what is on the road then stays until it leaves the road network.
+They bring in traffic that SUMO's drivers drive (`runner.traffic.traffic`), and take out only such traffic, never what
+the scenario declares. None of them ends by itself: a TrafficStopAction of the same trafficName ends it (without a name:
+all of them); what is on the road then stays until it leaves the road network.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
-from runner import registry
-from runner.actions.base import GlobalAction, Running
-from runner.boxes import Spot, gap
-from runner.positions.base import network_of
-from runner.regions import Ellipse, Polygon, Region, RoadRanges
-from runner.traffic import Mix, Place, Spawner, categories, place_on, places_of
+from runner.contracts import registry
+from runner.contracts.action import GlobalAction, Running
+from runner.contracts.position import network_of
+from runner.participants.boxes import Spot, gap
+from runner.spacing.regions import Ellipse, Polygon, Region, RoadRanges
+from runner.traffic.traffic import Mix, Place, Spawner, categories, place_on, places_of
 
 if TYPE_CHECKING:
-    from runner.entities import Entity
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
     from runner.positions import Position
-    from runner.scenario import Context
-    from runner.simulation import Simulation
     from xosc.node import Node
 
 _REFILL = 1.0

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.actions.base import GlobalAction
-from runner.registry import action
+from runner.contracts.action import GlobalAction
+from runner.contracts.registry import action
 from xosc.node import Node
 from xosc.values import Value, typed
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _NUMBERS = ("double", "int", "unsignedInt", "unsignedShort")
 _CHANGES: dict[str, Callable[[float, float], float]] = {"AddValue": operator.add, "MultiplyByValue": operator.mul}

@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.conditions.base import EntityCondition
 from runner.conditions.comparison import TOLERANCE
-from runner.distances import trajectory
-from runner.entities import Entity
-from runner.motion import wrap
-from runner.paths import nearest
-from runner.registry import condition
+from runner.contracts.condition import EntityCondition
+from runner.contracts.registry import condition
+from runner.motion.motion import wrap
+from runner.motion.paths import nearest
+from runner.participants.entities import Entity
+from runner.spacing.distances import trajectory
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
 
 _TYPES = ("heading", "pitch", "roll")
 _SYSTEMS = ("entity", "lane", "road", "trajectory", "world")

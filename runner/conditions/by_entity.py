@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.closing import velocity
-from runner.conditions.base import EntityCondition
 from runner.conditions.comparison import TOLERANCE, Comparison
-from runner.departures import is_off_road
-from runner.registry import condition
+from runner.contracts.condition import EntityCondition
+from runner.contracts.registry import condition
+from runner.interpreter.departures import is_off_road
+from runner.spacing.closing import velocity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.entities import Entity
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
 
 DIRECTIONS = ("longitudinal", "lateral", "vertical")
 OBJECT_TYPES = ("vehicle", "pedestrian", "miscellaneous", "external")

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from runner.conditions.base import Condition
 from runner.conditions.comparison import RULES, Comparison
-from runner.environment import read_date
-from runner.registry import condition
+from runner.contracts.condition import Condition
+from runner.contracts.registry import condition
+from runner.interpreter.environment import read_date
 from xosc.node import Node
 from xosc.values import Value, number, typed
 from xosc.values import holds as compare
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
     from xosc.parameters import Parameter
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.conditions.base import EntityCondition
-from runner.distances import Bearing, bearing, facing, footprint
-from runner.entities import Entity
-from runner.registry import condition
-from xodr.relative import lanes_between
+from runner.contracts.condition import EntityCondition
+from runner.contracts.registry import condition
+from runner.participants.entities import Entity
+from runner.spacing.distances import Bearing, bearing, facing, footprint
+from xodr.graph.relative import lanes_between
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
     from xodr.model import RoadPoint
     from xodr.road import Road
 

@@ -1,6 +1,6 @@
 """Conditions on distances and on times derived from them (OpenSCENARIO XML 1.3, EntityCondition and 6.4).
 
-Distances are compared without their sign. How each is measured is said in `runner.distances`.
+Distances are compared without their sign. How each is measured is said in `runner.spacing.distances`.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from runner import closing, distances
-from runner.conditions.base import EntityCondition
 from runner.conditions.comparison import TOLERANCE, Comparison
-from runner.entities import Entity
-from runner.registry import condition
+from runner.contracts.condition import EntityCondition
+from runner.contracts.registry import condition
+from runner.participants.entities import Entity
+from runner.spacing import closing, distances
 from schemas.errors import InvalidFile
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.motion import Placement
-    from runner.positions.base import Position
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.contracts.position import Position
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.motion.motion import Placement
 
 _TYPES = {
     "longitudinal": "longitudinal",
@@ -63,7 +63,7 @@ class Measure(NamedTuple):
         return cls(kind, node.choice("coordinateSystem", distances.SYSTEMS, "entity"), freespace, routing)
 
     def between(self, sim: Simulation, a: Entity, b: Entity | Placement) -> float | None:
-        """The distance, signed where it has a direction (see `runner.distances`); None where it is undefined."""
+        """The distance, signed where it has a direction (see `runner.spacing.distances`); None where it is undefined."""
         if self.kind == "euclidean":
             return distances.euclidean(a, b, self.freespace)
         measure = distances.longitudinal if self.kind == "longitudinal" else distances.lateral

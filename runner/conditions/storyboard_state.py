@@ -5,15 +5,15 @@ from __future__ import annotations
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
-from runner.conditions.base import Condition
-from runner.elements import Element, State, Transition
-from runner.registry import condition
+from runner.contracts.condition import Condition
+from runner.contracts.registry import condition
+from runner.interpreter.elements import Element, State, Transition
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
-    from runner.simulation import Simulation
-    from runner.storyboard import Storyboard
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.interpreter.storyboard import Storyboard
 
 _KINDS = ("story", "act", "maneuverGroup", "maneuver", "event", "action")
 _ELEMENTS = frozenset(("Story", "Act", "ManeuverGroup", "Maneuver", "Event"))

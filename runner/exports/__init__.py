@@ -1,7 +1,7 @@
 """Exports for other tools: the registry of targets by name.
 
 A target of documents is a module with `export(source, target, folder)`; a target of runs one with
-`export(result, name, folder)`, where `name` is the run's (see `runner.jobs.Job`). Both return remarks on what is
+`export(result, name, folder)`, where `name` is the run's (see `runner.batch.jobs.Job`). Both return remarks on what is
 changed or left out, and refuse by name what the target cannot say. What each keeps is told in docs/exports.md.
 """
 

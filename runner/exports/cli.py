@@ -54,7 +54,7 @@ def xosc_export(
     _version: Version = False,
 ) -> None:
     """Export OpenSCENARIO files, or runs of them, to what other tools read."""
-    from runner.batch import Options
+    from runner.batch.batch import Options
     from runner.exports.exporting import export_documents, export_runs
     from xosc.exports.folder import Folder
 

@@ -19,8 +19,8 @@ from runner.exports.moments import box_centre, date, decimal, rate, stands, wrap
 from runner.exports.refusals import unsupported
 
 if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from runner.result import RunResult
     from xosc.exports.folder import Folder
 
 _OBSTACLES = {

@@ -8,12 +8,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.jobs import Outcome, describe, jobs_of
+from runner.batch.jobs import Outcome, describe, jobs_of
 from schemas.errors import ToolchainError
 from xosc.document import load
 
 if TYPE_CHECKING:
-    from runner.batch import Options
+    from runner.batch.batch import Options
     from runner.exports import Target
     from xosc.exports.folder import Folder
 
@@ -44,7 +44,7 @@ def export_runs(
     sources: Sequence[Path], target: Target, folder: Folder, options: Options, parameters: Mapping[str, str]
 ) -> Iterator[Exported]:
     """Run files, a distribution with every set of its parameters, and export the runs. Failed verdicts are runs as well."""
-    from runner.execution import run
+    from runner.interpreter.execution import run
 
     module = import_module(target.module)
     for job in jobs_of(_runnable(sources), dict(parameters), options.enforce_constraints):

@@ -10,8 +10,8 @@ import numpy as np
 from xosc.document import load
 
 if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
     from runner.recording import Recording, Track
-    from runner.result import RunResult
 
 Floats = np.ndarray
 _STILL = 1e-9

@@ -15,8 +15,8 @@ from runner.exports.moments import box_centre, moments, wrapped
 from xosc.tags import openlabel, tags_of
 
 if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from runner.result import RunResult
     from xosc.exports.folder import Folder
 
 _WORLD = "world"

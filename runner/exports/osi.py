@@ -19,9 +19,9 @@ from schemas.errors import UsageError
 from schemas.version import version
 
 if TYPE_CHECKING:
-    from runner.jobs import Job, Outcome
+    from runner.batch.jobs import Job, Outcome
+    from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from runner.result import RunResult
     from xosc.exports.folder import Folder
 
 FORMATS = (".osi", ".mcap")

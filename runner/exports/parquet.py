@@ -11,7 +11,7 @@ from xosc.tags import tags_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from runner.result import RunResult
+    from runner.interpreter.result import RunResult
     from xosc.exports.folder import Folder
     from xosc.tags import Tag
 

@@ -8,7 +8,7 @@ from schemas.errors import Unsupported
 from xosc.document import load
 
 if TYPE_CHECKING:
-    from runner.result import RunResult
+    from runner.interpreter.result import RunResult
 
 
 def unsupported(result: RunResult, entity: str | None, message: str) -> Unsupported:

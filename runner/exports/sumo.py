@@ -16,14 +16,14 @@ from lxml import etree
 
 from runner.exports.moments import decimal, fixed_point, moments
 from runner.exports.refusals import unsupported
-from runner.sumo_kinds import KINDS, OBSTACLE
+from runner.worlds.sumo_kinds import KINDS, OBSTACLE
 from schemas.xml import parse
 from xodr import sumo_net
 from xodr.sumo_net import Track
 
 if TYPE_CHECKING:
     from runner import recording
-    from runner.result import RunResult
+    from runner.interpreter.result import RunResult
     from xodr.sumo_net import SumoNet
     from xosc.exports.folder import Folder
 

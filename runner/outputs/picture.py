@@ -16,12 +16,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from runner.entities import box_corners
+from runner.participants.entities import box_corners
 from xodr.sampling import lane_borders
 
 if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
     from runner.recording import Recording, Track
-    from runner.result import RunResult
 
 _EGO, _OTHERS = "#c62828", ("#1565c0", "#2e7d32", "#ef6c00", "#6a1b9a", "#00838f", "#5d4037")
 _MARGIN = 12.0

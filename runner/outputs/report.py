@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
-from runner.simulation import LogEntry
+from runner.interpreter.simulation import LogEntry
 from schemas.version import version
 
 if TYPE_CHECKING:
-    from runner.jobs import Outcome
-    from runner.result import RunResult
+    from runner.batch.jobs import Outcome
+    from runner.interpreter.result import RunResult
 
 
 def summary(result: RunResult) -> dict[str, Any]:

@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner.rss import PARAMETERS
+from runner.measures.rss import PARAMETERS
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from runner.jobs import Outcome
+    from runner.batch.jobs import Outcome
 
 EXTREMES = ("min_ttc", "min_thw", "max_drac", "min_distance", "pet")
-"""Measures of `runner.criticality.Criticality.summary` that have a value, a time and another participant."""
+"""Measures of `runner.measures.criticality.Criticality.summary` that have a value, a time and another participant."""
 SHARES = tuple(f"rss_risk_{name.replace('-', '_')}" for name in PARAMETERS)
 """Measures that are a number."""
 
@@ -25,7 +25,7 @@ def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
     Columns: name, file (that the user named), scenario, parameters (a map of texts), state (`passed`, `failed`, `error`),
     verdict (null where there was no run), exit_code, status, end_time (s), message, and the criticality measures: each extreme
     with `_time` (s) and `_other`, and the shares of RSS violations; null where they are not defined. Units as in
-    `runner.criticality`.
+    `runner.measures.criticality`.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -6,7 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from runner.jobs import Outcome
+    from runner.batch.jobs import Outcome
 
 _WORDS = {"passed": "PASSED", "failed": "FAILED", "error": "ERROR"}
 _COLOURS = {"passed": "\033[32m", "failed": "\033[31m", "error": "\033[35m"}

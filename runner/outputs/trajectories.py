@@ -11,8 +11,8 @@ from schemas.version import version
 if TYPE_CHECKING:
     import numpy as np
 
+    from runner.interpreter.result import RunResult
     from runner.recording import Recording, Track
-    from runner.result import RunResult
 
 _GROUP = (
     "Entity_Name [-]",

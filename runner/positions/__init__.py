@@ -4,7 +4,7 @@ World, road and lane positions are the same whenever they are asked for; they ar
 network, when the scenario is compiled. The others depend on where entities are, and say what is wrong when they are asked for.
 """
 
-from runner.positions.base import Position
+from runner.contracts.position import Position
 from runner.positions.geo import GeoPosition
 from runner.positions.lane import LanePosition, RelativeLanePosition, RelativeRoadPosition, RoadPosition
 from runner.positions.path import RoutePosition, TrajectoryPosition

@@ -6,12 +6,12 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from runner import registry
-from runner.motion import Placement
-from runner.positions.base import FixedPosition, Orientation, network_of, on_road
+from runner.contracts import registry
+from runner.contracts.position import FixedPosition, Orientation, network_of, on_road
+from runner.motion.motion import Placement
 
 if TYPE_CHECKING:
-    from runner.scenario import Context
+    from runner.interpreter.compiler import Context
     from xodr.geo import GeoReference
     from xodr.network import RoadNetwork
     from xosc.node import Node

@@ -9,18 +9,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner import registry
-from runner.motion import Placement
-from runner.positions.base import FixedPosition, Orientation, Position, network_of, on_road
+from runner.contracts import registry
+from runner.contracts.position import FixedPosition, Orientation, Position, network_of, on_road
+from runner.motion.motion import Placement
 from xodr.model import RoadError, RoadPoint
 
 if TYPE_CHECKING:
-    from runner.entities import Entity
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
+    from xodr.graph.travel import Choose
     from xodr.network import RoadNetwork
     from xodr.road import Road
-    from xodr.travel import Choose
     from xosc.node import Node
 
 _TOLERANCE = 1e-3

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner import registry, routes
-from runner.motion import Placement
-from runner.paths import tangent
-from runner.positions.base import Orientation, Position, in_world, network_of, on_road
-from runner.trajectories import Trajectory
+from runner.contracts import registry
+from runner.contracts.position import Orientation, Position, in_world, network_of, on_road
+from runner.motion import routes
+from runner.motion.motion import Placement
+from runner.motion.paths import tangent
+from runner.motion.trajectories import Trajectory
 from xodr.model import Pose, RoadError
 
 if TYPE_CHECKING:
-    from runner.entities import Entity
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
+    from xodr.graph.routes import RoadPath
     from xodr.model import RoadPoint
-    from xodr.routes import RoadPath
     from xosc.node import Node
 
 _TOLERANCE = 1e-3

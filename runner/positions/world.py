@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner import registry
-from runner.motion import Placement
-from runner.positions.base import FixedPosition, Orientation, Position, in_world
+from runner.contracts import registry
+from runner.contracts.position import FixedPosition, Orientation, Position, in_world
+from runner.motion.motion import Placement
 from xodr.model import Pose
 
 if TYPE_CHECKING:
-    from runner.entities import Entity
-    from runner.scenario import Context
-    from runner.simulation import Simulation
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
     from xosc.node import Node
 
 

@@ -12,13 +12,13 @@ import matplotlib as mpl
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from runner.entities import box_corners
+from runner.participants.entities import box_corners
 from runner.replay.roads import Area, Line, marks, surfaces
 from runner.replay.scene import extent
 
 if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from runner.result import RunResult
 
 _SIZE = (720, 320)
 """Size of each run's view, pixels"""

@@ -12,7 +12,7 @@ from schemas.command_line import Verbose, Version, new_app
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from runner.result import RunResult
+    from runner.interpreter.result import RunResult
 
 NAME = "xosc-replay"
 _EPILOG = "Exit codes: 0 written, 2 wrong usage, 3 results that are damaged or lack a file, 5 internal error."
@@ -42,8 +42,8 @@ def xosc_replay(
     _version: Version = False,
 ) -> None:
     """Make a page that plays a run, or two side by side; a picture or an animation; of a whole batch a report with replays."""
-    from runner import journal
-    from runner.stored import load_run
+    from runner.batch import journal
+    from runner.outputs.stored import load_run
 
     with interruptible(NAME):
         if len(folders) == 1 and journal.is_batch(folders[0]):
@@ -96,10 +96,10 @@ def _show(results: list[RunResult]) -> list[Path]:
 
 def _report(batch: Path) -> Path:
     """Replays of all runs of a batch that have none yet, and the report that links them."""
-    from runner import journal
+    from runner.batch import journal
+    from runner.outputs.stored import RESULT, load_run
     from runner.replay.player import REPLAY, write_replay
     from runner.replay.report import write_report
-    from runner.stored import RESULT, load_run
 
     for name in sorted(journal.finished(batch)):
         folder = batch / name

@@ -12,8 +12,8 @@ import numpy as np
 from xodr.sampling import sample
 
 if TYPE_CHECKING:
+    from runner.interpreter.simulation import LogEntry
     from runner.replay.roads import Area, Line
-    from runner.simulation import LogEntry
     from xodr.model import Corner, RoadObject
     from xodr.network import RoadNetwork
     from xodr.road import Road

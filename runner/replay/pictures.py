@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from runner.result import RunResult
+    from runner.interpreter.result import RunResult
 
 
 def write_pictures(results: Sequence[RunResult], path: Path) -> None:

@@ -10,7 +10,7 @@ from runner.replay.page import page, write_page
 from runner.replay.scene import scene
 
 if TYPE_CHECKING:
-    from runner.result import RunResult
+    from runner.interpreter.result import RunResult
 
 REPLAY = "replay.html"
 """Name of a run's page in the folder of its results"""

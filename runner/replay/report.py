@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from runner import journal
+from runner.batch import journal
 from runner.outputs.runs import write_runs
 from runner.replay.page import page, write_page
 from runner.replay.player import REPLAY

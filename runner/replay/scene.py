@@ -17,9 +17,9 @@ from runner.replay.roads import Area, marks, surfaces
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from runner.criticality import Criticality
+    from runner.interpreter.result import RunResult
+    from runner.measures.criticality import Criticality
     from runner.recording import Recording, Track
-    from runner.result import RunResult
     from xodr.network import RoadNetwork
 
 LENGTH_STEP, ANGLE_STEP, SPEED_STEP = 0.01, 0.002, 0.01

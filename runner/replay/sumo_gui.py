@@ -22,8 +22,8 @@ from schemas.errors import ToolchainError, UsageError
 from xodr import sumo_net
 
 if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from runner.result import RunResult
 
 _SHAPES = {
     "car": "passenger/sedan",

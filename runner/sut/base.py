@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from runner.entities import Entity
-    from runner.environment import Environment
+    from runner.interpreter.environment import Environment
+    from runner.participants.entities import Entity
     from xodr.network import RoadNetwork
 
 
@@ -23,7 +23,7 @@ class Observation:
 
     Args:
         time: simulation time, s.
-        ego: the entity driven (state as in `runner.entities`; not to be changed).
+        ego: the entity driven (state as in `runner.participants.entities`; not to be changed).
         others: every other participant that sensors can see.
         demand: speed that the scenario asks of the ego at the end of this step, m/s.
         network: the roads, or None.
@@ -68,7 +68,7 @@ class SystemUnderTest(Protocol):
 class WorldDriven:
     """A system under test that is the world's own driver: the ego is handed to it, and there is nothing to control.
 
-    See `runner.ego.WorldDriver` for how that combines with what the scenario scripts.
+    See `runner.interpreter.ego.WorldDriver` for how that combines with what the scenario scripts.
     """
 
     def reset(self, ego: Entity, timestep: float, seed: int) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from runner.boxes import gap, interval_gap, outlook, reach, spans
-from runner.entities import Entity
-from runner.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
+from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
+from runner.participants.boxes import gap, interval_gap, outlook, reach, spans
+from runner.participants.entities import Entity
 from runner.sut.base import Control, Observation
 
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from runner.boxes import outlook, spans
-from runner.entities import Entity
+from runner.participants.boxes import outlook, spans
+from runner.participants.entities import Entity
 from runner.sut.base import Observation
 
 

@@ -9,9 +9,9 @@ import pytest
 
 import xodr
 import xosc
-from runner.kinematic import KinematicWorld
-from runner.scenario import compile_scenario
-from runner.simulation import Simulation
+from runner.interpreter.compiler import compile_scenario
+from runner.interpreter.simulation import Simulation
+from runner.worlds.kinematic import KinematicWorld
 from schemas.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, events
 from tests.conformance.support import run as run_scenario

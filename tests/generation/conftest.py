@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from generation.density.kde import KDE
-from generation.problem import Problem
-from generation.reward import Realism, Reward
+from generation.outcomes.reward import Realism, Reward
+from generation.search.problem import Problem
 from tests.generation.kinematic import SPACE, Kinematic, driven
 
 

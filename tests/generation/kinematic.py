@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.evaluator import Outcomes
+from generation.outcomes.evaluator import Outcomes
 from generation.parameters import SEVEN, Space
-from recognition.samples import Floats
-from runner.rss import lateral_distance, longitudinal_distance, parameter_set
+from recognition.trfe.samples import Floats
+from runner.measures.rss import lateral_distance, longitudinal_distance, parameter_set
 
 STEP, LENGTH, WIDTH, LANE, EGO, SENSOR, BRAKE = 0.1, 4.5, 1.8, 3.5, 30.0, 10.0, 8.0
 SPACE = Space(tuple(SEVEN.values()))

@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from generation import methods
-from generation.methods import METHODS, method, need
-from generation.problem import Problem
+from generation.mcsg.search import methods
+from generation.search.methods import METHODS, method, need
+from generation.search.problem import Problem
 from schemas.errors import UsageError
 
 QUICK = [name for name in METHODS if name != "ibo"]

@@ -8,11 +8,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.cases import Choice, choose
 from generation.density.base import Density
-from generation.evaluator import Outcomes
+from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Parameter, Space
-from generation.problem import Episodes
+from generation.search.cases import Choice, choose
+from generation.search.problem import Episodes
 
 SPACE = Space((Parameter("A", 0.0, 10.0), Parameter("B", 0.0, 10.0)))
 

@@ -18,7 +18,7 @@ from generation.density.independent import Independent
 from generation.density.kde import KDE, scott
 from generation.density.mixture import Mixture
 from generation.density.selection import MODELS, comparison, fitted, held_out, model
-from recognition.samples import Floats
+from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 
 MEAN = np.array([30.0, 25.0, 2.0])

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.cases import Choice
-from generation.evaluation import trajectories
-from generation.evaluation.edge_cases import edge_cases, opened
-from generation.evaluation.figures import write_figures
-from generation.evaluation.measures import avoided, curves, last_third, measure, taken
-from generation.evaluation.report import reconstruction, write_report
-from generation.evaluation.study import Key, Settings, Study
-from generation.evaluator import Outcomes
-from generation.knots.motion import Setting, maneuvers_of
+from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Space
 from generation.pipeline import Settings as Generate
 from generation.pipeline import generate
-from generation.problem import History, Problem
 from generation.recorded import Recorded
-from recognition.samples import Floats
+from generation.search.cases import Choice
+from generation.search.problem import History, Problem
+from generation.study.comparison import trajectories
+from generation.study.comparison.edge_cases import edge_cases, opened
+from generation.study.comparison.figures import write_figures
+from generation.study.comparison.measures import avoided, curves, last_third, measure, taken
+from generation.study.comparison.report import reconstruction, write_report
+from generation.study.comparison.study import Key, Settings, Study
+from generation.study.knots.motion import Setting, maneuvers_of
+from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import Kinematic, driven
 

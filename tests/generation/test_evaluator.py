@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import runner
-from generation.evaluator import Evaluator, Outcomes
+from generation.outcomes.evaluator import Evaluator, Outcomes
 from generation.parameters import Parameter, Space
 from schemas.errors import UsageError
 

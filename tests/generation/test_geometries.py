@@ -10,8 +10,8 @@ import pytest
 import runner
 import schemas
 import xosc
-from generation.cases import COLLISION
 from generation.logical.library import SCENARIOS
+from generation.search.cases import COLLISION
 from tests.generation.test_cli import call
 from xosc.tags import read
 

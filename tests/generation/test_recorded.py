@@ -11,7 +11,7 @@ import xosc
 from generation.logical.library import SCENARIOS, plots
 from generation.parameters import Space
 from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
-from generation.units import Samples
+from recognition.maneuvers.units import Samples
 from schemas.errors import UsageError
 from tests.recognition.motorway import write_motorway
 from xosc.tags import Tag, annotated

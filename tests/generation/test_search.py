@@ -14,15 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generation.density.gaussian import Gaussian
-from generation.environment import Edits, ScenarioEnv, coordinated, single
-from generation.evaluator import Outcomes
-from generation.memory import Memory
+from generation.mcsg.environment import Edits, ScenarioEnv, coordinated, single
+from generation.mcsg.policy import Bins, Policy
+from generation.mcsg.search import Settings, search
+from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.reward import Realism, Reward, criticality
 from generation.parameters import Parameter, Space
-from generation.policy import Bins, Policy
-from generation.problem import Calls, History, Problem
-from generation.reward import Realism, Reward, criticality
-from generation.search import Settings, search
-from recognition.samples import Floats
+from generation.search.memory import Memory
+from generation.search.problem import Calls, History, Problem
+from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import SPACE, Kinematic, driven
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import runner
-from generation.evaluator import Outcomes
-from generation.systems import Comparison, compare
-from runner.jobs import Job, Outcome, jobs_of
+from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.systems import Comparison, compare
+from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.errors import UsageError
 
 LIBRARY = Path(__file__).parents[2] / "xosc" / "library"

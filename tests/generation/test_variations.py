@@ -12,12 +12,12 @@ import pytest
 import runner
 import schemas
 import xosc
-from generation.cases import CAREFUL, Cases, Choice, choose
 from generation.density.gaussian import Gaussian
-from generation.evaluator import Evaluator
 from generation.logical.library import SCENARIOS
+from generation.outcomes.evaluator import Evaluator
 from generation.parameters import Space
-from generation.problem import Episodes
+from generation.search.cases import CAREFUL, Cases, Choice, choose
+from generation.search.problem import Episodes
 from generation.variations import Evidence, Writer
 from schemas.errors import UsageError
 from xosc.tags import read

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.samples import Features, Whole
+from recognition.trfe.samples import Features, Whole
 
 
 def clouds(labels: list[int], each: int, seed: int, apart: float = 5.0, width: int = 16) -> tuple[Features, Whole]:

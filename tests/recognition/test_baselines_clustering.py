@@ -10,14 +10,14 @@ import pytest
 import torch
 
 from recognition import metrics
-from recognition.baselines.iterative_autonovel import IterativeAutoNovel
-from recognition.baselines.iterative_euclidean import IterativeEuclidean
-from recognition.baselines.kmeans import ChanceClusters, KMeansFeatures
-from recognition.baselines.pool import ClusteringMethod, Pool
-from recognition.baselines.stae import CODE, Autoencoder
-from recognition.baselines.stae_kmeans import STAEKMeans
-from recognition.baselines.stae_linkage import STAELinkage
-from recognition.samples import Whole
+from recognition.study.baselines.iterative_autonovel import IterativeAutoNovel
+from recognition.study.baselines.iterative_euclidean import IterativeEuclidean
+from recognition.study.baselines.kmeans import ChanceClusters, KMeansFeatures
+from recognition.study.baselines.pool import ClusteringMethod, Pool
+from recognition.study.baselines.stae import CODE, Autoencoder
+from recognition.study.baselines.stae_kmeans import STAEKMeans
+from recognition.study.baselines.stae_linkage import STAELinkage
+from recognition.trfe.samples import Whole
 from tests.recognition.clouds import clouds
 
 METHODS: list[type[ClusteringMethod]] = [KMeansFeatures, IterativeEuclidean, STAEKMeans, STAELinkage]

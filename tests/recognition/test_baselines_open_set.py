@@ -11,17 +11,17 @@ import torch
 from torch.nn import functional
 
 from recognition import metrics
-from recognition.baselines.arpl import ARPL, arpl_loss, reciprocal_distances
-from recognition.baselines.cac import CAC, cac_loss, cac_rejection
-from recognition.baselines.cevt import CEVT
-from recognition.baselines.chance import Chance
-from recognition.baselines.cpn import CPN, cpn_loss
-from recognition.baselines.knn import KNN
-from recognition.baselines.mdenet import MDENet, contrastive_loss, sphere_loss
-from recognition.baselines.method import OpenSetMethod
-from recognition.baselines.mls import MLS, logit_outlyingness
-from recognition.baselines.vote_threshold import PlainThreshold
-from recognition.samples import Features
+from recognition.study.baselines.arpl import ARPL, arpl_loss, reciprocal_distances
+from recognition.study.baselines.cac import CAC, cac_loss, cac_rejection
+from recognition.study.baselines.cevt import CEVT
+from recognition.study.baselines.chance import Chance
+from recognition.study.baselines.cpn import CPN, cpn_loss
+from recognition.study.baselines.knn import KNN
+from recognition.study.baselines.mdenet import MDENet, contrastive_loss, sphere_loss
+from recognition.study.baselines.method import OpenSetMethod
+from recognition.study.baselines.mls import MLS, logit_outlyingness
+from recognition.study.baselines.vote_threshold import PlainThreshold
+from recognition.trfe.samples import Features
 from tests.recognition.clouds import clouds
 
 KNOWN = [1, 2, 5, 9]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.buffer import Buffer, Preprocessing, sift
-from recognition.prototypes import Prototypes
+from recognition.trfe.buffer import Buffer, Preprocessing, sift
+from recognition.trfe.prototypes import Prototypes
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 

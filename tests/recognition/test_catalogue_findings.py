@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from recognition import datasets
-from recognition.buffer import Buffer
 from recognition.catalogue.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, joined
 from recognition.catalogue.model import ByModel, title_of
-from recognition.config import Config
-from recognition.discovery import FIRST_DISCOVERED
 from recognition.encoder.config import Architecture
 from recognition.encoder.model import Encoder
 from recognition.grids import Grid
 from recognition.labels import Event, Label
 from recognition.sites import site_at
-from recognition.trfe import TRFE
+from recognition.trfe.buffer import Buffer
+from recognition.trfe.config import Config
+from recognition.trfe.discovery import FIRST_DISCOVERED
+from recognition.trfe.trfe import TRFE
 from schemas.errors import UsageError
 from tests.recognition import motorway
 from tests.recognition.clouds import clouds

@@ -8,11 +8,11 @@ from shutil import copytree
 
 import pytest
 
-import runner.batch
-import runner.jobs
 import xosc
 from recognition.catalogue.labelling import Labelled, label_runs
 from recognition.catalogue.pipeline import ByRules, Settings
+from runner.batch.batch import Options, execute
+from runner.batch.jobs import Job
 from schemas import check
 from schemas.errors import InvalidFile
 from xosc import tags
@@ -31,8 +31,8 @@ def scenario(tmp_path: Path) -> Path:
 def run(scenario: Path, out: Path, *names: str) -> Path:
     out.mkdir(exist_ok=True)
     for name in names or ("run",):
-        job = runner.jobs.Job(name, scenario, scenario)
-        assert runner.batch.execute(job, runner.batch.Options(sut="none", world="kinematic"), out).status == "completed"
+        job = Job(name, scenario, scenario)
+        assert execute(job, Options(sut="none", world="kinematic"), out).status == "completed"
     return out
 
 

@@ -14,12 +14,12 @@ import xosc
 from recognition import datasets
 from recognition.catalogue import variation
 from recognition.catalogue.entities import entry
-from recognition.catalogue.maneuvers import Maneuver, Span, maneuver
-from recognition.catalogue.maneuvers.speeds import ways
 from recognition.catalogue.starting import paths
 from recognition.labels.classes import Label
+from recognition.maneuvers import Maneuver, Span, maneuver
+from recognition.maneuvers.speeds import ways
+from runner.measures.relations import Motion, relation
 from runner.recording import Recording, Track
-from runner.relations import Motion, relation
 from schemas import check
 from schemas.errors import InvalidFile, Unsupported
 from tests.recognition import motorway as m

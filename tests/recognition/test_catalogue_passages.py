@@ -12,10 +12,10 @@ import runner
 import xosc
 from recognition.catalogue import variation
 from recognition.catalogue.entities import entry
-from recognition.catalogue.maneuvers import Maneuver, Span, maneuver
 from recognition.catalogue.scenes import EGO
 from recognition.catalogue.starting import paths
 from recognition.labels.classes import Label
+from recognition.maneuvers import Maneuver, Span, maneuver
 from recognition.sites import Site
 from recognition.sites.placing import place
 from runner.recording import Recording, Track

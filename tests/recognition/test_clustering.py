@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from recognition import metrics
-from recognition.clustering import (
+from recognition.trfe.clustering import (
     Clustering,
     Clusters,
     Pairs,
@@ -21,9 +21,9 @@ from recognition.clustering import (
     consistency_weight,
     pair_targets,
 )
-from recognition.rfap import similarity
-from recognition.samples import Features, Whole
-from recognition.votes import forest
+from recognition.trfe.rfap import similarity
+from recognition.trfe.samples import Features, Whole
+from recognition.trfe.votes import forest
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 

@@ -11,13 +11,13 @@ import pytest
 
 from recognition import cli
 from recognition.catalogue.pipeline import SHIPPED
-from recognition.commands.card import CARD, LIMITS, decision, scope
 from recognition.encoder.config import PRESETS, Architecture, Preset, Schedule
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.screening import EvtDeficit
-from recognition.trfe import TRFE
-from recognition.windows import Windows
+from recognition.training.card import CARD, LIMITS, decision, scope
+from recognition.training.windows import Windows
+from recognition.trfe.screening import EvtDeficit
+from recognition.trfe.trfe import TRFE
 from tests.recognition import motorway
 
 CLASSES = (Label.FREE_CRUISE, Label.CUT_IN)
@@ -98,7 +98,7 @@ def test_an_interruption_is_said_in_one_line(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("recognition.protocol.data.windows_at", interrupted)
+    monkeypatch.setattr("recognition.training.data.windows_at", interrupted)
     monkeypatch.setattr("recognition.recorder.record", lambda *_, **__: interrupted())
     for command in (["train", windows(tmp_path / "windows"), "--out", tmp_path / "model"], ["record", tmp_path / "records"]):
         assert call(monkeypatch, *command) == 130

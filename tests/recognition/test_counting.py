@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.counting import likely_count
+from recognition.trfe.counting import likely_count
 from tests.recognition.clouds import clouds
 
 

@@ -14,8 +14,8 @@ import pytest
 import runner
 from recognition import datasets
 from recognition.datasets import runs
-from runner.batch import Options, run_batch
-from runner.jobs import jobs_of
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import jobs_of
 from runner.recording import COLUMNS
 from schemas.errors import InvalidFile
 from tests.recognition.traffic import read, total_rows

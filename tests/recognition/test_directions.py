@@ -7,8 +7,8 @@ import pytest
 from sklearn.cluster import KMeans
 
 from recognition import metrics
-from recognition.directions import Directions
-from recognition.prototypes import Prototypes
+from recognition.trfe.directions import Directions
+from recognition.trfe.prototypes import Prototypes
 from tests.recognition.clouds import clouds
 
 KNOWN, NEW = [1, 2, 3], [11, 12, 13, 14]

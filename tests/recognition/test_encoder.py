@@ -21,7 +21,7 @@ from recognition.encoder.probe import probe, speed_code
 from recognition.encoder.storage import load, save
 from recognition.encoder.training import deterministic
 from recognition.grids import Grid
-from recognition.windows import Windows
+from recognition.training.windows import Windows
 from schemas.errors import InvalidFile, UsageError
 
 GRID = Grid(24.0, 12.0, 2.0, 1.0, channels=("others", "ego"))
@@ -243,5 +243,7 @@ def test_speeds_are_coded_so_that_a_linear_classifier_tells_ranges_apart():
 
 
 def test_importing_the_package_does_not_import_torch():
-    code = "import sys, recognition.encoder, recognition.encoder.config, recognition.windows; print('torch' in sys.modules)"
+    code = (
+        "import sys, recognition.encoder, recognition.encoder.config, recognition.training.windows; print('torch' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from recognition.labels import Label, Rules
-from recognition.labels.agreement.__main__ import main
-from recognition.labels.agreement.geometry import net_turn, own_lane_changes
-from recognition.labels.agreement.report import report
-from recognition.labels.agreement.survey import Vehicle, survey, unique
+from recognition.study.agreement.__main__ import main
+from recognition.study.agreement.geometry import net_turn, own_lane_changes
+from recognition.study.agreement.report import report
+from recognition.study.agreement.survey import Vehicle, survey, unique
 from tests.recognition.driving import ahead, route, sideways
 from tests.recognition.traffic import Car, interaction_rows, write_csv, write_highd
 from xodr import builders, load

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.neighbours import Neighbours
+from recognition.trfe.neighbours import Neighbours
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.promotion import Promotion, cohesion, judge, known_cohesion
-from recognition.prototypes import Prototypes
+from recognition.trfe.promotion import Promotion, cohesion, judge, known_cohesion
+from recognition.trfe.prototypes import Prototypes
 from schemas.errors import UsageError
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.protocol.data import fingerprint, source_of, windows_at
-from recognition.protocol.pixels import pixel_features
+from recognition.study.protocol.pixels import pixel_features
+from recognition.training.data import fingerprint, source_of, windows_at
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.traffic import Car, write_highd
 

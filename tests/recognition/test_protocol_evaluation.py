@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from recognition.grids import Grid
-from recognition.protocol.command import evaluate
-from recognition.protocol.evaluation import Evaluation, Settings
-from recognition.protocol.processes import run_beside
-from recognition.protocol.report import write_report
-from recognition.protocol.rounds import Round
-from recognition.protocol.splits import Split
-from recognition.protocol.stage import Laboratory
-from recognition.samples import Features, Whole
-from recognition.windows import Windows
+from recognition.study.protocol.command import evaluate
+from recognition.study.protocol.evaluation import Evaluation, Settings
+from recognition.study.protocol.processes import run_beside
+from recognition.study.protocol.report import write_report
+from recognition.study.protocol.rounds import Round
+from recognition.study.protocol.stage import Laboratory
+from recognition.training.splits import Split
+from recognition.training.windows import Windows
+from recognition.trfe.samples import Features, Whole
 from schemas.errors import UsageError
 
 GRID = Grid(length=8.0, width=4.0)

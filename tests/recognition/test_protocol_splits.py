@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.protocol.rounds import rounds
-from recognition.protocol.splits import SHARES, Split, Unit, split
-from recognition.windows import Windows
+from recognition.study.protocol.rounds import rounds
+from recognition.training.splits import SHARES, Split, Unit, split
+from recognition.training.windows import Windows
 from schemas.errors import UsageError
 
 

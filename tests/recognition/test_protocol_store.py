@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from recognition.protocol.store import Key, Store
+from recognition.study.protocol.store import Key, Store
 from schemas.errors import InvalidFile, UsageError
 
 KEY = Key("open-set", "cac", 0, 1)

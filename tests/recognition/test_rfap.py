@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.rfap import random_trees, similarity
-from recognition.samples import Features
-from recognition.votes import forest
+from recognition.trfe.rfap import random_trees, similarity
+from recognition.trfe.samples import Features
+from recognition.trfe.votes import forest
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 

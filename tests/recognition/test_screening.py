@@ -9,15 +9,15 @@ import pytest
 from scipy.stats import genpareto, weibull_min
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.config import Config
-from recognition.known import Labelled, learn
-from recognition.samples import Features, Whole
-from recognition.screening import EvtDeficit, EvtJoint, EvtPooled, Screening, VoteThreshold, WeibullVotes
-from recognition.screening.evt_deficit import tail
-from recognition.screening.selection import choose_delta
-from recognition.screening.weibull import weibull
-from recognition.voters import grow
-from recognition.votes import forest, votes
+from recognition.trfe.config import Config
+from recognition.trfe.known import Labelled, learn
+from recognition.trfe.samples import Features, Whole
+from recognition.trfe.screening import EvtDeficit, EvtJoint, EvtPooled, Screening, VoteThreshold, WeibullVotes
+from recognition.trfe.screening.evt_deficit import tail
+from recognition.trfe.screening.selection import choose_delta
+from recognition.trfe.screening.weibull import weibull
+from recognition.trfe.voters import grow
+from recognition.trfe.votes import forest, votes
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 

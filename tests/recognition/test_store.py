@@ -18,12 +18,12 @@ from safetensors.numpy import save_file
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 
-from recognition.config import Config
 from recognition.encoder.config import Architecture
 from recognition.encoder.model import Encoder
 from recognition.grids import Grid
-from recognition.store import load, save
-from recognition.trfe import TRFE
+from recognition.trfe.config import Config
+from recognition.trfe.store import load, save
+from recognition.trfe.trfe import TRFE
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.clouds import clouds
 
@@ -188,7 +188,7 @@ def other_classes(path: Path) -> None:
 def test_foreign_forests_are_refused(
     folder: Path, spoil: Callable[[Path], Any], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recognition.store.LARGEST", 2**23)
+    monkeypatch.setattr("recognition.trfe.store.LARGEST", 2**23)
     monkeypatch.chdir(folder)
     spoil(folder / "forest.skops")
     with pytest.raises(InvalidFile, match=message) as caught:

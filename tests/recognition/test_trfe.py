@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from recognition.buffer import Buffer
-from recognition.config import Config
-from recognition.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
-from recognition.samples import Features, Whole
-from recognition.screening import EvtDeficit
-from recognition.trfe import TRFE
+from recognition.trfe.buffer import Buffer
+from recognition.trfe.config import Config
+from recognition.trfe.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
+from recognition.trfe.samples import Features, Whole
+from recognition.trfe.screening import EvtDeficit
+from recognition.trfe.trfe import TRFE
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 

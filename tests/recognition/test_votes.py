@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.votes import background_of, forest, votes
+from recognition.trfe.votes import background_of, forest, votes
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recognition.grids import Grid
-from recognition.windows import Windows, store, windows_of
+from recognition.training.windows import Windows, store, windows_of
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.scenes import Driver, recording
 

@@ -6,13 +6,13 @@ import math
 from pathlib import Path
 
 import xodr
-from runner.entities import BoundingBox, Entities, Entity
-from runner.kinematic import KinematicWorld
-from runner.motion import wrap
-from runner.positions.base import Orientation, on_road
-from runner.scenario import Scenario
-from runner.simulation import Simulation
-from runner.storyboard import Storyboard
+from runner.contracts.position import Orientation, on_road
+from runner.interpreter.compiler import Scenario
+from runner.interpreter.simulation import Simulation
+from runner.interpreter.storyboard import Storyboard
+from runner.motion.motion import wrap
+from runner.participants.entities import BoundingBox, Entities, Entity
+from runner.worlds.kinematic import KinematicWorld
 
 ROADS = Path(__file__).parents[1] / "conformance" / "roads"
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)

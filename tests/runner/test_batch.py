@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from runner.batch import Options, rehearse_batch, run_batch
-from runner.jobs import Job, Outcome, jobs_of
+from runner.batch.batch import Options, rehearse_batch, run_batch
+from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.errors import UsageError
 from tests.runner.files import SLOW_SYSTEM, distribution, place, scenario
 
@@ -87,7 +87,7 @@ def test_a_defect_of_the_runner_is_an_internal_error_of_that_run(tmp_path: Path,
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("two\nlines")
 
-    monkeypatch.setattr("runner.execution.run", fail)
+    monkeypatch.setattr("runner.interpreter.execution.run", fail)
     (outcome,) = batch([scenario(tmp_path)])
     assert (outcome.exit_code, outcome.message) == (5, "internal error: RuntimeError: two lines")
     assert "Traceback" in outcome.trace
@@ -202,7 +202,7 @@ def test_resuming_runs_nothing_twice(tmp_path: Path, variation: Path, monkeypatc
     outcomes = batch([variation], out=out, resume=True)
     assert names(outcomes) == [f"variation~{n:06d}" for n in range(6)]
     assert all(path.stat().st_mtime_ns == when for path, when in before.items())
-    monkeypatch.setattr("runner.execution.run", None)
+    monkeypatch.setattr("runner.interpreter.execution.run", None)
     assert batch([variation], out=out, resume=True) == outcomes
 
 

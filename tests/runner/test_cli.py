@@ -115,7 +115,7 @@ def test_4_not_supported(xosc_run: Command, tmp_path: Path) -> None:
 
 
 def test_5_internal_error(xosc_run: Command, passing: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runner.simulation.Simulation.tick", lambda _: 1 // 0)
+    monkeypatch.setattr("runner.interpreter.simulation.Simulation.tick", lambda _: 1 // 0)
     answer = xosc_run(passing)
     assert (answer.code, answer.err) == (5, "xosc-run: internal error: ZeroDivisionError: integer division or modulo by zero\n")
 

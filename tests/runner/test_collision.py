@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from runner.boxes import Spot, gap, overlap
-from runner.collision import Contacts
-from runner.entities import BoundingBox, Entities, Entity
+from runner.interpreter.collision import Contacts
+from runner.participants.boxes import Spot, gap, overlap
+from runner.participants.entities import BoundingBox, Entities, Entity
 
 CAR = BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5)
 

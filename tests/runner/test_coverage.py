@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from runner import coverage, registry
+from runner import coverage
+from runner.contracts import registry
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "tests" / "conformance" / "scenarios"

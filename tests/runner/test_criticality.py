@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from runner import rss
-from runner.criticality import (
+from runner.measures import rss
+from runner.measures.criticality import (
     criticality,
     deceleration_to_avoid_crash,
     lateral_violation,
@@ -21,8 +21,8 @@ from runner.criticality import (
     time_headway,
     time_to_collision,
 )
-from runner.entities import BoundingBox, box_corners
-from runner.relations import Motion, View, box_distance, boxes_overlap, relation
+from runner.measures.relations import Motion, View, box_distance, boxes_overlap, relation
+from runner.participants.entities import BoundingBox, box_corners
 
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import runner
-from runner.batch import Options, run_batch
-from runner.jobs import jobs_of
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import jobs_of
 from runner.outputs.report import summary
 from runner.sut import Control
 from runner.sut.scripted import Scripted

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner import closing
-from runner.distances import bearing, euclidean, footprint, lateral, longitudinal
-from runner.entities import BoundingBox, Entity
-from runner.following import PathMotion
-from runner.motion import Placement
-from runner.paths import Corner, Polyline
-from runner.simulation import Simulation
+from runner.interpreter.simulation import Simulation
+from runner.motion.following import PathMotion
+from runner.motion.motion import Placement
+from runner.motion.paths import Corner, Polyline
+from runner.participants.entities import BoundingBox, Entity
+from runner.spacing import closing
+from runner.spacing.distances import bearing, euclidean, footprint, lateral, longitudinal
 from tests.runner.scene import CAR, drive, put, put_free, scene
 
 SIDES = [("straight", -1), ("straight", 1), ("straight_lht", 1), ("straight_lht", -1)]

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from runner.dynamics import SHAPES, GapController, TransitionDynamics, read_constraints, tighter
-from runner.entities import Performance
+from runner.motion.dynamics import SHAPES, GapController, TransitionDynamics, read_constraints, tighter
+from runner.participants.entities import Performance
 from schemas.errors import InvalidFile
 from xosc.node import Node
 

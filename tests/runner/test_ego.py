@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import runner
-from runner.execution import prepare
+from runner.interpreter.execution import prepare
 from runner.sut import Control
 from runner.sut.scripted import Scripted
 from schemas.errors import UsageError

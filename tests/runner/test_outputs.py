@@ -14,12 +14,12 @@ import pytest
 from lxml import etree
 
 import runner
-from runner.entities import BoundingBox
-from runner.jobs import Job, Outcome
+from runner.batch.jobs import Job, Outcome
+from runner.interpreter.result import RunResult, Verdict
+from runner.interpreter.simulation import LogEntry
 from runner.outputs import report, trajectories
+from runner.participants.entities import BoundingBox
 from runner.recording import COLUMNS, Recording, Track
-from runner.result import RunResult, Verdict
-from runner.simulation import LogEntry
 from tests.runner.files import car, place, scenario, speed_action, story
 
 ODD = 'Tom, "Dick" & <Harry>'

@@ -14,8 +14,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from runner.batch import Options, run_batch
-from runner.jobs import Outcome, jobs_of
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import Outcome, jobs_of
 from schemas.errors import UsageError
 from tests.runner.files import SLOW_SYSTEM, distribution, scenario
 
@@ -138,6 +138,6 @@ def test_an_address_without_a_cluster_is_named(variation: Path) -> None:
 
 
 def test_without_ray_there_is_a_clear_message(variation: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runner.ray_pool.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("runner.batch.ray_pool.importlib.util.find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install 'xosc-toolchain\[ray\]'"):
         batch(variation, ray="local")

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import runner
-from runner.entities import BoundingBox, Entity
-from runner.environment import Environment
-from runner.rss import PARAMETERS, longitudinal_distance
+from runner.interpreter.environment import Environment
+from runner.measures.rss import PARAMETERS, longitudinal_distance
+from runner.participants.entities import BoundingBox, Entity
 from runner.sut import Control, Observation, SystemUnderTest, load_system
 from runner.sut.aeb import EmergencyBraking
 from runner.sut.encounters import encounters

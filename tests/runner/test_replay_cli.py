@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from runner.batch import Options, run_batch
-from runner.jobs import jobs_of
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import jobs_of
 from tests.commands import Command
 from tests.runner.files import distribution, scenario
 

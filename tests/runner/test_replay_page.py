@@ -11,8 +11,8 @@ import pytest
 from PIL import Image, ImageChops
 
 import runner
+from runner.interpreter.result import RunResult
 from runner.replay.player import replay_page, write_replay
-from runner.result import RunResult
 from tests.runner.chromium import Browser
 from tests.runner.files import car, place, scenario, speed_action, story
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from runner.batch import Options, run_batch
-from runner.jobs import jobs_of
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import jobs_of
 from runner.replay.report import report, varied, write_report
 from schemas.errors import UsageError
 from tests.runner.chromium import Browser

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import runner
-from runner.entities import BoundingBox
+from runner.interpreter.result import RunResult, Verdict
+from runner.participants.entities import BoundingBox
 from runner.recording import COLUMNS, Recording, Track
 from runner.replay.player import replay_page
 from runner.replay.scene import scene
-from runner.result import RunResult, Verdict
 from tests.runner.files import scenario
 from tests.runner.test_replay_packing import unpack
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from runner.interpreter.simulation import LogEntry
 from runner.replay.furniture import signal_states
 from runner.replay.timeline import is_shown, rows
-from runner.simulation import LogEntry
 
 EVENT = "story::act::group::maneuver::event"
 LOG = [

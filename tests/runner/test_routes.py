@@ -6,9 +6,9 @@ import random
 
 import pytest
 
-from runner.routes import AssignedRoute, RandomRoute
+from runner.motion.routes import AssignedRoute, RandomRoute
+from xodr.graph.routes import Leg, RoadPath
 from xodr.model import LaneLink, RoadPoint
-from xodr.routes import Leg, RoadPath
 
 LINKS = [LaneLink("west", -1, True), LaneLink("east", -2, True), LaneLink("east", -1, True)]
 

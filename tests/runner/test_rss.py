@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.rss import PARAMETERS, lateral_distance, longitudinal_distance, parameter_set
+from runner.measures.rss import PARAMETERS, lateral_distance, longitudinal_distance, parameter_set
 from schemas.errors import UsageError
 
 AD, R157 = PARAMETERS["ad-rss"], PARAMETERS["r157"]

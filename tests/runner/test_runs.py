@@ -10,8 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import runner
-from runner.batch import Options, run_batch
-from runner.jobs import jobs_of
+from runner.batch.batch import Options, run_batch
+from runner.batch.jobs import jobs_of
 from runner.outputs.runs import EXTREMES, SHARES
 from tests.runner.files import distribution, scenario
 

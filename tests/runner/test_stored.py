@@ -13,10 +13,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import runner
-from runner.batch import Options, execute
-from runner.jobs import Job
+from runner.batch.batch import Options, execute
+from runner.batch.jobs import Job
 from runner.outputs.report import summary
-from runner.stored import EVENTS, RESULT, TRAJECTORIES, load_run
+from runner.outputs.stored import EVENTS, RESULT, TRAJECTORIES, load_run
 from schemas.errors import InvalidFile
 from tests.runner.files import place, scenario, speed_action, story
 

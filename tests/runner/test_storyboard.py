@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from runner.actions.base import GlobalAction
-from runner.elements import ActionElement, State
-from runner.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.contracts.action import GlobalAction
+from runner.interpreter.elements import ActionElement, State
+from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 
 
 class Script:

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 import runner
 import xodr
-from runner import sumo
-from runner.entities import BoundingBox, Entity
-from runner.sumo_lights import link_state
-from runner.world import Wish
+from runner.participants.entities import BoundingBox, Entity
+from runner.worlds import sumo
+from runner.worlds.base import Wish
+from runner.worlds.sumo_lights import link_state
 from schemas.errors import Unsupported, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import ROADS, car, place, scenario, speed_action, story

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 import runner
-from runner.entities import BoundingBox, Entity
-from runner.environment import Environment
-from runner.rss import PARAMETERS, lateral_distance, longitudinal_distance
+from runner.interpreter.environment import Environment
+from runner.measures.rss import PARAMETERS, lateral_distance, longitudinal_distance
+from runner.participants.entities import BoundingBox, Entity
 from runner.sut import Control, Observation, find_system, load_system, system_name
 from runner.sut.cas import CollisionAvoidance
 from runner.sut.scripted import Scripted

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.nurbs import ControlPoint, sampled
-from runner.paths import Chain, Corner, Path, Polyline, Schedule, Segments, approach, nearest, tangent
+from runner.motion.nurbs import ControlPoint, sampled
+from runner.motion.paths import Chain, Corner, Path, Polyline, Schedule, Segments, approach, nearest, tangent
 from xodr.geometry import Arc, Line, Spiral, Start
 from xodr.model import Pose
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from runner.conditions.base import ByEntityCondition, Condition, EntityCondition
-from runner.entities import Entity
-from runner.triggers import TimedCondition, Trigger
+from runner.contracts.condition import ByEntityCondition, Condition, EntityCondition
+from runner.interpreter.triggers import TimedCondition, Trigger
+from runner.participants.entities import Entity
 from schemas.errors import InvalidFile
 from tests.runner.scene import CAR
 from xosc.node import Node

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral, Start
 from xodr.lanes import read_sections
-from xodr.locate import Locator
+from xodr.lookup.locate import Locator
 from xodr.model import RoadError
 from xodr.profiles import ZERO, Cubic, Profile
 from xodr.road import Road, Surface

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import xodr
-from xodr import builders, placing
+from xodr import builders
+from xodr.lookup import placing
 from xodr.model import RoadError
 from xodr.network import RoadNetwork
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.knots.motion import CAR, NUMBER, Setting, box, knots_of, maneuvers_of, weights
+from generation.study.knots.motion import CAR, NUMBER, Setting, box, knots_of, maneuvers_of, weights
 from tests.generation.kinematic import SPACE, driven
 
 SETTING = Setting(30.0, 3.5)

@@ -9,11 +9,11 @@ import pytest
 
 import runner
 import schemas
-from generation.knots.motion import Setting, knots_of
-from generation.knots.scenario import setting_of, write
 from generation.logical.library import SCENARIOS
 from generation.parameters import Space
-from recognition.samples import Floats
+from generation.study.knots.motion import Setting, knots_of
+from generation.study.knots.scenario import setting_of, write
+from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"

@@ -12,8 +12,8 @@ import runner
 from generation.logical.library import SCENARIOS, plots
 from generation.logical.plot import Plot
 from generation.parameters import SEVEN, declared_name
+from runner.measures.relations import Motion, relation
 from runner.recording import Track
-from runner.relations import Motion, relation
 
 PLOTS = dict(plots())
 STEP = 0.05

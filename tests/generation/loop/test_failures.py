@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from generation.cases import Choice, diverse
 from generation.loop.failures import Failures, failures
-from generation.problem import Problem
-from generation.search import search
+from generation.mcsg.search import search
+from generation.search.cases import Choice, diverse
+from generation.search.problem import Problem
 
 ALIKE = Choice().apart
 

@@ -10,7 +10,7 @@ from generation.logical.library import SCENARIOS
 from generation.loop.targets import LIBRARY, Refused, Target, of_classes, of_scenario
 from generation.parameters import Space
 from generation.pipeline import LEAST
-from generation.units import OWN, Samples
+from recognition.maneuvers.units import OWN, Samples
 
 
 def rows(*titles: str) -> list[dict[str, object]]:

@@ -7,9 +7,9 @@ from pathlib import Path
 import runner
 from generation.logical.library import ROADS, SCENARIOS
 from generation.parameters import SEVEN, declared_name
-from generation.units import Motion, motion
 from recognition.labels.rules import Rules
 from recognition.labels.scene import prepare
+from recognition.maneuvers.units import Motion, motion
 from recognition.sites import site_at
 
 STEP = 0.05

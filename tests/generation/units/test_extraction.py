@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.units import (
+from recognition.maneuvers.units import (
     ACCELERATION,
     BRAKING,
     CUT_IN,

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generation.parameters import SEVEN
-from generation.units import reconstruct
+from recognition.maneuvers.units import reconstruct
 from tests.generation.units.runs import STEP, recorded
 
 SMALL = 1e-5

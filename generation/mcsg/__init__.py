@@ -1,0 +1,1 @@
+"""MCSG: the policy, its environment, and the search from coarse to fine."""

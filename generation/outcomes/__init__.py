@@ -1,0 +1,1 @@
+"""What episodes do: runs, rewards, systems that fail."""

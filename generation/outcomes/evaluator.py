@@ -1,0 +1,156 @@
+"""What a scenario does at points of its parameter space: one real run of the file on SUMO for each.
+
+Workers last as long as the evaluator does. What does not change from run to run (the parsed scenario, its catalogues, the
+road, SUMO's network) each of them reads once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import KW_ONLY, asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.trfe.samples import Floats
+from runner.batch.batch import Options
+from runner.batch.jobs import Job, Outcome, failure
+from runner.batch.pool import Pool
+from runner.measures.rss import parameter_set
+
+if TYPE_CHECKING:
+    from generation.parameters import Space
+    from runner.measures.criticality import Criticality
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """How n episodes ended; arrays of length n.
+
+    Args:
+        collision: whether the ego touched somebody.
+        r_risk: share of the time steps, up to a collision, in which somebody is nearer than both RSS distances; 0 to 1.
+        min_ttc: least time to collision with the lead, s; 0 with a collision, infinite where there never was a lead.
+        end_time: simulated time at the end, s.
+        status: `completed` (by the stop trigger), `timeout`, or `error`: no run took place, and the other values say nothing.
+        error: what went wrong; empty where nothing did.
+    """
+
+    collision: NDArray[np.bool_]
+    r_risk: Floats
+    min_ttc: Floats
+    end_time: Floats
+    status: NDArray[np.str_]
+    error: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def executed(self) -> NDArray[np.bool_]:
+        """The episodes that took place."""
+        return self.status != "error"
+
+    @property
+    def survived(self) -> NDArray[np.bool_]:
+        """The episodes that took place and have no collision."""
+        return self.executed & ~self.collision
+
+
+@dataclass(eq=False)
+class Runs:
+    """Runs scenarios in lasting processes. A context manager.
+
+    The outcomes are the same whatever the number of processes; a run that fails, or takes its process down, says so in them.
+
+    Args:
+        sut: name of the system under test.
+        rss: the RSS parameter set of R_risk.
+        timestep: s. The default is that of `xosc-run`, so that a generated file gives the same verdict there.
+        max_time: limit of simulated time for scenarios that may not end by themselves, s.
+        processes: how many run at a time.
+        seed: of everything random in a run, the same for all.
+
+    Raises:
+        UsageError: a setting is wrong.
+    """
+
+    _: KW_ONLY
+    sut: str = "cas"
+    rss: str = "ad-rss"
+    timestep: float = 0.05
+    max_time: float | None = None
+    processes: int = 2
+    seed: int = 0
+    calls: int = field(default=0, init=False)
+    """Runs so far: what a budget of simulator calls counts"""
+
+    def __post_init__(self) -> None:
+        options = Options(self.timestep, self.sut, seed=self.seed, max_time=self.max_time)
+        options.verify()
+        parameter_set(self.rss)
+        self._pool = Pool(self.processes, partial(_episode, options=options, rss=self.rss), _lost)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.close()
+
+    def of(self, jobs: Iterable[Job | Outcome]) -> Outcomes:
+        """The outcomes of jobs, in their order."""
+        found = list(self._pool.execute(iter(jobs)))
+        self.calls += len(found)
+        collision = np.array([one.state == "failed" for one in found], bool)
+        times = np.array([one.measures.get("min_ttc", math.inf) for one in found], float)
+        return Outcomes(
+            collision=collision,
+            r_risk=np.array([one.measures.get("r_risk", 0.0) for one in found], float),
+            min_ttc=np.where(collision, 0.0, times),  # a side touched is no lead's rear
+            end_time=np.array([one.end_time or 0.0 for one in found], float),
+            status=np.array([one.status or "error" for one in found], str),
+            error=np.array([one.message if one.state == "error" else "" for one in found], str),
+        )
+
+
+@dataclass(eq=False)
+class Evaluator(Runs):
+    """Runs a logical scenario at points of its parameter space; settings as those of `Runs`.
+
+    Args:
+        scenario: the file.
+        space: the parameters that are searched, and the values of the others.
+    """
+
+    scenario: Path
+    space: Space
+
+    def __call__(self, theta: Floats) -> Outcomes:
+        """The outcomes at points (n, d), in their order."""
+        values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
+        return self.of(Job(str(number), self.scenario, self.scenario, each) for number, each in enumerate(values))
+
+
+def _measures(criticality: Criticality, rss: str) -> dict[str, Any]:
+    ttc = criticality.ttc.value[criticality.ttc.valid]
+    return {"r_risk": criticality.risk(rss) or 0.0, "min_ttc": float(ttc.min(initial=math.inf))}
+
+
+def _episode(job: Job, options: Options, rss: str) -> Outcome:
+    from runner.interpreter.execution import run
+
+    try:
+        result = run(job.scenario, parameters=job.parameters, **asdict(options))
+        measures = _measures(result.criticality, rss) if result.criticality is not None else {}
+    except Exception as error:  # whatever it is, the search goes on
+        return failure(job, error)
+    state = "passed" if result.verdict.passed else "failed"
+    return Outcome(job, state, 0, status=result.status, end_time=result.end_time, measures=measures)
+
+
+def _lost(job: Job) -> Outcome:
+    return Outcome(job, "error", 5, "the process that ran it died")

@@ -1,0 +1,106 @@
+"""What a search is rewarded for: criticality, less what is implausible (METHOD §3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from generation.density.base import Density
+from generation.density.selection import fitted, held_out
+from generation.outcomes.evaluator import Outcomes
+from recognition.trfe.samples import Floats
+from schemas.errors import UsageError
+
+COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
+"""Rewards of a collision, of a scenario without any risk, and of R_risk = 1 in addition to that."""
+Form = Literal["exclusive", "additive"]
+
+
+def criticality(outcomes: Outcomes, form: Form) -> Floats:
+    """Reward (n,) without realism.
+
+    `exclusive`: 0.25 with a collision, otherwise −0.1 + 0.2·R_risk, so that a collision pays more than any risk. `additive`: a
+    collision's 0.25 on top of the other, so that among collisions those count most that were dangerous all along. An episode
+    that failed counts as one without any risk.
+    """
+    risk = SAFE + RISK * outcomes.r_risk
+    if form == "additive":
+        return risk + COLLISION * outcomes.collision
+    return np.where(outcomes.collision, COLLISION, risk)
+
+
+@dataclass(frozen=True, eq=False)
+class Realism:
+    """How implausible parameters are, from 0 for what traffic does to 1.
+
+    clip((NLL − Q99) / IQR, 0, 1), NLL = −log p(θ). Q99 and IQR are those of the training samples, each by the density of the
+    other recordings: by a density that holds its own kernel a sample seems far more likely than any new one ever can.
+
+    Attributes:
+        density: p. limit: Q99. scale: IQR.
+    """
+
+    density: Density
+    limit: float
+    scale: float
+
+    @classmethod
+    def fitted(cls, name: str, theta: Floats, recordings: NDArray[np.str_]) -> Realism:
+        """By a density that is fitted on recorded parameters (n, d).
+
+        Args:
+            name: of the density (`generation.density.selection`).
+            recordings: of each row (n,).
+
+        Raises:
+            UsageError: there is no such density, or the rows hold none.
+        """
+        return cls.of(fitted(name, theta, recordings), held_out(name, theta, recordings))
+
+    @classmethod
+    def of(cls, density: Density, held_out: Floats) -> Realism:
+        """With the limits that held-out log-densities (n,) of the training samples set.
+
+        Raises:
+            UsageError: they are all the same.
+        """
+        low, high, limit = np.quantile(-held_out, [0.25, 0.75, 0.99])
+        if not high > low:
+            raise UsageError("held-out likelihoods of the samples do not differ: they set no scale for realism")
+        return cls(density, float(limit), float(high - low))
+
+    def judged(self, theta: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Log-densities (n,) of rows (n, d), and which of them are plausible: NLL ≤ Q99, so that they have no excess."""
+        found = self.density.log_density(theta)
+        return found, -found <= self.limit
+
+    def excess(self, theta: Floats) -> Floats:
+        """max((NLL − Q99) / IQR, 0) of rows (n, d): (n,)."""
+        return np.maximum((-self.density.log_density(theta) - self.limit) / self.scale, 0.0)
+
+    def penalty(self, theta: Floats) -> Floats:
+        """Of rows (n, d): (n,) in 0 … 1."""
+        return np.minimum(self.excess(theta), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Reward:
+    """Criticality minus weight times implausibility.
+
+    Attributes:
+        realism: how implausible.
+        weight: w; 0 leaves realism out.
+        form: how collisions count, see `criticality`.
+    """
+
+    realism: Realism
+    weight: float = 0.2
+    form: Form = "additive"
+
+    def __call__(self, theta: Floats, outcomes: Outcomes) -> Floats:
+        """Rewards (n,) of rows (n, d) and what came of them."""
+        critical = criticality(outcomes, self.form)
+        return critical - self.weight * self.realism.penalty(theta) if self.weight else critical

@@ -1,0 +1,1 @@
+"""What every search is given, what it leaves, and how it goes on."""

@@ -1,0 +1,128 @@
+"""Edge cases: the critical ones among episodes, the best first, none of them much like another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from generation.density.base import Density
+from generation.outcomes.evaluator import Outcomes
+from generation.parameters import Space
+from generation.search.problem import Episodes, Evaluate
+from recognition.trfe.samples import Floats, Whole
+
+COLLISION, VIOLATION = "collision", "violation of RSS distances"
+AVOIDED, UNKNOWN = "avoids a collision", "unknown: the run failed"
+CAREFUL = "r157-cc"
+"""System under test that says which collisions can be avoided."""
+
+
+class Choice(NamedTuple):
+    """Which episodes become files.
+
+    Attributes:
+        most: how many.
+        apart: least distance of two in the unit cube, root mean square over the parameters.
+    """
+
+    most: int = 100
+    apart: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """Edge cases, one a row, the best first.
+
+    Attributes:
+        theta: parameters (n, d).
+        outcomes, rewards: what came of them.
+        log_likelihood: log-density (n,) of recorded parameters at theta.
+        careful: what came of the careful and competent driver of UN R157 there.
+    """
+
+    theta: Floats
+    outcomes: Outcomes
+    rewards: Floats
+    log_likelihood: Floats
+    careful: Outcomes
+
+    def __len__(self) -> int:
+        return len(self.rewards)
+
+    @property
+    def avoidable(self) -> NDArray[np.bool_]:
+        """The collisions (n,) that the careful driver is known to avoid."""
+        return self.outcomes.collision & self.careful.survived
+
+    def tags(self) -> dict[str, list[str] | list[float]]:
+        """What is told of each case, by the names of tags."""
+        return {
+            "Verdict": [COLLISION if collided else VIOLATION for collided in self.outcomes.collision],
+            "CarefulDriver": np.select([self.careful.survived, self.careful.collision], [AVOIDED, COLLISION], UNKNOWN).tolist(),
+            "Reward": _told(self.rewards),
+            "LogLikelihood": _told(self.log_likelihood),
+            "RRisk": _told(self.outcomes.r_risk),
+        }
+
+
+def critical(outcomes: Outcomes) -> NDArray[np.bool_]:
+    """Episodes (n,) with a collision or a violation of RSS distances."""
+    return outcomes.executed & (outcomes.collision | (outcomes.r_risk > 0.0))
+
+
+def choose(
+    space: Space,
+    episodes: Episodes,
+    density: Density,
+    careful: Evaluate,
+    choice: Choice = Choice(),  # noqa: B008 - frozen
+    found: Floats | None = None,
+) -> Cases:
+    """The critical episodes with the greatest rewards, of equal ones the likeliest, that are far enough from each other.
+
+    Args:
+        density: of recorded parameters.
+        careful: runs scenarios with the system under test `CAREFUL`.
+        found: points (m, d) that the cases are to be far enough from as well.
+    """
+    log_likelihood = density.log_density(episodes.theta)
+    chosen = best(space, episodes, log_likelihood, choice, found)
+    outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
+    theta = episodes.theta[chosen]
+    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], careful(theta))
+
+
+def best(space: Space, episodes: Episodes, log_likelihood: Floats, choice: Choice, found: Floats | None = None) -> Whole:
+    """Indices of the episodes that `choose` chooses, given their log-densities (n,)."""
+    order = np.lexsort((-log_likelihood, -episodes.rewards))
+    order = order[critical(episodes.outcomes)[order]]
+    if found is not None:
+        order = order[apart(space.unit(episodes.theta[order]), space.unit(found), choice.apart)]
+    return order[diverse(space.unit(episodes.theta[order]), choice)]
+
+
+def apart(unit: Floats, others: Floats, least: float) -> NDArray[np.bool_]:
+    """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d), root mean square over the columns."""
+    return (cdist(unit, others) >= least * np.sqrt(unit.shape[1])).all(axis=1)
+
+
+def diverse(unit: Floats, choice: Choice) -> Whole:
+    """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `choice.apart` to those before."""
+    kept: list[int] = []
+    for index in range(len(unit)):
+        if len(kept) == choice.most:
+            break
+        distances = np.sqrt(np.square(unit[kept] - unit[index]).mean(axis=1))
+        if (distances >= choice.apart).all():
+            kept.append(index)
+    return np.array(kept, np.int64)
+
+
+def _told(values: Floats) -> list[float]:
+    """Rounded to what says anything."""
+    found: list[float] = np.round(values, 6).tolist()
+    return found

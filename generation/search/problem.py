@@ -1,0 +1,120 @@
+"""What every search is given, what it leaves, and the one way to spend simulator calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.reward import Reward
+from generation.parameters import Space
+from recognition.trfe.samples import Floats
+from schemas.errors import InvalidFile
+
+Evaluate = Callable[[Floats], Outcomes]
+"""Outcomes of the points (n, d), in their order; `generation.outcomes.evaluator.Evaluator` is one."""
+
+
+class Episodes(NamedTuple):
+    """Points (n, d), what came of them, and their rewards (n,)."""
+
+    theta: Floats
+    outcomes: Outcomes
+    rewards: Floats
+
+
+class History(Episodes):
+    """All episodes of a search, in their order."""
+
+    def save(self, path: Path) -> None:
+        """Write it whole or not at all."""
+        draft = path.with_suffix(".draft")
+        with draft.open("wb") as file:
+            np.savez_compressed(file, theta=self.theta, rewards=self.rewards, **asdict(self.outcomes))
+        draft.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> History:
+        """Read what `save` wrote.
+
+        Raises:
+            InvalidFile: it is something else.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as found:
+                outcomes = Outcomes(**{field.name: found[field.name] for field in fields(Outcomes)})
+                return cls(found["theta"], outcomes, found["rewards"])
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+            raise InvalidFile(f"this is no search's history ({error}); remove it to have it made again", path=path) from None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One search problem, the same for all methods.
+
+    Attributes:
+        space: the box of θ.
+        evaluate: runs scenarios; what it is asked for counts against the budget.
+        reward: what MCSG is after; its density says what is plausible.
+        real: parameters (n, d) extracted from recordings, within the box.
+        found: critical points (m, d) that earlier searches of the same space have found; None for none.
+    """
+
+    space: Space
+    evaluate: Evaluate
+    reward: Reward
+    real: Floats
+    found: Floats | None = None
+
+    @property
+    def starts(self) -> Floats:
+        """What the first episodes of a search start from (k, d): what was found before, else real scenarios."""
+        return self.real if self.found is None else self.found
+
+
+class Calls:
+    """The simulator calls of one search: spends the budget, and keeps what came of it.
+
+    Args:
+        problem: the problem.
+        budget: how many points may be evaluated in all.
+    """
+
+    def __init__(self, problem: Problem, budget: int) -> None:
+        self.problem, self.left = problem, budget
+        self._parts: list[Episodes] = []
+
+    def __call__(self, theta: Floats) -> Episodes:
+        """Evaluate the points (n, d), brought into the box; only the first ones, where the budget ends before them."""
+        theta = self.problem.space.clip(np.asarray(theta, dtype=np.float64)[: self.left])
+        outcomes = self.problem.evaluate(theta)
+        self.left -= len(theta)
+        self._parts.append(Episodes(theta, outcomes, self.problem.reward(theta, outcomes)))
+        return self._parts[-1]
+
+    @property
+    def history(self) -> History:
+        """All episodes so far."""
+        thetas, outcomes, rewards = zip(*self._parts, strict=True)
+        return History(np.concatenate(thetas), joined(outcomes), np.concatenate(rewards))
+
+
+def counted(evaluate: Evaluate, progress: Callable[[int], None]) -> Evaluate:
+    """Evaluate, and tell the progress the number of points each time."""
+
+    def evaluating(theta: Floats) -> Outcomes:
+        outcomes = evaluate(theta)
+        progress(len(theta))
+        return outcomes
+
+    return evaluating
+
+
+def joined(parts: Sequence[Outcomes]) -> Outcomes:
+    """Outcomes one after the other."""
+    return Outcomes(**{each.name: np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Outcomes)})

@@ -1,0 +1,1 @@
+"""Experiments: MCSG beside other methods, baselines, ablations. No product code imports this."""

@@ -1,0 +1,34 @@
+"""CMA-ES: covariance matrix adaptation on MCSG's reward.
+
+N. Hansen, The CMA Evolution Strategy: A Tutorial, 2016.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from generation.search.methods import need
+from generation.search.problem import Calls, History, Problem
+
+POPULATION, SIGMA = 20, 0.2
+"""Points to a generation, and the first step size as a share of the ranges."""
+
+
+def search(problem: Problem, budget: int, seed: int) -> History:
+    """From a real scenario; anew from another one whenever it has converged.
+
+    Raises:
+        UsageError: cma is not installed.
+    """
+    cma = need("cma")
+    calls, generator = Calls(problem, budget), np.random.default_rng(seed)
+    while calls.left:
+        start = problem.space.unit(problem.real[generator.integers(len(problem.real))])
+        options = {"bounds": [0, 1], "popsize": POPULATION, "seed": int(generator.integers(1, 2**31)), "verbose": -9}
+        strategy = cma.CMAEvolutionStrategy(start, SIGMA, options)
+        while calls.left and not strategy.stop():
+            points = strategy.ask()
+            episodes = calls(problem.space.scaled(np.array(points)))
+            if calls.left:
+                strategy.tell(points, (-episodes.rewards).tolist())
+    return calls.history

@@ -1,0 +1,22 @@
+"""ConScenD: concrete scenarios from recordings, as they are.
+
+Tang et al., ConScenD: Concrete Scenarios from the highD Dataset According to ALKS Regulation UNECE R157 in OpenX, 2021.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from generation.search.problem import Calls, History, Problem
+from generation.study.baselines.uniform import BATCH
+
+
+def search(problem: Problem, budget: int, seed: int) -> History:
+    """Every recorded row once, in a drawn order; then again in another, until the budget is spent."""
+    calls, generator = Calls(problem, budget), np.random.default_rng(seed)
+    while calls.left:
+        order = generator.permutation(len(problem.real))
+        for start in range(0, len(order), BATCH):
+            if calls.left:
+                calls(problem.real[order[start : start + BATCH]])
+    return calls.history

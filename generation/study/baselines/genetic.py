@@ -1,0 +1,37 @@
+"""A genetic algorithm in the unit cube, for the methods that are one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from generation.search.methods import need
+from generation.search.problem import Calls, Episodes, History, Problem
+from recognition.trfe.samples import Floats
+
+POPULATION = 50
+
+
+def evolve(problem: Problem, budget: int, seed: int, start: Floats, fitness: Callable[[Episodes], Floats]) -> History:
+    """Maximise the fitness (n,) of episodes: pymoo's GA with its tournament, simulated binary crossover, polynomial mutation.
+
+    Args:
+        start: first population (n, d) in the unit cube.
+
+    Raises:
+        UsageError: pymoo is not installed.
+    """
+    algorithms, cores, statics = (
+        need(f"pymoo.{name}") for name in ("algorithms.soo.nonconvex.ga", "core.problem", "problems.static")
+    )
+    evaluator = need("pymoo.core.evaluator").Evaluator()
+    box = cores.Problem(n_var=start.shape[1], n_obj=1, xl=0.0, xu=1.0)
+    algorithm = algorithms.GA(pop_size=len(start), sampling=start)
+    algorithm.setup(box, termination=("n_gen", budget), seed=seed, verbose=False)
+    calls = Calls(problem, budget)
+    while calls.left:
+        population = algorithm.ask()
+        episodes = calls(problem.space.scaled(population.get("X")))
+        if calls.left:
+            evaluator.eval(statics.StaticProblem(box, F=-fitness(episodes)[:, None]), population)
+            algorithm.tell(infills=population)
+    return calls.history

@@ -1,0 +1,16 @@
+"""Draws from the density of recorded parameters: as plausible as traffic, critical by chance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from generation.search.problem import Calls, History, Problem
+from generation.study.baselines.uniform import BATCH
+
+
+def search(problem: Problem, budget: int, seed: int) -> History:
+    """Draws from the density, those outside brought to the box's limits."""
+    calls, generator = Calls(problem, budget), np.random.default_rng(seed)
+    while calls.left:
+        calls(problem.reward.realism.density.sample(BATCH, generator))
+    return calls.history

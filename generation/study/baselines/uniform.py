@@ -1,0 +1,18 @@
+"""Random search: the row that has to be beaten first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from generation.search.problem import Calls, History, Problem
+
+BATCH = 50
+"""Points asked for at a time, wherever a method has no number of its own."""
+
+
+def search(problem: Problem, budget: int, seed: int) -> History:
+    """Uniform draws from the box."""
+    calls, generator = Calls(problem, budget), np.random.default_rng(seed)
+    while calls.left:
+        calls(problem.space.draw(BATCH, generator))
+    return calls.history

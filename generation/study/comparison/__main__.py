@@ -1,0 +1,85 @@
+"""`python -m generation.study.comparison`: the comparison of all methods as one command that goes on where it was interrupted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
+from runner.command_line import guarded, interruptible, parameters_of, progress_bar
+from schemas.command_line import Verbose, Version, new_app, out_folder
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from generation.study.comparison.study import Study
+
+NAME = "python -m generation.study.comparison"
+app = new_app()
+
+
+@app.command()
+def evaluate(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario.")],
+    out: Annotated[Path, out_folder("Folder for searches, tables and figures.")],
+    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds.")] = 5,
+    budget: Annotated[int, typer.Option(min=3, metavar="N", help="Simulator calls of each search.")] = 3000,
+    methods: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")] = None,
+    recorded: Recorded = None,
+    kind: Kind = None,
+    sut: Sut = "cas",
+    density: Density = "kde",
+    pin: Pin = None,
+    timestep: Timestep = 0.05,
+    jobs: Jobs = 2,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
+    quiet: Quiet = False,
+    _verbose: Verbose = False,
+    _version: Version = False,
+) -> None:
+    """Compare MCSG with every method beside it: same problem, same simulator, same number of its calls.
+
+    An interrupted comparison goes on with the same command; more seeds and methods can be added later.
+    """
+    from generation.recorded import kind_of, of_recordings, of_samples
+    from generation.study.comparison.study import Settings, Study
+
+    names = _methods(methods)
+    samples = of_recordings(recorded, kind or kind_of(scenario))
+    settings = Settings(sut, budget, density, timestep=timestep, pinned=parameters_of(pin or []))
+    with (
+        interruptible(NAME, "the same command goes on where it was"),
+        Study(scenario, lambda space: of_samples(samples, space), out, settings, jobs) as study,
+    ):
+        pending = study.pending(seeds, names)
+        with progress_bar("simulator calls", len(pending) * budget, quiet) as progress:
+            for _ in study.run(pending, progress):
+                pass
+        _write(study, figures, quiet)
+
+
+def _methods(chosen: list[str] | None) -> list[str] | None:
+    from generation.search.methods import METHODS
+
+    for name in chosen or ():
+        if name not in METHODS:
+            raise UsageError(f"there is no search method {name!r}; methods: {', '.join(METHODS)}")
+    return chosen
+
+
+def _write(study: Study, figures: bool, quiet: bool) -> None:
+    from generation.study.comparison.report import write_report
+
+    tables = write_report(study)
+    if figures:
+        from generation.study.comparison.figures import write_figures
+
+        write_figures(study, study.out / "figures")
+    if not quiet:
+        print("\n".join(table.markdown() for table in tables))
+        print(f"all tables: {study.out / 'report.md'}")
+
+
+if __name__ == "__main__":
+    guarded(NAME, app)

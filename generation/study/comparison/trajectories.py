@@ -1,0 +1,115 @@
+"""What the ablation No-Maneuver searches: trajectories, judged beside manoeuvres by both kinds of parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from generation.outcomes.reward import Realism, Reward
+from generation.search.methods import METHODS
+from generation.search.problem import History, Problem
+from generation.study.comparison.measures import last_third
+from generation.study.knots.motion import Nearest, Setting, knots_of, maneuvers_of
+from recognition.study.protocol.tables import Table, spread
+from recognition.trfe.samples import Floats
+
+if TYPE_CHECKING:
+    from generation.study.comparison.study import Key, Study
+
+Mask = NDArray[np.bool_]
+Figures = tuple[float, ...]
+
+_NEAR = 0.99
+"""Share of the recorded manoeuvres whose knots are as near to a manoeuvre as a trajectory must be to count as one"""
+_NOTE = (
+    "The last third of each search, told by both kinds of parameters: knots by those of the trajectory, seven by those of the "
+    "manoeuvre that comes nearest to it. Each kind has a density of its own, of the same recorded manoeuvres, and its own limit "
+    "of what is plausible: no less likely than 99 % of them. Log-likelihoods of the two are in different units: compare them "
+    "within a column. Near a manoeuvre: share of the episodes that are as near to one, across and along the lane, as 99 % of the "
+    "recorded manoeuvres are after they were told by knots; the others are none, whatever the seven parameters say of them."
+)
+_HEADER = (
+    "", "log-likelihood, knots", "plausible, knots", "plausible collisions, knots",
+    "log-likelihood, seven", "plausible, seven", "plausible collisions, seven", "near a manoeuvre",
+)  # fmt: skip
+
+
+class Trajectories(NamedTuple):
+    """The trajectory-level problem beside a study's own.
+
+    Attributes:
+        scenario: its file.
+        setting: what trajectories are told from.
+        problem: what methods are given.
+    """
+
+    scenario: Path
+    setting: Setting
+    problem: Problem
+
+    def as_maneuvers(self, history: History, reward: Reward) -> History:
+        """A search of trajectories told by the manoeuvres nearest to them, and what these would have been rewarded with."""
+        theta = maneuvers_of(history.theta, self.setting).theta
+        return History(theta, history.outcomes, reward(theta, history.outcomes))
+
+
+def table(study: Study) -> Table:
+    """MCSG and the methods that search trajectories, by both kinds of parameters; no rows without such a method."""
+    keys = [key for key in study.searches() if key.method == "mcsg" or METHODS[key.method].knots]
+    rows: list[tuple[str, ...]] = []
+    if any(METHODS[key.method].knots for key in keys):
+        judge = _Judge(study)
+        rows.append(_row("recorded, by their knots", [judge.recorded]))
+        for name in dict.fromkeys(key.method for key in keys):
+            rows.append(_row(METHODS[name].title, [judge.figures(key) for key in keys if key.method == name]))
+    return Table("trajectories", "Trajectories and manoeuvres", _NOTE, _HEADER, rows)
+
+
+class _Judge:
+    """Tells episodes by both kinds of parameters.
+
+    Attributes:
+        recorded: figures of the recorded manoeuvres, told by knots and then by the nearest manoeuvres.
+    """
+
+    def __init__(self, study: Study) -> None:
+        self._study, self._side = study, study.trajectories
+        knots = self._side.problem.real
+        nearest = maneuvers_of(knots, self._side.setting)
+        self._limits = np.quantile([nearest.lateral, nearest.longitudinal], _NEAR, axis=1)
+        self.recorded = self._figures(knots, nearest.theta, np.zeros(len(knots), bool), self._near(nearest))
+
+    def figures(self, key: Key) -> Figures:
+        """Of the last third of a search."""
+        setting = self._side.setting
+        if not METHODS[key.method].knots:
+            last = last_third(self._study.history(key))
+            every = np.ones(len(last.theta), bool)
+            return self._figures(knots_of(last.theta, setting), last.theta, last.outcomes.collision, every)
+        last = last_third(self._study.knots(key))
+        nearest = maneuvers_of(last.theta, setting)
+        return self._figures(last.theta, nearest.theta, last.outcomes.collision, self._near(nearest))
+
+    def _near(self, nearest: Nearest) -> Mask:
+        return (nearest.lateral <= self._limits[0]) & (nearest.longitudinal <= self._limits[1])
+
+    def _figures(self, knots: Floats, theta: Floats, collision: Mask, near: Mask) -> Figures:
+        sides = (self._side.problem, knots), (self._study.problem, theta)
+        found = [_likelihoods(problem.reward.realism, rows, collision) for problem, rows in sides]
+        return (*found[0], *found[1], float(near.mean()))
+
+
+def _likelihoods(realism: Realism, theta: Floats, collision: Mask) -> Figures:
+    """Mean log-density, share of the plausible, and of the plausible collisions."""
+    log_likelihood, plausible = realism.judged(theta)
+    return float(log_likelihood.mean()), float(plausible.mean()), float((plausible & collision).mean())
+
+
+def _row(title: str, found: list[Figures]) -> tuple[str, ...]:
+    return (
+        title,
+        *(spread(column, 1 if "log" in head else 3) for head, column in zip(_HEADER[1:], zip(*found, strict=True), strict=True)),
+    )

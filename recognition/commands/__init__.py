@@ -1,1 +1,0 @@
-"""Commands of `xosc-recognize` that are no module of their own elsewhere."""

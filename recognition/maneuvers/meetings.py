@@ -1,0 +1,73 @@
+"""Who else comes to the ego's way, and where."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from recognition.datasets.rows import Floats
+from recognition.maneuvers.courses import Course
+from recognition.maneuvers.record import Meeting
+from runner.recording import Recording, Track
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+_SAME = 1.0
+"""Ways that come closer than this meet, m"""
+_BESIDE = 2.0
+"""Who is nearer than this (m) to the ego's way when the passage begins drives along with it"""
+_SOON = 5.0
+"""Time (s) between two at one place that is too long for either to mind the other"""
+_STEP = 0.25
+"""Distance (m) of the points of the ego's way that others are compared with"""
+
+
+def meeting(recording: Recording, ego: Track, course: Course, time: float, partner: str | None) -> Meeting | None:
+    """The meeting with whom the ego has least time between them, of those whose way meets its own from the side.
+
+    Args:
+        course: the ego's way.
+        time: when its passage begins, s; the other one is still on its way to it then.
+        partner: whom the event is about; None for anybody who is at the same place up to `_SOON` s earlier or later.
+    """
+    from scipy.spatial import cKDTree
+
+    station = np.arange(0.0, float(course.station[-1]), _STEP)
+    points = np.column_stack([np.interp(station, course.station, values) for values in (course.x, course.y)])
+    then = np.interp(station, course.station, course.time)
+    way = _Way(cKDTree(points), then, time)
+    tracks = [recording.tracks[partner]] if partner is not None else list(recording.tracks.values())
+    found = [one for track in tracks if track is not ego and track.kind != "miscellaneous" and (one := way.met_by(track))]
+    least, best = min(found, key=lambda one: (one[0], one[1].other.name), default=(np.inf, None))
+    return best if partner is not None or least <= _SOON else None
+
+
+class _Way:
+    """The ego's way, with the times (s) at which it was at its points; and when its passage begins."""
+
+    def __init__(self, tree: cKDTree, then: Floats, begins: float) -> None:
+        self._tree, self._then, self._begins = tree, then, begins
+
+    def met_by(self, track: Track) -> tuple[float, Meeting] | None:
+        """Where a track comes to the way, and the time between its and the ego's visit (s); None where it does not."""
+        columns = track.columns
+        time = columns["time"]
+        row = int(np.searchsorted(time, self._begins))
+        if self._begins < time[0] or row == len(time):
+            return None
+        places = np.column_stack([columns["x"][row:], columns["y"][row:]])
+        apart, nearest = map(np.asarray, self._tree.query(places, distance_upper_bound=_BESIDE))
+        near = np.flatnonzero((apart < _SAME) & (self._then[np.minimum(nearest, len(self._then) - 1)] > self._begins))
+        if not len(near) or apart[0] < _BESIDE:
+            return None
+        first = int(near[0])
+        place = row + first
+        course = Course.of(track)
+        reach = float(course.at(time[place])) - track.box.x - 0.5 * track.box.length
+        if reach <= course.at(self._begins):
+            return None
+        x, y = (round(float(columns[axis][place]), 3) for axis in ("x", "y"))
+        found = Meeting(track, course, x, y, reach, float(np.interp(reach, course.station, course.time)))
+        return abs(float(time[place] - self._then[nearest[first]])), found

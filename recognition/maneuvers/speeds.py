@@ -1,0 +1,69 @@
+"""The three speeds of a manoeuvre, and the way that they stand for.
+
+Before the manoeuvre the start speed is kept; during it the speed goes to the end speed, after it to the final speed, evenly over
+time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.datasets.rows import Floats
+from recognition.maneuvers.courses import Course
+from runner.recording import Track
+
+SMOOTHING = 0.5
+"""Window (s) over which speeds are averaged"""
+
+_WEIGHT = 10.0
+"""How many metres of the way one m/s of a speed counts as when speeds are fitted: so much that they stay near those at the
+instants that they are named after (0.3 to 0.6 m/s on own motorways), and follow the way all the same, s"""
+EVERY = 0.2
+"""Resolution (s) of the motion that speeds are fitted to"""
+
+
+def ways(time: Floats, duration: float, rest: float) -> Floats:
+    """What each m/s of start, end and final speed adds to the way since the manoeuvre began (n, 3), s.
+
+    Args:
+        time: instants counted from the manoeuvre's beginning (n,), s.
+        duration: of the manoeuvre, s. rest: from its end to the scene's, s.
+    """
+    during = np.clip(time, 0.0, duration)
+    after = np.clip(time - duration, 0.0, None)
+    gained, settled = during**2 / (2.0 * duration), after**2 / (2.0 * rest) if rest > 0.0 else 0.0 * after
+    return np.stack([np.minimum(time, 0.0) + during - gained, gained + after - settled, settled], axis=1)
+
+
+def fitted_speeds(model: Floats, way: Floats, seen: Floats) -> Floats:
+    """Start, end and final speed (3,), m/s, that follow a way best and stay near the speeds seen at their instants.
+
+    Args:
+        model: what each speed adds to the way (n, 3), s (`ways`).
+        way: since the manoeuvre began (n,), m.
+        seen: speeds at its beginning, its end, and the scene's end (3,), m/s.
+    """
+    target = np.concatenate([way, _WEIGHT * seen])
+    found = np.linalg.lstsq(np.vstack([model, _WEIGHT * np.eye(3)]), target)[0]
+    return np.maximum(found, 0.0)
+
+
+def speed_at(track: Track, time: float) -> float:
+    """Speed (m/s) about a time (s)."""
+    columns = track.columns
+    near = np.abs(columns["time"] - time) <= 0.5 * SMOOTHING
+    return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
+
+
+def recorded_speeds(track: Track, course: Course, first: float, start: float, duration: float, rest: float) -> list[float]:
+    """Start, end and final speed (m/s) of a manoeuvre with which a track covers the way that it was recorded on.
+
+    Args:
+        course: that way.
+        first: from when on its way counts, s.
+        start: of the manoeuvre, s; duration and rest as in `ways`.
+    """
+    time = np.arange(first - start, duration + rest + EVERY / 2, EVERY)
+    seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
+    found: list[float] = fitted_speeds(ways(time, duration, rest), course.at(start + time) - course.at(start), seen).tolist()
+    return found

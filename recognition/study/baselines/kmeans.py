@@ -1,0 +1,38 @@
+"""k-means on the encoder's features."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.study.baselines.pool import ClusteringMethod, Pool
+from recognition.trfe.samples import Features, Whole
+
+
+def k_means(features: Features, count: int, seed: int) -> Whole:
+    """Cluster number of each sample (n,): the best of ten starts."""
+    from sklearn.cluster import KMeans
+
+    return np.asarray(KMeans(count, n_init=10, random_state=seed).fit_predict(features), dtype=np.int64)
+
+
+class KMeansFeatures(ClusteringMethod):
+    """k-means of the standardised features, given the true K: what clustering has to beat.
+
+    Lloyd, Least Squares Quantization in PCM, IEEE Transactions on Information Theory 28, 1982.
+    """
+
+    given_count = True
+
+    def cluster(self, pool: Pool) -> Whole:
+        """Cluster number of each sample (n,)."""
+        return k_means(pool.standardised()[0], pool.classes, self.seed)
+
+
+class ChanceClusters(ClusteringMethod):
+    """One of K clusters drawn for each sample, given the true K."""
+
+    given_count = True
+
+    def cluster(self, pool: Pool) -> Whole:
+        """Cluster number of each sample (n,)."""
+        return np.random.default_rng(self.seed).integers(pool.classes, size=len(pool.features))

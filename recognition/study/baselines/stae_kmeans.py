@@ -1,0 +1,17 @@
+"""Autoencoder and k-means."""
+
+from __future__ import annotations
+
+from recognition.study.baselines.kmeans import k_means
+from recognition.study.baselines.pool import ClusteringMethod, Pool
+from recognition.trfe.samples import Whole
+
+
+class STAEKMeans(ClusteringMethod):
+    """k-means on the codes of an autoencoder of the grids (`recognition.study.baselines.stae`), given the true K."""
+
+    given_count = True
+
+    def cluster(self, pool: Pool) -> Whole:
+        """Cluster number of each sample (n,)."""
+        return k_means(pool.codes, pool.classes, self.seed)

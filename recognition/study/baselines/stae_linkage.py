@@ -1,0 +1,21 @@
+"""Autoencoder and average linkage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.study.baselines.pool import ClusteringMethod, Pool
+from recognition.trfe.samples import Whole
+
+
+class STAELinkage(ClusteringMethod):
+    """Average linkage on the codes of an autoencoder of the grids (`recognition.study.baselines.stae`), given the true K."""
+
+    given_count = True
+
+    def cluster(self, pool: Pool) -> Whole:
+        """Cluster number of each sample (n,)."""
+        from sklearn.cluster import AgglomerativeClustering
+
+        found = AgglomerativeClustering(pool.classes, linkage="average").fit_predict(pool.codes)
+        return np.asarray(found, dtype=np.int64)

@@ -1,0 +1,56 @@
+"""Open-set methods that judge the votes of a random forest."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from recognition.study.baselines.method import OpenSetMethod
+from recognition.trfe.samples import Features, Floats, Whole
+from recognition.trfe.screening import Screening
+from recognition.trfe.voters import Voters, grow
+from recognition.trfe.votes import TREES
+
+
+class VotingMethod(OpenSetMethod):
+    """A forest of the training samples and a screening of its votes, which is calibrated on the validation samples.
+
+    Args:
+        seed: of the forest and the screening.
+        trees: number of trees.
+        voters: grown from the training samples already; None grows them in `fit`.
+
+    Attributes:
+        background, neighbours: of the forest, see `recognition.trfe.voters.grow`.
+    """
+
+    background = False
+    neighbours = False
+
+    def __init__(self, seed: int = 0, trees: int = TREES, voters: Voters | None = None) -> None:
+        super().__init__(seed)
+        self.trees, self._grown = trees, voters
+
+    @abstractmethod
+    def _screening(self) -> Screening:
+        """The screening, not calibrated yet."""
+
+    def _learn(self, features: Features, indices: Whole) -> None:
+        self._voters = self._grown or grow(
+            features,
+            self.classes[indices],
+            trees=self.trees,
+            seed=self.seed,
+            background=self.background,
+            neighbours=self.neighbours,
+        )
+
+    def _calibrate(self, features: Features, labels: Whole) -> None:
+        cast = self._voters.cast(features)
+        self.screening = self._screening().fit(cast.votes, labels, self.trees, cast.distances)
+
+    def _classify(self, features: Features) -> Whole:
+        return self._voters.cast(features).votes.argmax(axis=1)
+
+    def score(self, features: Features) -> Floats:
+        """Outlyingness of each sample (n,); higher is less like the known classes."""
+        return self.screening.score(*self._voters.cast(features))

@@ -1,0 +1,133 @@
+"""All experiments of an evaluation, one result after the other; what is there already is not made again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recognition.encoder.config import preset
+from recognition.grids import Grid
+from recognition.study.protocol import clusterings, openset, openworld, pixels, sensitivity
+from recognition.study.protocol.rounds import Round, rounds
+from recognition.study.protocol.stage import Laboratory, Stage
+from recognition.study.protocol.store import Key, Store
+from recognition.training.data import fingerprint, source_of, windows_at
+from recognition.training.splits import Split, Unit, split
+from recognition.training.windows import Windows
+
+EXPERIMENTS: dict[str, tuple[str, ...]] = {
+    "open-set": (openset.OWN_RULE, *openset.COMMON_RULE),
+    "clustering": (*clusterings.OWN, *clusterings.OTHERS),
+    "open-world": tuple(openworld.VARIANTS),
+    "chain": openworld.CHAINED,
+    "sensitivity": ("delta", "trees"),
+    "probe": ("encoder",),
+}
+"""Kinds of experiments with the names of what each compares."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What makes results comparable: only results of the same settings share a folder.
+
+    Attributes:
+        events_per_class: to which classes are thinned; None takes all.
+        preset: of the encoder, or `pca`, see `recognition.study.protocol.pixels`.
+        unit: what is never divided between training and test.
+        grid: of the windows.
+    """
+
+    events_per_class: int | None = 400
+    preset: str = "cpu"
+    unit: Unit = "recording"
+    grid: Grid = field(default_factory=Grid)
+
+
+class Evaluation:
+    """An evaluation in a folder.
+
+    Args:
+        path: windows or recordings.
+        out: folder of results and caches.
+        settings: what makes results comparable.
+
+    Raises:
+        InvalidFile: nothing to evaluate on.
+        UsageError: the folder holds results of other settings or windows.
+    """
+
+    def __init__(self, path: Path, out: Path, settings: Settings) -> None:
+        chosen = None if settings.preset == pixels.PRESET else preset(settings.preset)
+        self.settings, self.store, self.cache = settings, Store(out), out / "cache"
+        configuration = {**asdict(settings), "recordings": source_of(path)}
+        self.store.check(configuration)
+        self.windows: Windows = windows_at(path, self.cache / "windows", settings.grid, settings.events_per_class)
+        self.store.open({**configuration, "windows": fingerprint(self.windows)})
+        self._splits: dict[int, Split] = {}
+        self._laboratory = Laboratory(self.windows, settings.grid, chosen, self.cache)
+
+    def split(self, seed: int) -> Split:
+        """The split of a seed."""
+        if seed not in self._splits:
+            self._splits[seed] = split(self.windows, seed, self.settings.unit, self.settings.events_per_class)
+        return self._splits[seed]
+
+    def rounds(self, seed: int) -> list[Round]:
+        """The rounds of a seed, over the classes that are in every part of its split."""
+        return rounds(np.unique(self.windows.labels[self.split(seed).test]).tolist())
+
+    def stage(self, seed: int, number: int) -> Stage:
+        """The stage of a round (from 1) of a seed."""
+        return self._laboratory.stage(self.split(seed), self.rounds(seed)[number - 1], seed)
+
+    def pending(self, seeds: int, kinds: Sequence[str], names: Sequence[str] | None = None) -> list[Key]:
+        """Results that are not there yet, in the order in which `run` makes them.
+
+        Args:
+            seeds: how many, from 0.
+            kinds: some of `EXPERIMENTS`.
+            names: of methods and variants; all by default.
+        """
+        wanted = [
+            Key(kind, name, seed, one.number)
+            for seed in range(seeds)
+            for one in self.rounds(seed)
+            for kind in kinds
+            for name in EXPERIMENTS[kind]
+            if names is None or name in names
+        ]
+        return [key for key in wanted if not self.store.has(key)]
+
+    def run(self, pending: Sequence[Key]) -> Iterator[Key]:
+        """Make results; each is given back when it is on disk."""
+        stage: Stage | None = None
+        for key in pending:
+            if self.store.has(key):  # a chain makes the results of all its rounds
+                yield key
+                continue
+            if stage is None or (stage.seed, stage.round.number) != (key.seed, key.round):
+                stage = self.stage(key.seed, key.round)
+            for made, values in self._measure(key, stage):
+                self.store.write(made, values)
+            yield key
+
+    def _measure(self, key: Key, stage: Stage) -> list[tuple[Key, dict[str, Any]]]:
+        match key.kind:
+            case "open-set":
+                values = openset.measure_open_set(key.method, stage)
+            case "clustering":
+                values = clusterings.measure_clustering(key.method, stage)
+            case "open-world":
+                values = openworld.measure_open_world(key.method, stage)
+            case "chain":
+                links = openworld.measure_chain(key.method, self.stage(key.seed, 1), self.rounds(key.seed))
+                return [(key._replace(round=number), link) for number, link in enumerate(links, 1)]
+            case "sensitivity":
+                values = (sensitivity.measure_delta if key.method == "delta" else sensitivity.measure_trees)(stage)
+            case _:
+                values = sensitivity.measure_probe(stage, self.settings.grid)
+        return [(key, values)]

@@ -1,0 +1,204 @@
+"""What the methods see in one round: frozen features of one encoder for each seed and round, kept on disk."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.encoder.config import Preset, Schedule
+from recognition.grids import Grid
+from recognition.study.baselines.pool import Pool
+from recognition.study.protocol.pixels import pixel_features
+from recognition.study.protocol.rounds import STEP, Round
+from recognition.training.splits import Split
+from recognition.training.windows import Windows
+from recognition.trfe.buffer import Preprocessing
+from recognition.trfe.config import Config
+from recognition.trfe.samples import UNKNOWN, Features, Whole, drawn_of_each
+from recognition.trfe.trfe import TRFE
+from recognition.trfe.voters import Voters, grow
+from recognition.trfe.votes import TREES
+
+if TYPE_CHECKING:
+    from recognition.encoder.model import Encoder
+
+_PRETRAINED = Round(0, (), ())
+"""Before the first round: the encoder is only pretrained."""
+_PRETRAINING, _FINETUNING = 100, 300
+"""Fewest steps of each training of the encoder."""
+MOST_FITTED = 400
+"""Training samples of each class that methods are fitted on, as forests of more take hours at paper scale; the encoder learns
+from all."""
+
+
+class Samples(NamedTuple):
+    """Features (n, d), labels (n,), and the numbers (n,) of the windows that they are of."""
+
+    features: Features
+    labels: Whole
+    rows: Whole
+
+    def only(self, chosen: NDArray[Any] | slice) -> Samples:
+        """Those of a mask, index or slice."""
+        return Samples(self.features[chosen], self.labels[chosen], self.rows[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One round of one seed.
+
+    Attributes:
+        windows: all of them.
+        split: the seed's.
+        round: which classes are known and new.
+        seed: of everything drawn.
+        encoded: features (n, d) of all windows in the split, by window number; those of others are 0.
+        tuned: from which column on they are of the encoder after fine-tuning.
+    """
+
+    windows: Windows
+    split: Split
+    round: Round
+    seed: int
+    encoded: Features
+    tuned: int = 0
+
+    @cached_property
+    def only_tuned(self) -> Stage:
+        """The same with features of the fine-tuned encoder alone."""
+        return replace(self, encoded=np.ascontiguousarray(self.encoded[:, self.tuned :]), tuned=0)
+
+    @cached_property
+    def labelled(self) -> Samples:
+        """Training samples of the known classes, of each at most as many as methods are fitted on."""
+        rows = self._rows(self.split.labelled, self.round.known)
+        drawn = drawn_of_each(self.windows.labels[rows], MOST_FITTED, np.random.default_rng(self.seed))
+        return self._samples(rows[np.sort(drawn)])
+
+    @cached_property
+    def validation(self) -> Samples:
+        """Validation samples of the known classes."""
+        return self._samples(self._rows(self.split.validation, self.round.known))
+
+    @cached_property
+    def test(self) -> Samples:
+        """Test samples of the known and new classes, with their true labels."""
+        return self._samples(self._rows(self.split.test, self.round.known + self.round.new))
+
+    @cached_property
+    def truth(self) -> Whole:
+        """Labels of the test samples for a method that knows the known classes: 0 for the new ones."""
+        return np.where(np.isin(self.test.labels, self.round.known), self.test.labels, UNKNOWN)
+
+    @cached_property
+    def stream(self) -> Samples:
+        """What arrives without labels in the round: all training samples of the new classes, and known ones kept apart; mixed."""
+        new = self._rows(np.concatenate([self.split.labelled, self.split.stream]), self.round.new)
+        rows = np.concatenate([new, self._rows(self.split.stream, self.round.known)])
+        return self._samples(np.random.default_rng([self.seed, self.round.number]).permutation(rows))
+
+    @cached_property
+    def appearing(self) -> Samples:
+        """The first samples of new classes in the stream, as many as TRFE's buffer holds: as if screening made no mistake."""
+        return self.stream.only(np.isin(self.stream.labels, self.round.new)).only(slice(Preprocessing().capacity))
+
+    @cached_property
+    def pool(self) -> Pool:
+        """The same for clustering methods."""
+        new, known = self.appearing, self.labelled
+        return Pool(new.features, self.windows.grids[new.rows], known.features, known.labels, len(self.round.new))
+
+    @cached_property
+    def model(self) -> TRFE:
+        """TRFE fitted on the known classes."""
+        held = self.validation
+        return TRFE(Config(seed=self.seed)).fit(*self.labelled[:2], held.features, held.labels)
+
+    @cached_property
+    def plain_voters(self) -> Voters:
+        """A forest fitted on the known classes, without what TRFE's has beside: the baselines that vote share it."""
+        return grow(*self.labelled[:2], trees=TREES, seed=self.seed)
+
+    def _rows(self, rows: Whole, classes: tuple[int, ...]) -> Whole:
+        return rows[np.isin(self.windows.labels[rows], classes)]
+
+    def _samples(self, rows: Whole) -> Samples:
+        return Samples(self.encoded[rows], self.windows.labels[rows], rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Laboratory:
+    """Makes stages; encoders and features are made once and kept in a folder.
+
+    One encoder is pretrained for each seed on all training windows, without labels. In each round it is fine-tuned further,
+    from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods share its features,
+    with those that it had before fine-tuning beside them.
+
+    Attributes:
+        windows: all of them. grid: theirs. cache: the folder.
+        preset: of the encoder; without one, features are those of `recognition.study.protocol.pixels`.
+    """
+
+    windows: Windows
+    grid: Grid
+    preset: Preset | None
+    cache: Path
+
+    def stage(self, split: Split, round_: Round, seed: int) -> Stage:
+        """The stage of a round of a seed."""
+        rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
+        parts = [self._features(rows, split, one, seed) for one in ((_PRETRAINED, round_) if self.preset else (_PRETRAINED,))]
+        features = np.concatenate(parts, axis=1)
+        encoded = np.zeros((len(self.windows), features.shape[1]), dtype=np.float32)
+        encoded[rows] = features
+        return Stage(self.windows, split, round_, seed, encoded, features.shape[1] - parts[-1].shape[1])
+
+    def _features(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+        """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
+        path = self.cache / f"seed{seed}" / f"encoded{round_.number}.npy"
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft = path.with_suffix(".draft.npy")
+            np.save(draft, self._encode(rows, split, round_, seed))
+            draft.replace(path)
+        return np.load(path, allow_pickle=False)
+
+    def _encode(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+        from recognition.encoder.inference import features
+
+        if self.preset is None:
+            training = np.sort(np.concatenate([split.labelled, split.stream]))
+            return pixel_features(self.windows.grids[training], self.windows.grids[rows], seed)
+        return features(self._encoder(self.preset, split, round_, seed), self.windows.select(rows))
+
+    def _encoder(self, preset: Preset, split: Split, round_: Round, seed: int) -> Encoder:
+        """The encoder of a round."""
+        from recognition.encoder.finetuning import finetune
+        from recognition.encoder.pretraining import pretrain
+        from recognition.encoder.storage import load, save
+
+        place = self.cache / f"seed{seed}" / f"encoder{round_.number}"
+        if (place / "encoder.safetensors").exists():
+            return load(place)
+        if round_.number == 0:
+            training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
+            longer = _long_enough(preset.pretraining, len(training), _PRETRAINING)
+            made = pretrain(training, preset._replace(pretraining=longer), self.grid, seed)
+        else:
+            before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _PRETRAINED
+            known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
+            longer = _long_enough(preset.finetuning, len(known), _FINETUNING)
+            made = finetune(self._encoder(preset, split, before, seed), known, longer, seed)
+        save(made, place)
+        return made
+
+
+def _long_enough(schedule: Schedule, windows: int, steps: int) -> Schedule:
+    """The schedule with so many epochs that few windows make as many steps too; presets are made for the paper's scale."""
+    return schedule._replace(epochs=max(schedule.epochs, math.ceil(steps * schedule.batch / windows)))

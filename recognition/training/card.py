@@ -1,0 +1,81 @@
+"""The card of a model: what it was trained on, how good it is, how it decides, and what it is not for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from recognition.labels.classes import Label
+from schemas.version import version
+
+if TYPE_CHECKING:
+    from recognition.training.splits import Split
+    from recognition.training.windows import Windows
+    from recognition.trfe.trfe import TRFE
+
+CARD = "README.md"
+"""File of a model's folder that tells people about it"""
+LIMITS = """\
+- Classes are what the labelling rules take them for: the rates tell how far the model agrees with the rules, on recordings like
+  those that trained it. With other traffic, sensors or maps expect more unknown and more wrong classes; try some before you
+  rely on it.
+- Rare classes were trained with as many windows as frequent ones, as far as there were so many. Confidences are shares of
+  votes, no probabilities.
+- It sorts recordings for tests, afterwards. It is not made to decide anything in a vehicle, and where it finds nothing
+  critical, that is no evidence of safety."""
+_LICENCE = "Whoever trained it decides, as far as the terms of the recordings allow."
+
+
+def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:
+    """What a model was trained on, what it makes of windows of its `parts` that it has not seen, and what it is for; Markdown."""
+    missing = ", ".join(f"{Label(label).title} ({count} windows)" for label, count in sorted(parts.left_out.items()))
+    paragraphs = [
+        "# TRFE model",
+        f"Made by xosc-recognize train (xosc-toolchain {version()}) from {data}.\n{_rates(model, windows, parts)}",
+        *([f"Too rare to be divided, so not known: {missing}."] if missing else []),
+        "## How it decides",
+        decision(model),
+        "## Limits of use",
+        f"{scope(model)}\n{LIMITS}",
+        "## Licence",
+        _LICENCE,
+    ]
+    return "\n\n".join(paragraphs) + "\n"
+
+
+def decision(model: TRFE) -> str:
+    """By what a model takes windows for a class, or for unknown."""
+    from recognition.trfe.screening import EvtDeficit
+
+    known = model.known
+    trees, features = len(known.voters.forest.estimators_), known.fitted.features.shape[1]
+    screening = f"the screening `{model.config.screening}` calls unknown what belongs to no class"
+    delta = f", by δ = {known.screening.delta:.2g}" if isinstance(known.screening, EvtDeficit) else ""
+    return f"{trees} trees vote on {features} features of {len(model.encoders)} encoders; {screening}{delta}."
+
+
+def scope(model: TRFE) -> str:
+    """What a model's windows show, as the first of its limits."""
+    grid = model.encoders[0].grid
+    about = f"{grid.frames} grids of {grid.length:g} m × {grid.width:g} m about one motor vehicle within {grid.span:g} s"
+    return f"- It sees {about} ({', '.join(grid.channels)}): nothing that is farther away, and nothing that takes longer."
+
+
+def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
+    """How many windows of each class there were, and how many of those for tests are recognised."""
+    import numpy as np
+
+    test = windows.select(parts.test)
+    found = model.recognise(test.grids)
+    lines = [
+        f"{len(test)} windows of test recordings: {np.mean(found.labels == test.labels):.1%} recognised,"
+        f" {np.mean(found.labels == Label.UNKNOWN):.1%} taken for unknown, {np.mean(found.closed == test.labels):.1%} right where"
+        " unknown is no answer.",
+        "",
+        "| class | trained with label | without | calibrated | tested | recognised |",
+        "|---|---|---|---|---|---|",
+    ]
+    for label in model.known.classes.tolist():
+        counts = [str(int((windows.labels[rows] == label).sum())) for rows in parts[:4]]
+        own = test.labels == label
+        lines.append(f"| {Label(label).title} | {' | '.join(counts)} | {np.mean(found.labels[own] == label):.1%} |")
+    return "\n".join(lines)

@@ -1,0 +1,110 @@
+"""`xosc-recognize train`: a model from recordings, with a card about it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from recognition.encoder.config import preset as preset_of
+from recognition.training.card import CARD, card_of
+from recognition.training.splits import Split, Unit, split
+from runner.command_line import interruptible
+from schemas.command_line import Verbose, Version, out_folder
+from schemas.errors import UsageError
+from schemas.storage import keep
+
+if TYPE_CHECKING:
+    from recognition.encoder.config import Preset
+    from recognition.encoder.training import Progress
+    from recognition.grids import Grid
+    from recognition.training.windows import Windows
+    from recognition.trfe.trfe import TRFE
+
+
+@interruptible("xosc-recognize train")
+def train(
+    path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
+    out: Annotated[Path, out_folder("Folder of the model.")],
+    cache: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder that keeps windows made of recordings.  [default: DIR/windows]")
+    ] = None,
+    events_per_class: Annotated[int, typer.Option(min=20, metavar="N", help="Most events of each class.")] = 2600,
+    preset: Annotated[str, typer.Option(help="Size and training of the encoder: cpu or full.")] = "cpu",
+    split_by: Annotated[
+        Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
+    ] = "recording",
+    forest_samples: Annotated[
+        int | None, typer.Option(min=20, metavar="N", help="Most samples of each class that trees learn from.  [default: all]")
+    ] = None,
+    samples: Annotated[
+        int | None,
+        typer.Option(min=20, metavar="N", help="Most samples of each class that are kept with the model.  [default: all]"),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    _verbose: Verbose = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no figures.")] = False,
+    _version: Version = False,
+) -> None:
+    """Train a model that recognises the classes of recordings, to be used by xosc-recognize --model DIR.
+
+    Recordings are divided: a part trains, a part calibrates what counts as unknown, a part tells how good the model is.
+    """
+    from recognition.grids import Grid
+    from recognition.training.data import source_of, windows_at
+    from recognition.trfe.store import save
+
+    chosen, grid = preset_of(preset), Grid()
+    kept = (cache or out / "windows") / f"{source_of(path)}-{events_per_class}"
+    windows = windows_at(path, kept, grid, events_per_class)
+    parts = split(windows, seed, split_by, events_per_class)
+    if not len(parts.labelled):
+        raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)
+    with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
+        model = fitted(windows, parts, chosen, grid, seed, forest_samples, progress)
+    save(model, out, samples)
+    card = card_of(model, windows, parts, f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}")
+    keep(card.encode(), out / CARD)
+    if not quiet:
+        print(card)
+
+
+@contextmanager
+def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
+    """A bar on standard error for so many epochs, where that is a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("training", total=count)
+        yield lambda epoch, loss: bar.update(task, advance=1, description=f"epoch {epoch}, loss {loss:.3f}")
+
+
+def fitted(
+    windows: Windows, parts: Split, preset: Preset, grid: Grid, seed: int, most: int | None, progress: Progress | None
+) -> TRFE:
+    """A model with an encoder pretrained on all windows that train, and fine-tuned on those with labels; its trees learn from at
+    most so many of each class."""
+    import numpy as np
+
+    from recognition.encoder.finetuning import finetune
+    from recognition.encoder.pretraining import pretrain
+    from recognition.encoder.storage import rounded
+    from recognition.trfe.config import Config
+    from recognition.trfe.samples import drawn_of_each
+    from recognition.trfe.trfe import TRFE
+
+    everything = windows.select(np.sort(np.concatenate([parts.labelled, parts.stream])))
+    labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
+    encoder = pretrain(everything, preset, grid, seed, progress=progress)
+    tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
+    model = TRFE(Config(seed=seed, pretrained=encoder.architecture.dim), (rounded(encoder), rounded(tuned)))
+    labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
+    return model.fit(labelled.grids, labelled.labels, held.grids, held.labels)

@@ -1,0 +1,1 @@
+"""TRFE: features, votes, screening, the buffer, and discovery of new classes."""

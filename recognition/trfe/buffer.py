@@ -1,0 +1,113 @@
+"""New-value preprocessing (NVP): samples of no known class wait in a buffer until there are enough to find new classes among."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.distance import cdist
+
+from recognition.trfe.prototypes import Prototypes
+from recognition.trfe.samples import Features, Floats, Whole
+from schemas.errors import UsageError
+
+_NORMAL = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+
+@dataclass(frozen=True)
+class Preprocessing:
+    """How the buffer is sifted.
+
+    Args:
+        capacity: W, samples that the buffer holds.
+        neighbours: k of the mean distance to the nearest neighbours.
+        spread: outliers are beyond median + spread · 1.4826 · MAD of that distance.
+        margin: a sample with r(h) up to it is near a known class. At 1, where a twentieth of the class's own samples are beyond,
+            half of the unknown ones would be set aside with those.
+    """
+
+    capacity: int = 500
+    neighbours: int = 10
+    spread: float = 3.0
+    margin: float = 0.75
+
+
+class Buffer:
+    """First in, first out: of more than `capacity` samples the oldest are dropped.
+
+    Attributes:
+        inputs: the samples (m, …), as they were given, oldest first.
+        keys: numbers (m,) by which the giver knows them.
+        dropped: how many were dropped since the start.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        if capacity < 1:
+            raise UsageError(f"a buffer of {capacity} samples can't hold any")
+        self.capacity = capacity
+        self.inputs: NDArray[Any] | None = None
+        self.keys: Whole = np.zeros(0, dtype=np.int64)
+        self.dropped = 0
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    @property
+    def full(self) -> bool:
+        """Whether the next sample would drop the oldest."""
+        return len(self) >= self.capacity
+
+    def add(self, inputs: ArrayLike, keys: ArrayLike) -> None:
+        """Append samples (n, …) with their keys (n,)."""
+        new = np.asarray(inputs)
+        together = new if self.inputs is None else np.concatenate([self.inputs, new])
+        numbers = np.concatenate([self.keys, np.asarray(keys, dtype=np.int64)])
+        self.dropped += max(len(numbers) - self.capacity, 0)
+        self.inputs, self.keys = together[-self.capacity :], numbers[-self.capacity :]
+
+    def remove(self, mask: NDArray[np.bool_]) -> None:
+        """Forget the samples where `mask` (m,) is true."""
+        if self.inputs is not None:
+            self.inputs, self.keys = self.inputs[~mask], self.keys[~mask]
+
+
+class Sifted(NamedTuple):
+    """What NVP finds out about the samples of a buffer.
+
+    Args:
+        outlying: (m,) far from its neighbours in the buffer.
+        near_known: (m,) within the margin of a known class.
+    """
+
+    outlying: NDArray[np.bool_]
+    near_known: NDArray[np.bool_]
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """(m,) neither: to be clustered."""
+        return ~(self.outlying | self.near_known)
+
+
+def sift(features: ArrayLike, prototypes: Prototypes, config: Preprocessing = Preprocessing()) -> Sifted:
+    """Tell outliers and samples near known classes among the features (m, d) of a buffer.
+
+    Raises:
+        UsageError: no more samples than neighbours, or features that are not finite.
+    """
+    standard = prototypes.standardise(features)
+    if len(standard) <= config.neighbours:
+        raise UsageError(f"{len(standard)} buffered samples have no {config.neighbours} neighbours each")
+    isolation = _isolation(standard, config.neighbours, "cosine" if prototypes.metric == "cosine" else "euclidean")
+    median = np.median(isolation)
+    limit = median + config.spread * _NORMAL * np.median(np.abs(isolation - median))
+    return Sifted(isolation > limit, prototypes.ratio(features) <= config.margin)
+
+
+def _isolation(standard: Features, neighbours: int, metric: Literal["euclidean", "cosine"]) -> Floats:
+    """a(h) (m,): mean distance to the nearest neighbours, not counting the sample itself."""
+    distances = cdist(standard, standard, metric)
+    np.fill_diagonal(distances, np.inf)
+    return np.partition(distances, neighbours - 1, axis=1)[:, :neighbours].mean(axis=1)

@@ -1,0 +1,73 @@
+"""Distances to the nearest samples of each known class: what trees need to see that a sample is far from all of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from recognition.trfe.samples import Features, Whole, class_labels, deviations, drawn_of_each, matrix
+
+_NEAREST = 3
+_MOST = 400
+"""References of a class: more would cost time at each recognition."""
+
+
+class Neighbours(NamedTuple):
+    """Samples of the known classes to measure distances to.
+
+    Trees split at one feature at a time; a sample that lies between classes in many features at once looks usual in each.
+    Source of the distance as a measure of novelty: Ramaswamy, Rastogi, Shim, "Efficient Algorithms for Mining Outliers from Large
+    Data Sets" (SIGMOD 2000).
+
+    Args:
+        references: (r, d), standardised; half precision, which is enough and halves stored models.
+        labels: their classes (r,).
+        mean, scale: (d,), for standardising.
+    """
+
+    references: NDArray[np.float16]
+    labels: Whole
+    mean: Features
+    scale: Features
+
+    @classmethod
+    def fit(cls, features: ArrayLike, labels: ArrayLike, seed: int = 0) -> Self:
+        """References drawn among labelled features (n, d).
+
+        Raises:
+            UsageError: features that are not finite, labels of no class.
+        """
+        table = matrix(features)
+        truth = class_labels(labels, len(table))
+        mean, scale = table.mean(axis=0), deviations(table)
+        rows = np.sort(drawn_of_each(truth, _MOST, np.random.default_rng(seed)))
+        return cls(((table[rows] - mean) / scale).astype(np.float16), truth[rows], mean, scale)
+
+    def distances(self, features: ArrayLike) -> Features:
+        """Logarithm of the mean distance to the three nearest references of each class (n, K).
+
+        A reference is not its own neighbour.
+        """
+        standard = ((matrix(features, len(self.mean)) - self.mean) / self.scale).astype(np.float16).astype(np.float32)
+        return np.stack([self._distance(standard, label) for label in np.unique(self.labels)], axis=1)
+
+    def extended(self, features: ArrayLike) -> Features:
+        """Features (n, d) with their distances beside them: (n, d + K)."""
+        return np.concatenate([matrix(features), self.distances(features)], axis=1)
+
+    def _distance(self, standard: Features, label: int) -> Features:
+        from sklearn.neighbors import NearestNeighbors
+
+        references = self.references[self.labels == label].astype(np.float32)
+        count = min(_NEAREST + 1, len(references))
+        found = NearestNeighbors(n_neighbors=count, algorithm="brute").fit(references).kneighbors(standard)[0]
+        if count == 1:
+            return _logarithm(found[:, 0])
+        itself = found[:, 0] == 0.0
+        return _logarithm(np.where(itself, found[:, 1:].mean(axis=1), found[:, :-1].mean(axis=1)))
+
+
+def _logarithm(distances: NDArray[np.floating]) -> Features:
+    return np.log(np.maximum(distances, np.finfo(np.float32).tiny)).astype(np.float32)

@@ -1,0 +1,34 @@
+"""Votes and distances judged together: a generalised Pareto tail for each, and Fisher's combination of both."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import xlogy
+
+from recognition.trfe.samples import Floats, Whole
+from recognition.trfe.screening.evt_pooled import EvtPooled
+from schemas.errors import UsageError
+
+
+class EvtJoint(EvtPooled):
+    """score = 1 − p, with p = q (1 − ln q), q = s(d) · s(r): Fisher's combined significance of both survivals.
+
+    s(d) is that of the votes that the best class lacks, see `EvtPooled`; s(r) that of the distance r to the nearest known
+    samples, in the same form. Trees split at one feature at a time and see little of what lies between the classes; distances
+    weigh all features alike and see little of what matters for a class.
+    Source: Fisher, "Statistical Methods for Research Workers" (1932), § 21.1; for the distance Sun et al., "Out-of-Distribution
+    Detection with Deep Nearest Neighbors" (ICML 2022).
+    """
+
+    def _lacking(self, votes: Whole, distances: Floats | None, jitter: Floats | float) -> Floats:
+        if distances is None:
+            raise UsageError("the joint screening looks at distances: it needs trees that see them")
+        return np.column_stack([super()._lacking(votes, distances, jitter), distances])
+
+    def _belongs(self, columns: Whole) -> NDArray[np.bool_]:
+        return np.ones((len(columns), 2), dtype=bool)
+
+    def _score(self, votes: Whole, distances: Floats | None) -> Floats:
+        both = self.similarities(votes, distances).prod(axis=1)
+        return 1.0 - both + xlogy(both, both)

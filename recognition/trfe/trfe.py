@@ -1,0 +1,176 @@
+"""TRFE: recognise scenarios of known classes, set aside unknown ones, find new classes among them, and go on with those."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from recognition.trfe.buffer import Buffer
+from recognition.trfe.config import Config
+from recognition.trfe.discovery import Discovery, discover
+from recognition.trfe.known import Known, Labelled, labelled, learn
+from recognition.trfe.samples import UNKNOWN, Features, Floats, Whole, matrix
+from recognition.trfe.screening import EvtDeficit
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from recognition.encoder.model import Encoder
+
+_CALIBRATING = 0.3
+"""Share of a promoted class's samples that calibrate the screening; the forest is fitted on the others."""
+
+
+class Recognition(NamedTuple):
+    """What is recognised in n samples.
+
+    Args:
+        labels: known class (n,), 0 = unknown.
+        confidence: share of the votes of the class with most (n,), in [0, 1].
+        score: how outlying (n,); higher is more outlying.
+        closed: class with most votes (n,), whether the sample is unknown or not.
+        features: (n, d).
+    """
+
+    labels: Whole
+    confidence: Floats
+    score: Floats
+    closed: Whole
+    features: Features
+
+
+class TRFE:
+    """Recognises, sets aside, discovers and expands.
+
+    Args:
+        config: choices.
+        encoders: make features of grids, trained and from now on frozen; without any, only features are taken. Features of
+            the encoder before fine-tuning, beside those after it, hold what new classes differ in from each other.
+        known: what was learnt before.
+
+    Attributes:
+        buffer: unknown samples that wait.
+    """
+
+    def __init__(self, config: Config | None = None, encoders: Sequence[Encoder] = (), known: Known | None = None) -> None:
+        self.config = config or Config()
+        self.encoders = tuple(encoders)
+        self.buffer = Buffer(self.config.preprocessing.capacity)
+        self._known = known
+
+    @property
+    def known(self) -> Known:
+        """The known classes and what was learnt of them.
+
+        Raises:
+            UsageError: nothing has been learnt yet.
+        """
+        if self._known is None:
+            raise UsageError("this model has not been fitted yet")
+        return self._known
+
+    def fit(self, inputs: ArrayLike, labels: ArrayLike, calibration: ArrayLike, calibration_labels: ArrayLike) -> Self:
+        """Learn the known classes.
+
+        Args:
+            inputs, labels: grids or features (n, …) to fit the forest on, and their classes (n,).
+            calibration, calibration_labels: other samples of the same classes, best of other recordings, to calibrate the
+                screening on.
+
+        Raises:
+            UsageError: fewer than two classes, classes that differ between the two sets, or features that are not finite.
+        """
+        fitted, calibrating = labelled(self.encode(inputs), labels), labelled(self.encode(calibration), calibration_labels)
+        self._known = learn(fitted, calibrating, self.config)
+        return self
+
+    def encode(self, inputs: ArrayLike) -> Features:
+        """Features (n, d) of grids (n, frames, channels, rows, columns); features stay as they are.
+
+        Raises:
+            UsageError: neither, or grids without encoders.
+        """
+        table = np.asarray(inputs)
+        if table.ndim != 5:
+            return matrix(table)
+        if not self.encoders:
+            raise UsageError("this model has no encoder: it takes features, not grids")
+        from recognition.encoder.inference import features
+
+        return matrix(features(self.encoders, table))
+
+    def recognise(self, inputs: ArrayLike) -> Recognition:
+        """The known class of each sample (n, …), grids or features, or that it is unknown."""
+        features, known = self.encode(inputs), self.known
+        cast = known.voters.cast(features)
+        closed = known.classes[cast.votes.argmax(axis=1)]
+        score, threshold = known.prototypes.ratio(features), 1.0
+        if known.screening:
+            score, threshold = known.screening.score(*cast), known.screening.threshold
+        return Recognition(
+            np.where(score <= threshold, closed, UNKNOWN), cast.votes.max(axis=1) / self.config.trees, score, closed, features
+        )
+
+    def observe(self, inputs: ArrayLike, keys: ArrayLike) -> Recognition:
+        """Recognise samples (n, …) and put the unknown ones into the buffer, under their keys (n,).
+
+        Give a stream in parts smaller than the buffer, and `discover` when it is full: of what is more, the oldest are dropped.
+        """
+        found = self.recognise(inputs)
+        if self.config.window and isinstance(self.known.screening, EvtDeficit):
+            self.known.screening.recalibrate(*self.known.voters.cast(found.features))
+        unknown = found.labels == UNKNOWN
+        self.buffer.add(found.features[unknown], np.asarray(keys)[unknown])
+        return found
+
+    def discover(self) -> Discovery:
+        """Look for new classes in the buffer; neither the buffer nor what is known changes.
+
+        Raises:
+            UsageError: the buffer is empty, or holds no more samples than a sample must have neighbours.
+        """
+        return discover(self.known, self.buffer, self.config)
+
+    def expand(self, discovery: Discovery) -> None:
+        """Take promoted clusters as known classes: they leave the buffer, and forest, screening and prototypes are made anew.
+
+        δ stays what it is: to choose it again would take a forest for each class.
+        """
+        promoted = discovery.labels != UNKNOWN
+        if not promoted.any():
+            return
+        features, labels = discovery.features[promoted], discovery.labels[promoted]
+        calibrates = _a_share_of_each(labels, _CALIBRATING, self.config.seed)
+        fitted, calibrating = (Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates))
+        known, config = self.known, self.config
+        if isinstance(known.screening, EvtDeficit):
+            config = replace(config, delta=known.screening.delta)
+        self._known = learn(known.fitted.joined(fitted), known.calibrating.joined(calibrating), config)
+        self.buffer.remove(np.isin(self.buffer.keys, discovery.keys[promoted]))
+
+    def save(self, folder: Path) -> None:
+        """Write the model into a folder, see `recognition.trfe.store`."""
+        from recognition.trfe.store import save
+
+        save(self, folder)
+
+    @classmethod
+    def load(cls, folder: Path) -> TRFE:
+        """Read a model from a folder, see `recognition.trfe.store`; no code of the files is run."""
+        from recognition.trfe.store import load
+
+        return load(folder)
+
+
+def _a_share_of_each(labels: Whole, share: float, seed: int) -> NDArray[np.bool_]:
+    """Mask (n,) of a random share of the samples of each class, at least one."""
+    chosen = np.zeros(len(labels), dtype=bool)
+    random = np.random.default_rng(seed)
+    for label in np.unique(labels):
+        members = random.permutation(np.flatnonzero(labels == label))
+        chosen[members[: int(np.ceil(share * len(members)))]] = True
+    return chosen

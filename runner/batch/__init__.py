@@ -1,0 +1,1 @@
+"""Many runs: jobs, processes, clusters, and what is done so far."""

@@ -1,0 +1,201 @@
+"""Many runs: every parameter set of every file, in one process or several, interrupted and resumed with nothing lost."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runner.batch import journal
+from runner.batch.jobs import Job, Outcome, failure, one_line
+from runner.batch.pool import Pool
+from runner.outputs import report
+from runner.outputs.runs import write_runs
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
+
+Also = Callable[["RunResult"], None]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Settings shared by all runs of a batch; see `runner.run`."""
+
+    timestep: float = 0.05
+    sut: str | None = "cas"
+    ego: str | None = None
+    seed: int = 0
+    max_time: float | None = None
+    world: str = "sumo"
+    enforce_constraints: bool = True
+
+    def verify(self) -> None:
+        """Refuse settings that no run can have.
+
+        Raises:
+            UsageError: one of them is wrong.
+        """
+        from runner.interpreter.execution import check_settings
+        from runner.sut import find_system
+
+        check_settings(self.timestep, self.max_time, self.world)
+        find_system(self.sut)
+
+
+def rehearse_batch(jobs: Iterable[Job | Outcome], options: Options) -> Generator[Outcome]:
+    """Load, resolve and compile what is to be run, without running it."""
+    from runner.interpreter.execution import prepare
+
+    for job in jobs:
+        if isinstance(job, Outcome):
+            yield job
+            continue
+        try:
+            prepare(job.scenario, job.parameters, options.ego, options.enforce_constraints)
+            outcome = Outcome(job, "passed", 0, status="compiled")
+        except Exception as error:  # a defect of ours is an outcome too, the other files go on
+            outcome = failure(job, error)
+        yield outcome
+
+
+def execute(job: Job, options: Options, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
+    """Do one run, write its results and enter it in the journal; errors become outcomes."""
+    try:
+        outcome = _run(job, options, out, plot, also)
+        if out is not None:
+            journal.enter(out, outcome)
+        return outcome
+    except OSError as error:  # no space, no right to write: not entered, to be repeated
+        return failure(job, error)
+
+
+def _run(job: Job, options: Options, out: Path | None, plot: bool, also: Sequence[Also]) -> Outcome:
+    from runner.interpreter.execution import run
+
+    try:
+        result = run(job.scenario, parameters=job.parameters, **asdict(options))
+        result.name = job.name
+        measures = _write(result, out / job.name, plot) if out is not None else {}
+        for act in also:
+            act(result)
+    except OSError:
+        raise
+    except Exception as error:  # a defect of ours is an outcome too, the other runs go on
+        return failure(job, error)
+    state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
+    message = one_line("; ".join((*result.verdict.reasons, *result.remarks)))
+    return Outcome(job, state, code, message, result.status, result.end_time, measures)
+
+
+def _write(result: RunResult, folder: Path, plot: bool) -> dict[str, Any]:
+    """Write a run's files into its folder, which appears only when it is complete; its criticality measures."""
+    from runner.outputs import trajectories
+
+    draft = Path(tempfile.mkdtemp(prefix=journal.DRAFT, dir=folder.parent))
+    try:
+        values = report.summary(result)
+        trajectories.write_parquet(result, draft / "trajectories.parquet")
+        trajectories.write_csv(result, draft / "trajectories.csv")
+        trajectories.write_criticality(result, draft / "criticality.parquet")
+        report.write_events(result.events, draft / "events.jsonl")
+        report.write_json(values, draft / "result.json")
+        if plot:
+            from runner.outputs.picture import write_picture
+
+            write_picture(result, draft / "picture.png")
+        draft.chmod(0o755)
+        _replace(folder, draft)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return values["criticality"] or {}
+
+
+def _replace(folder: Path, draft: Path) -> None:
+    """Put a folder in the place of one that an interrupted batch left, and of nothing else."""
+    if folder.exists():
+        if not (folder / "result.json").is_file():
+            raise UsageError("this is in the way of a run's results, and is not of a run", path=folder)
+        shutil.rmtree(folder)
+    draft.rename(folder)
+
+
+def run_batch(
+    jobs: Iterable[Job | Outcome],
+    options: Options,
+    *,
+    out: Path | None = None,
+    plot: bool = False,
+    processes: int = 1,
+    resume: bool = False,
+    also: Sequence[Also] = (),
+    ray: str | None = None,
+) -> Generator[Outcome]:
+    """Do the runs and yield their outcomes in the order of the jobs.
+
+    With an output folder every finished run is entered in a journal at once; `resume` takes finished runs from there
+    instead of repeating them. `plot` adds a picture to the results of each. Each of `also` gets the result of every run that
+    is done, in the process that has done it.
+
+    At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.runs`). `ray` is the address
+    of a Ray cluster that does the runs, or `local`; see `runner.batch.ray_pool`.
+
+    Raises:
+        UsageError: the folder holds results already (and `resume` is not set), or those of another batch; there is no such
+            cluster.
+    """
+    done = journal.begin(out, asdict(options), resume) if out is not None else {}
+    known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
+    settings: dict[str, Any] = {"options": options, "out": out, "plot": plot, "also": also}
+    errors: dict[str, Outcome] = {}
+    try:
+        with closing(_outcomes(known, settings, processes, ray)) as outcomes:
+            for outcome in outcomes:
+                if outcome.state == "error":
+                    errors[outcome.job.name] = outcome
+                yield outcome
+    finally:
+        if out is not None:
+            journal.clear_drafts(out)
+            write_runs((errors | journal.finished(out)).values(), out / "runs.parquet")
+
+
+def _outcomes(jobs: Iterator[Job | Outcome], settings: dict[str, Any], processes: int, ray: str | None) -> Generator[Outcome]:
+    """Do the runs in this process, in several or on a cluster; settings as `execute` takes them."""
+    out: Path | None = settings["out"]
+    if ray is not None:
+        from runner.batch.ray_pool import RayPool
+
+        enter = partial(journal.enter, out) if out is not None else None
+        with RayPool(ray, processes, partial(_run, **settings), _lost, enter) as cluster:
+            yield from cluster.execute(jobs)
+    elif processes > 1:
+        with Pool(processes, partial(execute, **settings), partial(_died, out=out)) as pool:
+            yield from pool.execute(jobs)
+    else:
+        for job in jobs:
+            yield job if isinstance(job, Outcome) else execute(job, **settings)
+
+
+def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
+    outcome = done.get(job.name)
+    if outcome is not None and outcome.job != job:
+        raise UsageError(f"{job.name} was run from another file or with other parameters; resume with the same")
+    return outcome
+
+
+def _lost(job: Job) -> Outcome:
+    return Outcome(job, "error", 5, "the process that ran it died, which is not the scenario's fault")
+
+
+def _died(job: Job, out: Path | None) -> Outcome:
+    outcome = _lost(job)
+    if out is not None:
+        journal.enter(out, outcome)
+    return outcome

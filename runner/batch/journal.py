@@ -1,0 +1,119 @@
+"""What a batch has done so far, in its output folder: one line for each finished run, safely on disk before the next."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from runner.batch.jobs import Job, Outcome
+from runner.outputs.report import finite, write_json
+from schemas.errors import UsageError
+
+_JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
+DRAFT = ".draft-"
+"""Beginning of the names of folders that are being written."""
+
+
+def enter(out: Path, outcome: Outcome) -> None:
+    """Write down a finished run; several processes may do so at a time."""
+    job = outcome.job
+    entry = {key: value for key, value in asdict(outcome).items() if key != "trace"}
+    entry["job"] = {"name": job.name, "source": str(job.source), "scenario": str(job.scenario), "parameters": job.parameters}
+    line = json.dumps(finite(entry), allow_nan=False) + "\n"
+    file = os.open(out / _JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        os.write(file, line.encode())  # one call: lines of several processes do not mix
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+def begin(out: Path, settings: dict[str, Any], resume: bool) -> dict[str, Outcome]:
+    """Make an output folder ready for a batch with these settings.
+
+    Returns:
+        Outcomes of the runs that it holds already, by name; none unless `resume` is set.
+
+    Raises:
+        UsageError: the folder holds results already (and `resume` is not set), or those of a batch with other settings.
+    """
+    journal, manifest = out / _JOURNAL, out / _SETTINGS
+    if journal.exists() and not resume:
+        raise UsageError("this folder holds the results of an earlier batch; use --resume to go on with it", path=out)
+    done: dict[str, Outcome] = {}
+    if journal.exists():
+        _compare(manifest, settings)
+        done = _read(journal)
+        clear_drafts(out)
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(settings, manifest)
+    journal.touch()
+    return done
+
+
+def clear_drafts(out: Path) -> None:
+    """Remove what interrupted runs left behind."""
+    for draft in out.glob(f"{DRAFT}*"):
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _compare(manifest: Path, settings: dict[str, Any]) -> None:
+    try:
+        before = json.loads(manifest.read_text(encoding="utf-8"))
+        changed = [key for key in settings if settings[key] != before.get(key)]
+    except (FileNotFoundError, ValueError, AttributeError):
+        raise UsageError("the settings of the batch to go on with can't be read", path=manifest) from None
+    if changed:
+        raise UsageError(f"the batch was begun with other settings ({', '.join(changed)}); resume with the same", path=manifest)
+
+
+def is_batch(out: Path) -> bool:
+    """Whether a folder is the output folder of a batch."""
+    return (out / _JOURNAL).is_file()
+
+
+def finished(out: Path) -> dict[str, Outcome]:
+    """The finished runs of a batch by name, as its output folder says.
+
+    Raises:
+        UsageError: the folder is not that of a batch, or its journal is damaged.
+    """
+    try:
+        whole = (out / _JOURNAL).read_bytes().rpartition(b"\n")[0]
+    except OSError:
+        raise UsageError("this is not the output folder of a batch: it has no journal", path=out) from None
+    return _outcomes(whole, out / _JOURNAL)
+
+
+def settings(out: Path) -> dict[str, Any]:
+    """The settings that all runs of a batch share, as its output folder says."""
+    try:
+        values = json.loads((out / _SETTINGS).read_text(encoding="utf-8"))
+        return dict(values)
+    except (OSError, ValueError, TypeError):
+        raise UsageError("this is not the output folder of a batch: its settings can't be read", path=out) from None
+
+
+def _read(journal: Path) -> dict[str, Outcome]:
+    """The finished runs; a line that an interruption cut short is dropped, and with it that run."""
+    whole, _, rest = journal.read_bytes().rpartition(b"\n")
+    if rest:
+        os.truncate(journal, len(whole) + 1 if whole else 0)
+    return _outcomes(whole, journal)
+
+
+def _outcomes(whole: bytes, journal: Path) -> dict[str, Outcome]:
+    done = {}
+    for number, line in enumerate(whole.splitlines(), 1):
+        try:
+            entry = json.loads(line)
+            job = entry.pop("job")
+            restored = Job(job["name"], Path(job["source"]), Path(job["scenario"]), job["parameters"])
+            done[restored.name] = Outcome(restored, **entry)
+        except (ValueError, TypeError, KeyError, AttributeError):
+            raise UsageError("this line is not of a batch's journal", path=journal, line=number) from None
+    return done

@@ -1,0 +1,165 @@
+"""Jobs on a Ray cluster: the same as `runner.batch.pool`, on as many machines as there are.
+
+Every machine of the cluster needs this package (and the systems under test) installed, and the scenarios and the output folder
+under the same paths, on file systems that they share. Ray is an extra: it is imported only here.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import logging
+import os
+import socket
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from runner.batch.jobs import Job, Outcome, failure
+from schemas.errors import ToolchainError, UsageError
+
+LOCAL = "local"
+_AHEAD = 2
+"""Runs handed out for each processor of the cluster"""
+_REPEATS = 2
+"""How often a run is repeated whose process or machine has died"""
+_LEAVING = 60.0
+"""Time (s) that runs in work have to end when nobody waits for them any more"""
+_LISTENING = 5.0
+"""Time (s) that a cluster has to answer"""
+_STORE = 100_000_000
+"""Shared memory of a cluster of our own, bytes; outcomes are small"""
+
+
+class RayPool:
+    """Does jobs as tasks of a Ray cluster, each job once, again where its process died. A context manager.
+
+    A program that is connected to a cluster already goes on with that.
+
+    Args:
+        address: of a cluster (`HOST:PORT`, `ray://…`, `auto`), or `local` for one of our own on this machine.
+        processes: how many jobs at a time `local` does; elsewhere the cluster's processors decide.
+        work: does a job, in a worker; an OSError of it is a failure that may not come again.
+        died: the outcome of a job whose process died every time.
+        done: called here with every outcome that work returns, as soon as it is there.
+
+    Raises:
+        UsageError: Ray is not installed, or there is no such cluster.
+        ToolchainError: one of our own does not start.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        processes: int,
+        work: Callable[[Job], Outcome],
+        died: Callable[[Job], Outcome],
+        done: Callable[[Outcome], None] | None = None,
+    ) -> None:
+        self._died, self._done = died, done
+        self._ray, self._ours = _connect(address, processes)
+        self._task = self._ray.remote(num_cpus=1, max_retries=_REPEATS)(_work).options(name="xosc-run")
+        self._shared = self._ray.put(work)
+        self._most = _AHEAD * max(1, int(self._ray.cluster_resources().get("CPU", 1)))
+
+    def __enter__(self) -> RayPool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the cluster; one of our own ends."""
+        if self._ours:
+            self._ray.shutdown()
+
+    def execute(self, jobs: Iterator[Job | Outcome]) -> Iterator[Outcome]:
+        """Outcomes in the order of the jobs; what is an outcome already passes through."""
+        order: deque[Any] = deque()  # outcomes, and references to those that are awaited
+        awaited: dict[Any, Job] = {}
+        arrived: dict[Any, Outcome] = {}
+        try:
+            while True:
+                for job in itertools.islice(jobs, self._most - len(order)):
+                    order.append(job if isinstance(job, Outcome) else self._submit(job, awaited))
+                if not order:
+                    return
+                if not isinstance(order[0], Outcome) and order[0] not in arrived:
+                    ready, _ = self._ray.wait(list(awaited), num_returns=1)
+                    for reference in ready:
+                        arrived[reference] = self._outcome(reference, awaited.pop(reference))
+                    continue
+                first = order.popleft()
+                yield first if isinstance(first, Outcome) else arrived.pop(first)
+        finally:
+            if awaited:
+                self._abandon(awaited)
+
+    def _submit(self, job: Job, awaited: dict[Any, Job]) -> Any:
+        reference = self._task.remote(self._shared, os.getcwd(), job)
+        awaited[reference] = job
+        return reference
+
+    def _outcome(self, reference: Any, job: Job) -> Outcome:
+        errors = self._ray.exceptions
+        try:
+            outcome: Outcome = self._ray.get(reference)
+        except OSError as error:  # no space, no right to write
+            return failure(job, getattr(error, "cause", error))
+        except (errors.WorkerCrashedError, errors.NodeDiedError, errors.OutOfMemoryError):
+            outcome = self._died(job)
+        except errors.RayError as error:
+            raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
+        try:
+            if self._done is not None:
+                self._done(outcome)
+        except OSError as error:
+            return failure(job, error)
+        return outcome
+
+    def _abandon(self, awaited: dict[Any, Job]) -> None:
+        """Keep what is done, end what is still waiting or in work."""
+        wait = partial(self._ray.wait, num_returns=len(awaited))
+        finished, others = wait(list(awaited), timeout=0)
+        for reference in others:
+            self._ray.cancel(reference)
+        with suppress(ToolchainError):  # the cluster is what we leave it for
+            for reference in finished:
+                self._outcome(reference, awaited[reference])
+        wait(list(awaited), timeout=_LEAVING)
+
+
+def _work(work: Callable[[Job], Outcome], folder: str, job: Job) -> Outcome:
+    """Do a job where its relative paths lead to the same files."""
+    os.chdir(folder)
+    return work(job)
+
+
+def _connect(address: str, processes: int) -> tuple[Any, bool]:
+    """The module ray, connected to a cluster, and whether that is our own doing."""
+    if importlib.util.find_spec("ray") is None:
+        raise UsageError("Ray is not installed; pip install 'xosc-toolchain[ray]'")
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers
+    import ray
+
+    if ray.is_initialized():
+        return ray, False
+    own: dict[str, Any] = {"num_cpus": processes, "object_store_memory": _STORE} if address == LOCAL else {}
+    try:
+        _reach(address)
+        ray.init(address=address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR, **own)
+    except Exception as error:  # Ray raises whatever there is
+        reason = " ".join(str(error).split())[:200]
+        if own:
+            raise ToolchainError(f"Ray does not start on this machine: {reason}") from None
+        raise UsageError(f"there is no Ray cluster at {address!r}: {reason}") from None
+    return ray, True
+
+
+def _reach(address: str) -> None:
+    """See that somebody listens there, which Ray itself would try for minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host, int(port)), _LISTENING).close()

@@ -1,0 +1,1 @@
+"""What actions, conditions and positions offer a run, and what a run offers them."""

@@ -1,0 +1,64 @@
+"""What a condition is to a trigger: a logical expression that can say what it sees."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
+
+
+class Condition(ABC):
+    """A ByValueCondition, or a ByEntityCondition with its triggering entities."""
+
+    triggering: tuple[Entity, ...] = ()
+    """Entities for which the last evaluation was true (by-entity conditions)."""
+
+    @abstractmethod
+    def evaluate(self, sim: Simulation) -> bool:
+        """The logical expression at the simulation's current time."""
+
+    @abstractmethod
+    def describe(self, sim: Simulation) -> str:
+        """The expression with the values of now, e.g. `time headway Ego–Lead = 1.31 s < 1.5 s`."""
+
+
+class EntityCondition(ABC):
+    """The expression inside a ByEntityCondition, for one triggering entity."""
+
+    @abstractmethod
+    def holds(self, entity: Entity, sim: Simulation) -> bool:
+        """Whether the expression is true for this entity now; an undefined quantity makes it false."""
+
+    @abstractmethod
+    def describe(self, entity: Entity, sim: Simulation) -> str:
+        """The expression for this entity with the values of now."""
+
+
+class ByEntityCondition(Condition):
+    """An EntityCondition over its triggering entities.
+
+    Args:
+        entities: the triggering entities (selections already expanded).
+        every: triggeringEntitiesRule: `all` (true) or `any` (false).
+        condition: the expression for one entity.
+    """
+
+    def __init__(self, entities: list[Entity], every: bool, condition: EntityCondition) -> None:
+        self.entities = entities
+        self.every = every
+        self.condition = condition
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """True when the expression holds for any, or all, of the entities that are present."""
+        condition = self.condition
+        held = tuple(entity for entity in self.entities if entity.active and condition.holds(entity, sim))
+        self.triggering = held
+        return len(held) == len(self.entities) if self.every else bool(held)
+
+    def describe(self, sim: Simulation) -> str:
+        """The expressions of the entities that triggered, or of all of them if none did."""
+        shown = self.triggering or [entity for entity in self.entities if entity.active]
+        return "; ".join(self.condition.describe(entity, sim) for entity in shown) or "no triggering entity is present"

@@ -1,0 +1,1 @@
+"""The interpreter: compiles a scenario, runs its storyboard, says how it ended."""

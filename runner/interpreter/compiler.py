@@ -1,0 +1,273 @@
+"""Compile a resolved OpenSCENARIO document: elements become runtime objects, all references are checked.
+
+The result belongs to one run. Everything that is not executed is refused here, by name, file and line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runner.contracts import registry
+from runner.contracts.action import Action
+from runner.contracts.condition import ByEntityCondition, Condition
+from runner.interpreter.elements import ActionElement
+from runner.interpreter.signals import TrafficSignals
+from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.interpreter.triggers import Trigger
+from runner.participants.entities import Entities, Entity
+from runner.participants.scenario_objects import read_entities
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from schemas.errors import ToolchainError
+    from xodr.network import RoadNetwork
+    from xosc.resolve import Resolved
+
+WRAPPERS = {
+    "PrivateAction",
+    "LongitudinalAction",
+    "LateralAction",
+    "ControllerAction",
+    "RoutingAction",
+    "AppearanceAction",
+    "TrailerAction",
+    "GlobalAction",
+    "EntityAction",
+    "ParameterAction",
+    "VariableAction",
+    "MonitorAction",
+    "InfrastructureAction",
+    "TrafficSignalAction",
+    "TrafficAction",
+    "UserDefinedAction",
+}
+"""Elements that only group the action inside them; an action may look at `Node.parent` for their attributes."""
+
+_PRIORITIES = ("overwrite", "override", "parallel", "skip")
+
+
+@dataclass(eq=False)
+class Scenario:
+    """A compiled scenario: used up by one run."""
+
+    path: Path
+    version: tuple[int, int]
+    network: RoadNetwork | None
+    entities: Entities
+    storyboard: Storyboard
+    parameters: dict[str, Any] = field(default_factory=dict)
+    variables: dict[str, Any] = field(default_factory=dict)
+    monitors: dict[str, bool] = field(default_factory=dict)
+    activated: set[str] = field(default_factory=set)
+    """names of entities whose controller the scenario activates or deactivates at some time"""
+    signals: TrafficSignals = field(default_factory=TrafficSignals)
+    violations: tuple[ToolchainError, ...] = ()
+    """parameter values outside their constraint groups, where that is allowed"""
+    observers: list[Callable[[Simulation], None]] = field(default_factory=list)
+    """called at the end of each step, for conditions that watch what goes on before anybody asks them"""
+
+
+class Context:
+    """What the classes of the registries need to build themselves from XML, references checked.
+
+    Args:
+        document: the resolved document.
+        network: its road network, if it names one.
+    """
+
+    def __init__(self, document: Resolved, network: RoadNetwork | None) -> None:
+        self.document = document
+        self.version = document.version
+        self.network = network
+        self.all = Entities()
+        self.selections: dict[str, list[Entity]] = {}
+        self.parameters: dict[str, Any] = {name: p.value for name, p in document.parameters.items()}
+        self.variables: dict[str, Any] = {name: v.value for name, v in document.variables.items()}
+        self.monitors: dict[str, bool] = dict(document.monitors)
+        self.parameter_types = {name: p.type for name, p in document.parameters.items()}
+        self.variable_types = {name: v.type for name, v in document.variables.items()}
+        self.signals = TrafficSignals.from_xml(document.node.find("RoadNetwork", "TrafficSignals"), network)
+        self.storyboard = Storyboard()
+        self._late: list[Callable[[], None]] = []
+        self.observers: list[Callable[[Simulation], None]] = [self.signals.advance] if self.signals.controllers else []
+
+    def late(self, check: Callable[[], None]) -> None:
+        """Have something done once the whole storyboard stands (references to storyboard elements)."""
+        self._late.append(check)
+
+    def each_step(self, observe: Callable[[Simulation], None]) -> None:
+        """Have something called at the end of each step of the run."""
+        self.observers.append(observe)
+
+    def finish(self) -> None:
+        """Do what was left for late."""
+        for check in self._late:
+            check()
+
+    # references -----------------------------------------------------------------------------
+
+    def entities(self, node: Node, attribute: str = "entityRef") -> list[Entity]:
+        """The entity, or the members of the entity selection, that an attribute names."""
+        name = node.get(attribute)
+        if name in self.all:
+            return [self.all[name]]
+        if name in self.selections:
+            return self.selections[name]
+        raise node.invalid(f"{attribute}={name!r} is neither an entity nor an entity selection of this scenario")
+
+    def entity(self, node: Node, attribute: str = "entityRef") -> Entity:
+        """The single entity that an attribute names."""
+        name = node.get(attribute)
+        if name not in self.all:
+            raise node.invalid(f"{attribute}={name!r} is not an entity of this scenario")
+        return self.all[name]
+
+    def triggering_entities(self, node: Node) -> list[Entity]:
+        """Members of a TriggeringEntities element, selections expanded, each once."""
+        found = [entity for reference in node.children("EntityRef") for entity in self.entities(reference)]
+        return list(dict.fromkeys(found))
+
+    # families -------------------------------------------------------------------------------
+
+    def actions(self, node: Node) -> list[Action]:
+        """The actions inside an Action, PrivateAction or GlobalAction element."""
+        found: list[Action] = []
+        pending = node.children()
+        if not pending:
+            raise node.invalid("an action is expected inside")
+        for child in pending:
+            found += self.actions(child) if child.tag in WRAPPERS else [self._build(registry.action, child)]
+        return found
+
+    def condition(self, node: Node) -> Condition:
+        """The condition inside a Condition element."""
+        by = node.only()
+        if by.tag == "ByValueCondition":
+            return self._build(registry.condition, by.only())
+        triggering = by.need("TriggeringEntities")
+        every = triggering.choice("triggeringEntitiesRule", ("any", "all")) == "all"
+        inner = by.need("EntityCondition").only()
+        return ByEntityCondition(self.triggering_entities(triggering), every, self._build(registry.condition, inner))
+
+    def position(self, node: Node) -> Any:
+        """The position inside an element that holds exactly one (Position, TargetPosition, …)."""
+        return self._build(registry.position, node.only())
+
+    def _build(self, family: registry.Registry, node: Node) -> Any:
+        parent = node.element.getparent()
+        return family.find(node, str(parent.tag) if parent is not None else None).from_xml(node, self)
+
+
+def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenario:
+    """Compile a resolved scenario document.
+
+    Args:
+        document: of kind `scenario`, with every attribute a literal.
+        network: the road network of its LogicFile, or None.
+
+    Raises:
+        InvalidFile: a reference leads nowhere, a value is out of its range.
+        Unsupported: an element is not executed by this runner; named with file and line.
+    """
+    context = Context(document, network)
+    read_entities(document.node.need("Entities"), context)
+    _read_storyboard(document.node.need("Storyboard"), context)
+    context.finish()
+    return Scenario(
+        path=document.path,
+        version=document.version,
+        network=network,
+        entities=context.all,
+        storyboard=context.storyboard,
+        parameters=context.parameters,
+        variables=context.variables,
+        monitors=context.monitors,
+        activated=_activated(context.storyboard),
+        signals=context.signals,
+        violations=document.violations,
+        observers=context.observers,
+    )
+
+
+def _activated(storyboard: Storyboard) -> set[str]:
+    found = {actor.name for actor, element in storyboard.init if actor and _activates(element)}
+    for act in storyboard.acts:
+        for event in act.events:
+            if any(isinstance(element, ActionElement) and _activates(element) for element in event.children):
+                found |= {actor.name for actor in event.group.actors}
+    return found
+
+
+def _activates(element: ActionElement) -> bool:
+    return any(getattr(action, "activates_controller", False) for action in element.actions)
+
+
+def _read_storyboard(node: Node, context: Context) -> None:
+    board = context.storyboard
+    _read_init(node.need("Init"), context)
+    for story_node in node.children("Story"):
+        story = Story(story_node.get("name", ""), None)
+        board.stories.append(story)
+        for act_node in story_node.children("Act"):
+            _read_act(act_node, story, context)
+    board.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
+
+
+def _read_init(node: Node, context: Context) -> None:
+    actions = node.find("Actions")
+    for group in actions.children() if actions is not None else []:
+        if group.tag == "Private":
+            actors = context.entities(group)
+            for private in group.children("PrivateAction"):
+                for actor in actors:
+                    context.storyboard.init.append((actor, _initial(context.actions(private), actor)))
+        elif group.tag in ("GlobalAction", "UserDefinedAction"):
+            wrapped = context.actions(group)
+            context.storyboard.init.append((None, _initial(wrapped, None)))
+        else:
+            raise group.unsupported("this element of Init/Actions is not known to the runner")
+
+
+def _initial(actions: list[Action], actor: Entity | None) -> ActionElement:
+    """Actions of the Init section as one element; it has no name in the file, the event log needs one."""
+    what = "+".join(type(action).__name__ for action in actions)
+    return ActionElement(f"Init::{actor.name}::{what}" if actor is not None else f"Init::{what}", None, actions)
+
+
+def _read_act(node: Node, story: Story, context: Context) -> None:
+    act = Act(node.get("name", ""), story)
+    for group_node in node.children("ManeuverGroup"):
+        actors_node = group_node.need("Actors")
+        references = [context.entities(reference) for reference in actors_node.children("EntityRef")]
+        group = ManeuverGroup(
+            group_node.get("name", ""),
+            act,
+            _maximum(group_node),
+            list(dict.fromkeys(entity for members in references for entity in members)),
+            actors_node.bool("selectTriggeringEntities", False),
+        )
+        whole = any(len(members) > 1 for members in references)
+        for maneuver_node in group_node.children("Maneuver"):
+            maneuver = Maneuver(maneuver_node.get("name", ""), group)
+            for event_node in maneuver_node.children("Event"):
+                _read_event(event_node, maneuver, whole, context)
+    act.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
+    act.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
+
+
+def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: Context) -> None:
+    event = Event(node.get("name", ""), maneuver, node.choice("priority", _PRIORITIES), _maximum(node))
+    for action_node in node.children("Action"):
+        ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)
+    event.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
+
+
+def _maximum(node: Node) -> int:
+    maximum = int(node.int("maximumExecutionCount", 1))
+    if maximum < 0:
+        raise node.invalid(f"maximumExecutionCount={maximum} must not be negative")
+    return max(maximum, 1)

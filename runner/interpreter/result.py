@@ -1,0 +1,73 @@
+"""What a run leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runner.interpreter.simulation import LogEntry
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from runner.measures.criticality import Criticality
+    from runner.recording import Recording
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a run passed: false where one of the `reasons` is a failure (collision of the ego, a failed criterion)."""
+
+    passed: bool
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(eq=False)
+class RunResult:
+    """One run.
+
+    Args:
+        scenario: the scenario file.
+        parameters: the parameter values that it was given.
+        status: `completed` (by its stop trigger) or `timeout` (the time limit came first).
+        end_time: simulation time at the end, s.
+        verdict: passed or failed, and why.
+        remarks: what is no failure, but may not be meant: the ego has left the road, or come to its end.
+        ego: name of the ego, None where the scenario has none.
+        sut: name of the system under test that drove it, `none` for none.
+        settings: timestep, seed, world and time limit of the run.
+        events: the event log.
+        recording: who was where when.
+        name: its name among other runs; where it has none, the scenario file's.
+    """
+
+    scenario: Path
+    parameters: dict[str, str]
+    status: str
+    end_time: float
+    verdict: Verdict
+    remarks: tuple[str, ...]
+    ego: str | None
+    sut: str
+    settings: dict[str, Any]
+    events: list[LogEntry]
+    recording: Recording = field(repr=False)
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        self.name = self.name or self.scenario.stem
+
+    @cached_property
+    def trajectories(self) -> pa.Table:
+        """Everyone's trajectory in long form: time, entity, x, y, z, h, pitch, roll, speed, acceleration, road_id,
+        lane_id, s, t, lane_offset (m, rad, s; reference point; see `runner.recording`)."""
+        return self.recording.table()
+
+    @cached_property
+    def criticality(self) -> Criticality | None:
+        """Criticality measures of the ego per step, and their extremes; None where the ego never appeared, or there is none."""
+        from runner.measures.criticality import of_run
+
+        return of_run(self)

@@ -1,0 +1,175 @@
+"""Traffic signals while a scenario runs: which state each is in, and the controllers that switch them.
+
+A controller goes round its phases (OpenSCENARIO XML 1.3, 6.11). One with a `delay` and a `reference` begins its first
+phase that long after the referenced one, as if both had always been running. A TrafficSignalStateAction sets a signal
+until its controller's next phase sets it anew; a TrafficSignalControllerAction makes the controller go on from a phase.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from itertools import accumulate
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from xodr.network import RoadNetwork
+    from xosc.node import Node
+
+_EPSILON = 1e-9
+
+
+class Phase(NamedTuple):
+    """A phase: how long it lasts (s), and the states that it puts signals into, by signal id."""
+
+    name: str
+    duration: float
+    states: dict[str, str]
+
+
+class SignalController:
+    """A cycle of phases.
+
+    Args:
+        name: its name.
+        phases: in order.
+        begin: time (s) at which the first phase begins, or virtually began.
+    """
+
+    def __init__(self, name: str, phases: tuple[Phase, ...], begin: float = 0.0) -> None:
+        self.name = name
+        self.phases = phases
+        self.begin = begin
+        self._ends = list(accumulate(phase.duration for phase in phases))
+
+    def at(self, time: float) -> Phase | None:
+        """The phase at a time (s); None where there are no phases."""
+        if not self.phases:
+            return None
+        total, elapsed = self._ends[-1], time - self.begin + _EPSILON
+        if 0.0 < total < math.inf:
+            elapsed %= total
+        return self.phases[min(bisect_right(self._ends, max(elapsed, 0.0)), len(self.phases) - 1)]
+
+    def go_to(self, phase: str, time: float) -> None:
+        """Let a phase begin at a time (s); the cycle goes on from there."""
+        index = next(i for i, candidate in enumerate(self.phases) if candidate.name == phase)
+        self.begin = time - (self._ends[index - 1] if index else 0.0)
+
+
+class TrafficSignals:
+    """All signal states of one run. States are in the words of the scenario.
+
+    Args:
+        controllers: those that the scenario declares.
+        network: the roads, whose signals may be named too; None where there are none.
+    """
+
+    def __init__(self, controllers: tuple[SignalController, ...] = (), network: RoadNetwork | None = None) -> None:
+        self.controllers = {controller.name: controller for controller in controllers}
+        self.states: dict[str, str] = {}
+        """state of each signal that has one, by its id"""
+        self.phases: dict[str, str] = {}
+        """name of the present phase of each controller"""
+        self._present: dict[str, Phase] = {}
+        self._network = network
+
+    @classmethod
+    def from_xml(cls, node: Node | None, network: RoadNetwork | None) -> TrafficSignals:
+        """Read a TrafficSignals element, if there is one."""
+        nodes = {child.get("name"): child for child in node.children("TrafficSignalController")} if node is not None else {}
+        controllers = tuple(
+            SignalController(
+                name, tuple(_read_phase(phase, name, network) for phase in child.children("Phase")), _begin(child, nodes)
+            )
+            for name, child in nodes.items()
+        )
+        return cls(controllers, network)
+
+    # references ----------------------------------------------------------------------------
+
+    def signal(self, node: Node, attribute: str) -> str:
+        """The signal id that an attribute names.
+
+        Raises:
+            InvalidFile: neither the road network nor a controller has such a signal.
+        """
+        name = str(node.get(attribute))
+        controlled = (name in phase.states for controller in self.controllers.values() for phase in controller.phases)
+        if self._network is not None and name not in self._network.signals and not any(controlled):
+            raise node.invalid(f"{attribute}={name!r} is not a signal of the road network {self._network.path.name}")
+        return name
+
+    def phase(self, node: Node) -> tuple[str, str]:
+        """The names of the controller and its phase that `trafficSignalControllerRef` and `phase` give."""
+        name, phase = node.get("trafficSignalControllerRef"), node.get("phase")
+        if name not in self.controllers:
+            raise node.invalid(f"trafficSignalControllerRef={name!r} is not a traffic signal controller of this scenario")
+        if phase not in {candidate.name for candidate in self.controllers[name].phases}:
+            raise node.invalid(f"phase={phase!r} is not a phase of the traffic signal controller {name!r}")
+        return name, phase
+
+    # the run -------------------------------------------------------------------------------
+
+    def advance(self, sim: Simulation) -> None:
+        """Bring all controllers to the simulation's time; changes go to the event log."""
+        for name, controller in self.controllers.items():
+            phase = controller.at(sim.time)
+            if phase is not None and self._present.get(name) is not phase:
+                self._present[name] = phase
+                self.phases[name] = phase.name
+                sim.note("trafficSignalPhase", name, phase.name)
+                for signal, state in phase.states.items():
+                    self.set_state(sim, signal, state)
+
+    def set_state(self, sim: Simulation, signal: str, state: str) -> None:
+        """Put a signal into a state."""
+        if self.states.get(signal) != state:
+            self.states[signal] = state
+            understood = sim.world.signal(signal, state)
+            sim.note("trafficSignal", signal, state if understood else f"{state} (not understood by {sim.world.name}'s traffic)")
+
+    def set_phase(self, sim: Simulation, controller: str, phase: str) -> None:
+        """Let a controller go on from a phase; the signals of that phase are set even if it was in it already."""
+        self.controllers[controller].go_to(phase, sim.time)
+        self._present.pop(controller, None)
+        self.advance(sim)
+
+
+def _read_phase(node: Node, controller: str, network: RoadNetwork | None) -> Phase:
+    duration = float(node.float("duration"))
+    if duration < 0.0:
+        raise node.invalid(f"duration={duration:g} must not be negative")
+    states: dict[str, str] = {}
+    for group in node.children("TrafficSignalGroupState", "TrafficeSignalGroupState"):  # the second is 1.2's own spelling
+        states |= dict.fromkeys(_group(group, controller, network), group.get("state"))
+    for state in node.children("TrafficSignalState"):
+        states[state.get("trafficSignalId")] = state.get("state")
+    return Phase(node.get("name"), duration, states)
+
+
+def _group(node: Node, controller: str, network: RoadNetwork | None) -> tuple[str, ...]:
+    """Signals of the road network's controller that the scenario's controller is named after."""
+    for group in network.controllers.values() if network is not None else ():
+        if controller in (group.id, group.name):
+            return group.signals
+    raise node.invalid(f"the road network has no controller {controller!r} whose signals could be put into the state")
+
+
+def _begin(node: Node, nodes: dict[str, Node]) -> float:
+    """Time at which a controller's first phase begins: its delay and those of the controllers it refers to."""
+    total, passed, current = 0.0, set(), node
+    while True:
+        delay, reference = current.finite("delay", 0.0), current.get("reference", None)
+        if delay < 0.0:
+            raise current.invalid(f"delay={delay:g} must not be negative")
+        if reference is None:
+            return total
+        passed.add(current.get("name"))
+        if reference not in nodes:
+            raise current.invalid(f"reference={reference!r} is not a traffic signal controller of this scenario")
+        if reference in passed:
+            raise current.invalid(f"the traffic signal controller {reference!r} refers to itself")
+        total += delay
+        current = nodes[reference]

@@ -1,0 +1,289 @@
+"""The storyboard: element states and transitions at run time (OpenSCENARIO XML 1.3, 8.3 and 8.4).
+
+Within one step all triggers are evaluated first, then events start in document order; conditions on element states see
+the states as they were when the step began, so the order of elements in the file does not matter to them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from runner.contracts.action import Action, PrivateAction
+from runner.interpreter.elements import ActionElement, Element, State, Transition
+from runner.interpreter.triggers import Trigger
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
+
+
+class Event(Element):
+    """An Event: waits for its trigger, respects the priority among the events of its maneuver, may execute repeatedly."""
+
+    kind = "event"
+
+    def __init__(self, name: str, parent: Maneuver, priority: str, maximum: int) -> None:
+        super().__init__(name, parent)
+        self.priority = priority
+        self.maximum = maximum
+        self.trigger: Trigger | None = None
+        self.executions = 0
+
+    @property
+    def group(self) -> ManeuverGroup:
+        """The maneuver group whose actors this event acts on."""
+        maneuver = self.parent
+        assert maneuver is not None and isinstance(maneuver.parent, ManeuverGroup)
+        return maneuver.parent
+
+    @property
+    def waits(self) -> bool:
+        """Whether the trigger may start it now."""
+        return self.state is State.STANDBY and self.parent is not None and self.parent.state is State.RUNNING
+
+    def arm(self, sim: Simulation) -> None:
+        """Wait for the trigger (it is evaluated in this same step)."""
+        self.executions = 0
+        if self.trigger is not None:
+            self.trigger.reset()
+
+    def due(self, sim: Simulation) -> bool:
+        """In standby: whether the trigger fires now."""
+        return self.trigger is None or self.trigger.fires(sim)
+
+    def begin(self, sim: Simulation) -> None:
+        """Start, or be skipped, because the trigger has fired."""
+        reason = self.trigger.reason if self.trigger is not None else "with its act"
+        others = [e for e in self.parent.children if e is not self and e.state is State.RUNNING] if self.parent else []
+        self.executions += 1
+        if self.priority == "skip" and others:
+            self._skip(sim, reason)
+            return
+        if self.priority in ("override", "overwrite"):
+            for other in others:
+                other.stop(sim, f"overridden by {self.path}")
+        self._execute(sim, reason)
+
+    def _skip(self, sim: Simulation, reason: str) -> None:
+        left = self.executions < self.maximum
+        self.change(sim, State.STANDBY if left else State.COMPLETE, Transition.SKIP, reason)
+        if self.trigger is not None:
+            self.trigger.reset()
+        if not left and self.parent is not None:
+            self.parent.child_completed(sim)
+
+    def _execute(self, sim: Simulation, reason: str) -> None:
+        actors = self.group.actors_for(self)
+        self.change(sim, State.RUNNING, Transition.START, reason)
+        for action in self.children:
+            action.reset()
+        for action in self.children:
+            if self.state is State.RUNNING and isinstance(action, ActionElement):
+                action.execute(sim, actors)
+        self.child_completed(sim)
+
+    def end(self, sim: Simulation) -> None:
+        """running → standby while executions are left (8.4.2.1), else → complete."""
+        if self.executions < self.maximum:
+            self.change(sim, State.STANDBY, Transition.END)
+            if self.trigger is not None:
+                self.trigger.reset()
+        else:
+            super().end(sim)
+
+    def child_completed(self, sim: Simulation) -> None:
+        """End when all actions are complete, but not while they are still being started."""
+        started = all(action.state is not State.STANDBY for action in self.children)
+        if started:
+            super().child_completed(sim)
+
+
+class Maneuver(Element):
+    """A Maneuver: runs until all its events are complete."""
+
+    kind = "maneuver"
+
+
+class ManeuverGroup(Element):
+    """A ManeuverGroup: actors, and maneuvers that may execute repeatedly."""
+
+    kind = "maneuverGroup"
+
+    def __init__(self, name: str, parent: Act, maximum: int, actors: list[Entity], select_triggering: bool) -> None:
+        super().__init__(name, parent)
+        self.maximum = maximum
+        self.actors = actors
+        self.select_triggering = select_triggering
+        self.executions = 0
+
+    def actors_for(self, event: Event) -> list[Entity]:
+        """The actors of an event that starts now, those selected by its trigger (or its act's) included."""
+        selected: tuple[Entity, ...] = ()
+        if self.select_triggering:
+            trigger = event.trigger or (self.parent.trigger if isinstance(self.parent, Act) else None)
+            selected = trigger.triggering if trigger is not None else ()
+        return [entity for entity in dict.fromkeys((*self.actors, *selected)) if entity.active]
+
+    def start(self, sim: Simulation, reason: str = "") -> None:
+        """Count the execution and start the maneuvers."""
+        self.executions += 1
+        super().start(sim, reason)
+
+    def end(self, sim: Simulation) -> None:
+        """running → standby while executions are left, to start again in the next step; else → complete."""
+        if self.executions < self.maximum:
+            self.change(sim, State.STANDBY, Transition.END)
+            sim.call_next_step(self._restart)
+        else:
+            super().end(sim)
+
+    def _restart(self, sim: Simulation) -> None:
+        if self.state is State.STANDBY and self.parent is not None and self.parent.state is State.RUNNING:
+            for child in self.children:
+                child.reset()
+            self.start(sim)
+
+    def reset(self) -> None:
+        """Back to standby, executions uncounted."""
+        self.executions = 0
+        super().reset()
+
+
+class Act(Element):
+    """An Act: start and stop trigger over its maneuver groups."""
+
+    kind = "act"
+
+    def __init__(self, name: str, parent: Story) -> None:
+        super().__init__(name, parent)
+        self.trigger: Trigger | None = None
+        self.stop_trigger: Trigger | None = None
+        self._events: list[Event] | None = None
+
+    @property
+    def events(self) -> list[Event]:
+        """All events of the act in document order."""
+        if self._events is None:
+            self._events = [
+                event
+                for group in self.children
+                for maneuver in group.children
+                for event in maneuver.children
+                if isinstance(event, Event)
+            ]
+        return self._events
+
+    def arm(self, sim: Simulation) -> None:
+        """Wait for the start trigger."""
+
+    def waiting(self) -> Iterator[Event]:
+        """Events that wait for their triggers."""
+        if self.state is State.RUNNING:
+            for event in self.events:
+                if event.waits:
+                    yield event
+
+    def evaluate(self, sim: Simulation) -> None:
+        """One step: start or stop."""
+        if self.state is State.STANDBY and (self.trigger is None or self.trigger.fires(sim)):
+            self.start(sim, self.trigger.reason if self.trigger is not None else "with its story")
+        if self.state is not State.RUNNING:
+            return
+        if self.stop_trigger is not None and self.stop_trigger.fires(sim):
+            self.stop(sim, self.stop_trigger.reason)
+            if self.parent is not None:
+                self.parent.child_completed(sim)
+
+
+class Story(Element):
+    """A Story: runs from the beginning until all its acts are complete."""
+
+    kind = "story"
+
+
+class Storyboard:
+    """Init actions, stories and the stop trigger that ends the run.
+
+    The storyboard itself ends by its stop trigger only; without one the run goes on to its time limit.
+    """
+
+    def __init__(self) -> None:
+        self.init: list[tuple[Entity | None, ActionElement]] = []
+        self.stories: list[Story] = []
+        self.stop_trigger: Trigger | None = None
+
+    @property
+    def acts(self) -> list[Act]:
+        """All acts in document order."""
+        return [act for story in self.stories for act in story.children if isinstance(act, Act)]
+
+    def elements(self) -> list[Element]:
+        """All named elements, depth first in document order."""
+        found: list[Element] = []
+        pending: list[Element] = list(reversed(self.stories))
+        while pending:
+            element = pending.pop()
+            found.append(element)
+            pending.extend(reversed(element.children))
+        return found
+
+    def begin(self, sim: Simulation) -> None:
+        """Run the initial actions, then start the stories."""
+        for actor, element in ordered_init(self.init):
+            element.execute(sim, [actor] if actor is not None else [])
+        for story in self.stories:
+            story.start(sim)
+        self._acts = self.acts
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """One step of triggers; true when the storyboard's stop trigger ends the run.
+
+        All triggers look at the same instant: no event starts before every waiting one has been looked at.
+        """
+        if self.stop_trigger is not None and self.stop_trigger.fires(sim):
+            for story in self.stories:
+                story.stop(sim, self.stop_trigger.reason)
+            return True
+        for act in self._acts:
+            act.evaluate(sim)
+        due = [event for act in self._acts for event in act.waiting() if event.due(sim)]
+        for event in due:
+            if event.waits:
+                event.begin(sim)
+        return False
+
+
+def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[Entity | None, ActionElement]]:
+    """Initial actions in an order in which every state that one reads has been set.
+
+    Document order, except that an action that refers to another entity waits for that entity's own actions in
+    the same control domain and for those that place it (relative positions and speeds may precede what they refer to).
+    Circular references keep document order; the position then says that the other entity has no place yet.
+    """
+    pending, done = list(init), []
+    while pending:
+        ready = next((item for item in pending if not _waits(item, pending)), pending[0])
+        pending.remove(ready)
+        done.append(ready)
+    return done
+
+
+def _waits(item: tuple[Entity | None, ActionElement], pending: list[tuple[Entity | None, ActionElement]]) -> bool:
+    actor, element = item
+    for action in element.actions:
+        if not isinstance(action, PrivateAction):
+            continue
+        needed = {id(entity) for entity in action.references()}
+        for other, others in pending:
+            if other is None or other is actor or id(other) not in needed:
+                continue
+            if any(_prepares(a, action) for a in others.actions):
+                return True
+    return False
+
+
+def _prepares(earlier: Action, later: PrivateAction) -> bool:
+    if not isinstance(earlier, PrivateAction):
+        return False
+    return getattr(earlier, "places", False) or not set(earlier.claims()).isdisjoint(later.claims())

@@ -1,0 +1,121 @@
+"""Triggers: condition groups, condition edges and delays (OpenSCENARIO XML 1.3, 7.6)."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+from runner.contracts.condition import Condition
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.interpreter.compiler import Context
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
+
+EDGES = ("none", "rising", "falling", "risingOrFalling")
+_EPSILON = 1e-6
+
+
+class TimedCondition:
+    """A condition with its edge and delay.
+
+    The edge compares the expression with its previous evaluation; the first evaluation has none, so it never
+    is an edge (7.6.3). A delay looks up the edge-filtered value of `delay` seconds ago, false before that.
+    """
+
+    __slots__ = ("_history", "_previous", "condition", "delay", "edge", "keeps_memory", "name")
+
+    def __init__(self, name: str, condition: Condition, edge: str, delay: float) -> None:
+        self.name = name
+        self.condition = condition
+        self.edge = edge
+        self.delay = delay
+        self.keeps_memory = edge != "none" or delay > 0.0
+        self.reset()
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TimedCondition:
+        """Build from a Condition element."""
+        delay = node.finite("delay", 0.0)
+        if delay < 0.0:
+            raise node.invalid(f"delay={delay} must not be negative")
+        edge = node.choice("conditionEdge", EDGES, "none")
+        return cls(node.get("name", ""), context.condition(node), edge, delay)
+
+    def reset(self) -> None:
+        """Forget all earlier evaluations."""
+        self._previous: bool | None = None
+        self._history: deque[tuple[float, bool]] = deque()
+
+    def evaluate(self, sim: Simulation) -> bool:
+        """The condition at the current time; to be called once each step."""
+        value = self.condition.evaluate(sim)
+        if not self.keeps_memory:
+            return value
+        if self.edge != "none":
+            before, self._previous = self._previous, value
+            rising, falling = before is False and value, before is True and not value
+            value = rising if self.edge == "rising" else falling if self.edge == "falling" else rising or falling
+        return self._delayed(sim.time, value) if self.delay > 0.0 else value
+
+    def _delayed(self, time: float, value: bool) -> bool:
+        history, then = self._history, time - self.delay + _EPSILON
+        history.append((time, value))
+        while len(history) > 1 and history[1][0] <= then:
+            history.popleft()
+        return history[0][0] <= then and history[0][1]
+
+    def describe(self, sim: Simulation) -> str:
+        """Why it fired: name, expression with values, edge and delay."""
+        text = self.condition.describe(sim)
+        if self.edge != "none":
+            text += f" ({self.edge})"
+        if self.delay:
+            text += f", {self.delay:g} s ago"
+        return f"{self.name}: {text}" if self.name else text
+
+
+class Trigger:
+    """Condition groups, any of which fires the trigger when all its conditions are true.
+
+    `triggering` holds the entities that made the by-entity conditions of the firing group true.
+    """
+
+    def __init__(self, groups: list[list[TimedCondition]]) -> None:
+        self.groups = groups
+        self.triggering: tuple[Entity, ...] = ()
+        self.reason = ""
+
+    @classmethod
+    def from_xml(cls, node: Node | None, context: Context) -> Trigger | None:
+        """Build from a StartTrigger or StopTrigger element; None where it is absent or empty."""
+        if node is None:
+            return None
+        groups = [
+            [TimedCondition.from_xml(condition, context) for condition in group.children("Condition")]
+            for group in node.children("ConditionGroup")
+        ]
+        return cls(groups) if any(groups) else None
+
+    def reset(self) -> None:
+        """Forget all earlier evaluations (the owning element enters standby anew)."""
+        for group in self.groups:
+            for condition in group:
+                condition.reset()
+
+    def fires(self, sim: Simulation) -> bool:
+        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say."""
+        fired = None
+        for group in self.groups:
+            true = True
+            for condition in group:
+                if (true or condition.keeps_memory) and not condition.evaluate(sim):
+                    true = False
+            if true and fired is None:
+                fired = group
+        if fired is None:
+            return False
+        self.triggering = tuple(dict.fromkeys(e for c in fired for e in c.condition.triggering))
+        self.reason = " and ".join(condition.describe(sim) for condition in fired)
+        return True

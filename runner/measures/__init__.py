@@ -1,0 +1,1 @@
+"""How critical an encounter was: criticality measures, RSS, relations over time; plain numpy."""

@@ -1,0 +1,286 @@
+"""How critical an encounter was: measures of the ego against everyone else, per step and over a run.
+
+All functions work on arrays over time. A measure that is not defined at an instant is marked so: `Measure.valid` is false
+there and its value 0, never NaN. Distances are in m, times in s, speeds in m/s, accelerations in m/s².
+
+Gaps are those of the bounding boxes; how they are measured is said in `runner.measures.relations`.
+
+Sources: time to collision, Hayward (1972); time headway and deceleration rate to avoid a crash as in Mahmud et al.,
+"Application of proximal surrogate indicators for safety evaluation" (2017); post-encroachment time, Allen, Shin and
+Cooper (1978); RSS as in `runner.measures.rss`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runner.measures import rss
+from runner.measures.relations import Flags, Floats, Motion, Rows, View, boxes_overlap, relation
+from runner.participants.boxes import reach
+
+if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
+
+LONGEST_PET = 10.0
+"""Post-encroachment times above this (s) are no encounter"""
+_PET_STEP = 0.05
+"""Least time (s) between the footprints compared for the post-encroachment time"""
+_BLOCK = 1024
+"""Footprints of the ego that are compared with those of another one at once"""
+_STILL = 1e-3
+"""Speeds below this (m/s) count as standing, slower closing as not closing"""
+
+
+class Measure(NamedTuple):
+    """A measure over time, and where it is defined; its value is 0 elsewhere."""
+
+    value: Floats
+    valid: Flags
+
+
+class Extreme(NamedTuple):
+    """The extreme of a measure over a run: its value, when (s) and with whom."""
+
+    value: float
+    time: float
+    other: str
+
+
+# measures -----------------------------------------------------------------------------------
+
+
+def time_to_collision(gap: Floats, closing: Floats) -> Measure:
+    """gap / closing speed, where the gap is closing; 0 where the boxes overlap."""
+    return _quotient(gap, closing, (closing > _STILL) | (gap <= 0.0))
+
+
+def time_headway(gap: Floats, speed: Floats) -> Measure:
+    """gap / own speed, while driving: the time after which the ego's front is where the lead's rear is now."""
+    return _quotient(gap, speed, speed > _STILL)
+
+
+def deceleration_to_avoid_crash(gap: Floats, closing: Floats) -> Measure:
+    """closing² / (2 gap): the constant deceleration that just avoids the collision with a lead that keeps its speed."""
+    return _quotient(closing**2, 2.0 * gap, (closing > _STILL) & (gap > 0.0))
+
+
+def _quotient(numerator: Floats, denominator: Floats, valid: Flags) -> Measure:
+    value = np.zeros_like(numerator)
+    np.divide(numerator, denominator, out=value, where=valid & (np.abs(denominator) > 0.0) & (numerator != 0.0))
+    return Measure(value, valid)
+
+
+def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> Flags:
+    """Where the longitudinal gap is below RSS's safe distance; boxes side by side count."""
+    return (seen.ahead == 0.0) | (_longitudinal_margin(seen, parameters) < 0.0)
+
+
+def lateral_violation(seen: View, parameters: rss.RssParameters) -> Flags:
+    """Where the lateral gap is below RSS's safe distance; boxes one behind the other count."""
+    return (seen.aside == 0.0) | (_lateral_margin(seen, parameters) < 0.0)
+
+
+def rss_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+    """Distance (m) left before RSS is violated, negative by what is missing where it is.
+
+    One behind the other, the longitudinal gap minus its safe distance; side by side, the lateral one; else the greater of
+    the two, since either safe distance alone is enough.
+    """
+    along, across = _longitudinal_margin(seen, parameters), _lateral_margin(seen, parameters)
+    return np.select(
+        [(seen.aside == 0.0) & (seen.ahead == 0.0), seen.aside == 0.0, seen.ahead == 0.0],
+        [np.minimum(along, across), along, across],
+        np.maximum(along, across),
+    )
+
+
+def _longitudinal_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+    behind = replace(parameters, response=parameters.response_other)
+    following = rss.longitudinal_distance(np.maximum(seen.speed, 0.0), seen.other_speed, parameters)
+    followed = rss.longitudinal_distance(np.maximum(seen.other_speed, 0.0), seen.speed, behind)
+    return np.abs(seen.ahead) - np.where(seen.ahead >= 0.0, following, followed)
+
+
+def _lateral_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+    own, other = parameters.response, parameters.response_other
+    ego_left = rss.lateral_distance(-seen.sideways, -seen.other_sideways, own, other, parameters)
+    ego_right = rss.lateral_distance(-seen.other_sideways, -seen.sideways, other, own, parameters)
+    return np.abs(seen.aside) - np.where(seen.aside <= 0.0, ego_left, ego_right)
+
+
+def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_PET) -> Extreme | None:
+    """Least time between one participant leaving a place and the other one reaching it; 0 for a collision, None for no encounter.
+
+    Footprints of both at different times are compared; of those that overlap the ones least apart in time count. For
+    crossing paths this is the time from the first one leaving the conflict area until the second one enters it, for
+    vehicles one behind the other the time gap.
+
+    Args:
+        longest: the time above which there is no encounter, s.
+    """
+    near = reach(ego.box) + reach(other.box)
+    if not _areas_meet(ego, other, near):
+        return None
+    step = max(_PET_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
+    mine, theirs = _ticks(ego, step), _ticks(other, step)
+    best = (int(longest / step) + 1, 0)
+    for start in range(0, len(mine[1]), _BLOCK):
+        ticks, rows = (values[start : start + _BLOCK] for values in mine)
+        dx, dy = (getattr(ego, axis)[rows, None] - getattr(other, axis)[theirs[1]] for axis in ("x", "y"))
+        lag = np.abs(ticks[:, None] - theirs[0])
+        own, others = np.nonzero((np.hypot(dx, dy) <= near) & (lag < best[0]))
+        hits = boxes_overlap(ego.at(rows[own]), other.at(theirs[1][others]))
+        if hits.any():
+            best = min(zip(lag[own[hits], others[hits]].tolist(), rows[own[hits]].tolist(), strict=True))
+    return Extreme(best[0] * step, float(ego.time[best[1]]), other.name) if best[0] <= int(longest / step) else None
+
+
+def _areas_meet(ego: Motion, other: Motion, near: float) -> bool:
+    """Whether the areas that two participants pass through come as near (m) as this."""
+    ranges = [(getattr(ego, axis), getattr(other, axis)) for axis in ("x", "y")]
+    return all(len(a) and len(b) and a.min() <= b.max() + near and b.min() <= a.max() + near for a, b in ranges)
+
+
+def _ticks(m: Motion, step: float) -> tuple[Rows, Rows]:
+    """Instants on a time grid of this step (s), as multiples of it, and their rows."""
+    multiples = np.round(m.time / step).astype(np.int64)
+    ticks, rows = np.unique(multiples, return_index=True)
+    return ticks, rows
+
+
+# a run --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Criticality:
+    """The measures of one ego over a run.
+
+    Args:
+        time: instants of the ego, s.
+        ttc, thw, drac: time to collision, time headway and deceleration to avoid the crash with the lead: the nearest one
+            ahead whose box overlaps the ego's laterally.
+        distance: shortest distance of boxes to anyone.
+        lead: name of the lead, empty where there is none.
+        violation: by RSS parameter set, where the ego and somebody else are closer than safe in both directions.
+        margin: by RSS parameter set, the least `rss_margin` (m) to anyone.
+        active: instants that count for the shares: somebody else is there, and no collision has happened before.
+    """
+
+    time: Floats
+    ttc: Measure
+    thw: Measure
+    drac: Measure
+    distance: Measure
+    lead: NDArray[np.object_]
+    violation: dict[str, Flags]
+    margin: dict[str, Measure]
+    active: Flags
+    nearest: NDArray[np.object_] = field(repr=False)
+    _motions: tuple[Motion, Sequence[Motion]] = field(repr=False)
+
+    @cached_property
+    def pet(self) -> Extreme | None:
+        """Post-encroachment time, its least value over all others; worked out when asked for, it costs more than the rest."""
+        ego, others = self._motions
+        found = [pet for other in others if (pet := post_encroachment_time(ego, other)) is not None]
+        return min(found, default=None)
+
+    def table(self) -> dict[str, Any]:
+        """One column for each measure over time; `<measure>_valid` says where it is defined."""
+        columns: dict[str, Any] = {"time": self.time, "lead": self.lead}
+        for name in ("ttc", "thw", "drac", "distance"):
+            measure: Measure = getattr(self, name)
+            columns[name], columns[f"{name}_valid"] = measure
+        for name, margin in self.margin.items():
+            columns[f"rss_margin_{_column(name)}"], columns[f"rss_margin_{_column(name)}_valid"] = margin
+        columns["active"] = self.active
+        return columns | {f"rss_violation_{_column(name)}": flags for name, flags in self.violation.items()}
+
+    def risk(self, parameters: str) -> float | None:
+        """R_risk: share of the active instants at which RSS is violated, by parameter set; None without active instants."""
+        return float(self.violation[parameters][self.active].mean()) if self.active.any() else None
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The extremes of the run as `Extreme._asdict`, and the shares of RSS violations; None for what is not defined."""
+        extremes = {
+            "min_ttc": _extreme(self.ttc, self.lead, self.time, np.argmin),
+            "min_thw": _extreme(self.thw, self.lead, self.time, np.argmin),
+            "max_drac": _extreme(self.drac, self.lead, self.time, np.argmax),
+            "min_distance": _extreme(self.distance, self.nearest, self.time, np.argmin),
+            "pet": self.pet,
+        }
+        risks = {f"rss_risk_{_column(name)}": self.risk(name) for name in self.violation}
+        return {name: extreme._asdict() if extreme else None for name, extreme in extremes.items()} | risks
+
+
+def _extreme(measure: Measure, whom: NDArray[np.object_], time: Floats, pick: Callable[[Floats], Any]) -> Extreme | None:
+    rows = np.flatnonzero(measure.valid)
+    if rows.size == 0:
+        return None
+    row = rows[pick(measure.value[rows])]
+    return Extreme(float(measure.value[row]), float(time[row]), str(whom[row]))
+
+
+def _column(name: str) -> str:
+    return name.replace("-", "_")
+
+
+def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
+    """All measures of an ego against everyone else."""
+    count = len(ego.time)
+    gap, closing = np.full(count, np.inf), np.zeros(count)
+    distance, collided = np.full(count, np.inf), np.zeros(count, bool)
+    lead, nearest = np.full(count, "", object), np.full(count, "", object)
+    violation = {name: np.zeros(count, bool) for name in rss.PARAMETERS}
+    margin = {name: np.full(count, np.inf) for name in rss.PARAMETERS}
+    for other in others:
+        rows, apart, view = relation(ego, other)
+        collided[rows] |= apart == 0.0
+        for name, parameters in rss.PARAMETERS.items():
+            violation[name][rows] |= longitudinal_violation(view, parameters) & lateral_violation(view, parameters)
+            margin[name][rows] = np.minimum(margin[name][rows], rss_margin(view, parameters))
+        nearer = apart < distance[rows]
+        distance[rows[nearer]], nearest[rows[nearer]] = apart[nearer], other.name
+        ahead = (view.aside == 0.0) & ((view.ahead > 0.0) | (apart == 0.0)) & (view.ahead < gap[rows])
+        gap[rows[ahead]], lead[rows[ahead]] = view.ahead[ahead], other.name
+        closing[rows[ahead]] = (view.speed - view.other_speed)[ahead]
+    led, present = np.isfinite(gap), np.isfinite(distance)
+    gap[~led] = 0.0
+    return Criticality(
+        time=ego.time,
+        ttc=_where(led, time_to_collision(gap, closing)),
+        thw=_where(led, time_headway(gap, ego.speed)),
+        drac=_where(led, deceleration_to_avoid_crash(gap, closing)),
+        distance=Measure(np.where(present, distance, 0.0), present),
+        lead=lead,
+        violation=violation,
+        margin={name: Measure(np.where(present, least, 0.0), present) for name, least in margin.items()},
+        active=present & ~_earlier(collided),
+        nearest=nearest,
+        _motions=(ego, others),
+    )
+
+
+def _earlier(happened: Flags) -> Flags:
+    """Where something has happened at an earlier instant."""
+    return np.logical_or.accumulate(np.concatenate(([False], happened)))[:-1]
+
+
+def _where(defined: Flags, measure: Measure) -> Measure:
+    valid = measure.valid & defined
+    return Measure(np.where(valid, measure.value, 0.0), valid)
+
+
+def of_run(result: RunResult) -> Criticality | None:
+    """The measures of a run's ego; None where the scenario has none, or the ego never appeared."""
+    tracks = result.recording.locate().tracks
+    motions = {name: Motion.from_columns(name, track.box, track.columns) for name, track in tracks.items()}
+    ego = motions.pop(result.ego, None) if result.ego is not None else None
+    return criticality(ego, list(motions.values())) if ego is not None else None

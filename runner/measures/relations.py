@@ -1,0 +1,230 @@
+"""Where others are as one participant sees them, over time: gaps of boxes and velocities, as arrays.
+
+On the same road gaps are measured in the road's coordinates, so that curves and lane changes are seen as the driver sees
+them; otherwise in the participant's own frame. Distances are in m, times in s, speeds in m/s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runner.participants.entities import BoundingBox
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Rows = NDArray[np.int64]
+
+_STEEPEST = 0.3
+"""Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One participant over time.
+
+    Args:
+        name: its name.
+        box: its bounding box about the reference point.
+        time: s, ascending.
+        x, y, z: reference point in the world, m.
+        h: heading, rad.
+        speed: along the heading.
+        road: id of the road, None where unknown.
+        s, t: road coordinates, m.
+    """
+
+    name: str
+    box: BoundingBox
+    time: Floats
+    x: Floats
+    y: Floats
+    z: Floats
+    h: Floats
+    speed: Floats
+    road: NDArray[np.object_]
+    s: Floats
+    t: Floats
+
+    @classmethod
+    def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> Motion:
+        """From the columns of a trajectory table (`runner.recording.COLUMNS`)."""
+        values = {key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "z", "h", "speed", "s", "t")}
+        return cls(name, box, road=np.asarray(columns["road_id"], dtype=object), **values)
+
+    def at(self, rows: Rows) -> Motion:
+        """The same at some of its instants."""
+        names = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+class View(NamedTuple):
+    """Another participant as the ego sees it.
+
+    ahead, aside: signed gaps of the boxes: positive ahead and to the left of the ego, 0 where they overlap.
+    speed, sideways: velocity of the ego, and other_speed, other_sideways: of the other, ahead and to the left.
+    """
+
+    ahead: Floats
+    aside: Floats
+    speed: Floats
+    sideways: Floats
+    other_speed: Floats
+    other_sideways: Floats
+
+
+class Relation(NamedTuple):
+    """The instants (rows of the ego) at which ego and other both exist, the shortest distance of their boxes, and the view."""
+
+    rows: Rows
+    distance: Floats
+    view: View
+
+
+# boxes --------------------------------------------------------------------------------------
+
+
+class _Sight(NamedTuple):
+    """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own one."""
+
+    x: Floats
+    y: Floats
+    cos: Floats
+    sin: Floats
+
+
+def _sight(a: Motion, b: Motion) -> _Sight:
+    ca, sa, cb, sb = np.cos(a.h), np.sin(a.h), np.cos(b.h), np.sin(b.h)
+    dx = b.x - a.x + cb * b.box.x - sb * b.box.y
+    dy = b.y - a.y + sb * b.box.x + cb * b.box.y
+    return _Sight(dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y, cb * ca + sb * sa, sb * ca - cb * sa)
+
+
+def boxes_overlap(a: Motion, b: Motion) -> Flags:
+    """Where two upright boxes overlap or touch, row by row."""
+    return _outlines_overlap(a, b) & (vertical_gap(a, b) == 0.0)
+
+
+def _outlines_overlap(a: Motion, b: Motion) -> Flags:
+    """The same in the plane, by the separating-axis theorem."""
+    x, y, c, s = _sight(a, b)
+    al, aw, bl, bw = a.box.length / 2, a.box.width / 2, b.box.length / 2, b.box.width / 2
+    cos, sin = np.abs(c), np.abs(s)
+    apart = (np.abs(x) > al + bl * cos + bw * sin) | (np.abs(y) > aw + bl * sin + bw * cos)
+    apart |= np.abs(x * c + y * s) > bl + al * cos + aw * sin
+    apart |= np.abs(y * c - x * s) > bw + al * sin + aw * cos
+    return np.logical_not(apart)
+
+
+def vertical_gap(a: Motion, b: Motion) -> Floats:
+    """Height between the vertical spans of two upright boxes, row by row; 0 where they overlap."""
+    middle = np.abs(b.z + b.box.z - a.z - a.box.z)
+    return np.maximum(middle - (a.box.height + b.box.height) / 2, 0.0)
+
+
+def box_distance(a: Motion, b: Motion) -> Floats:
+    """Shortest distance of two boxes in the plane, row by row; 0 where they overlap."""
+    squares = np.minimum(_corner_squares(_sight(a, b), b.box, a.box), _corner_squares(_sight(b, a), a.box, b.box))
+    return np.where(_outlines_overlap(a, b), 0.0, np.sqrt(squares))
+
+
+def _corner_squares(seen: _Sight, other: BoundingBox, box: BoundingBox) -> Floats:
+    """Squared distance of the nearest corner of a box seen from another's centre to that box."""
+    nearest = np.full(seen.x.shape, np.inf)
+    for along in (-other.length / 2, other.length / 2):
+        for across in (-other.width / 2, other.width / 2):
+            dx = np.abs(seen.x + along * seen.cos - across * seen.sin) - box.length / 2
+            dy = np.abs(seen.y + along * seen.sin + across * seen.cos) - box.width / 2
+            nearest = np.minimum(nearest, np.maximum(dx, 0.0) ** 2 + np.maximum(dy, 0.0) ** 2)
+    return nearest
+
+
+# relations ----------------------------------------------------------------------------------
+
+
+def relation(ego: Motion, other: Motion) -> Relation:
+    """Where another participant is as the ego sees it, at the instants at which both are there, on the same level."""
+    rows, theirs = _common(ego.time, other.time)
+    a, b = ego.at(rows), other.at(theirs)
+    distance = box_distance(a, b)
+    level = vertical_gap(a, b) <= _STEEPEST * distance
+    if not level.all():
+        rows, theirs, distance = rows[level], theirs[level], distance[level]
+        a, b = ego.at(rows), other.at(theirs)
+    view = _in_ego_frame(a, b)
+    same = np.array([road is not None and road == there for road, there in zip(a.road, b.road, strict=True)], dtype=bool)
+    if same.any():
+        on_road = _on_road(ego, other, rows, theirs)
+        view = View(*(np.where(same, one, another) for one, another in zip(on_road, view, strict=True)))
+    return Relation(rows, distance, view)
+
+
+def _common(a: Floats, b: Floats) -> tuple[Rows, Rows]:
+    """Rows of both with equal time (to the microsecond)."""
+    _, mine, theirs = np.intersect1d(np.round(a * 1e6), np.round(b * 1e6), return_indices=True)
+    return mine, theirs
+
+
+def _interval_gap(low_a: Floats, high_a: Floats, low_b: Floats, high_b: Floats) -> Floats:
+    return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)
+
+
+def _in_ego_frame(a: Motion, b: Motion) -> View:
+    x, y, c, s = _sight(a, b)
+    cos, sin = np.abs(c), np.abs(s)
+    ahead = (b.box.length * cos + b.box.width * sin) / 2
+    aside = (b.box.length * sin + b.box.width * cos) / 2
+    half_length, half_width = a.box.length / 2, a.box.width / 2
+    return View(
+        _interval_gap(np.full_like(x, -half_length), np.full_like(x, half_length), x - ahead, x + ahead),
+        _interval_gap(np.full_like(y, -half_width), np.full_like(y, half_width), y - aside, y + aside),
+        a.speed,
+        np.zeros_like(x),
+        b.speed * c,
+        b.speed * s,
+    )
+
+
+def _on_road(ego: Motion, other: Motion, rows: Rows, theirs: Rows) -> View:
+    """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the road."""
+    side, other_side = _facing(ego)[rows], _facing(other)[theirs]
+    a, b = ego.at(rows), other.at(theirs)
+    low_a, high_a, right_a, left_a = _extent(a, side)
+    low_b, high_b, right_b, left_b = _extent(b, other_side)
+    return View(
+        side * _interval_gap(low_a, high_a, low_b, high_b),
+        side * _interval_gap(right_a, left_a, right_b, left_b),
+        a.speed,
+        side * _drift(ego)[rows],
+        side * other_side * b.speed,
+        side * _drift(other)[theirs],
+    )
+
+
+def _extent(m: Motion, side: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    s, t = m.s + side * m.box.x, m.t + side * m.box.y
+    return s - m.box.length / 2, s + m.box.length / 2, t - m.box.width / 2, t + m.box.width / 2
+
+
+def _facing(m: Motion) -> Floats:
+    """+1 where a participant faces increasing s, −1 else: by its last movement, or its next one while it has not moved yet."""
+    change = np.sign(np.diff(m.s, prepend=m.s[:1])) * np.sign(m.speed)
+    change[1:][m.road[1:] != m.road[:-1]] = 0.0
+    known = np.flatnonzero(change)
+    if known.size == 0:
+        return np.ones_like(m.s)
+    return change[known[np.maximum(np.searchsorted(known, np.arange(len(change)), side="right") - 1, 0)]]
+
+
+def _drift(m: Motion) -> Floats:
+    """dt/dτ: lateral speed towards +t; 0 in the step in which the road changes."""
+    drift = np.zeros_like(m.t)
+    if len(m.t) > 1:
+        drift[1:] = np.diff(m.t) / np.maximum(np.diff(m.time), 1e-9)
+        drift[1:][m.road[1:] != m.road[:-1]] = 0.0
+        drift[0] = drift[1]
+    return drift

@@ -1,0 +1,120 @@
+"""Motion along a path off the lanes, and the way back to the lane."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner.contracts.position import in_world
+from runner.motion.paths import Path, approach, nearest, tangent
+from xodr.model import Pose
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from runner.motion.motion import Placement
+    from runner.participants.entities import Entity
+
+JOINING = 2.0
+"""Time (s) that an entity takes at least to join a path that it was not on."""
+_ASIDE = 3.0
+"""Way along the path, per distance from it, that an entity takes at least to join it."""
+_ON_PATH = 0.01
+"""Distance (m) from a path up to which an entity counts as being on it."""
+_AT_END = 1e-6
+"""Distance (m) from the end of a path within which an entity is there"""
+_SHORTEST = 1e-3
+"""A distance (m) that is short for every path."""
+
+
+class PathMotion:
+    """Along a path, at the entity's speed; in reverse gear the entity faces backwards.
+
+    At the end of the path the entity goes back to its lane by itself; one that has to be there for a while may stand there.
+
+    Args:
+        path: where to go.
+        s: where on it the entity is, m.
+        again: the path to go round and round afterwards, for closed ones.
+        grounded: whether height, pitch and roll are those of the road below.
+        timed: whether times say when the end is left.
+    """
+
+    def __init__(
+        self, sim: Simulation, path: Path, s: float, again: Path | None = None, grounded: bool = True, timed: bool = False
+    ) -> None:
+        self.sim, self.path, self.s, self.again = sim, path, s, again
+        self._reach = _AT_END if timed else 0.0
+        self.ending = False
+        """Whether the entity goes back to its lane after the coming step, wherever it is then."""
+        roads = sim.network.roads.values() if sim.network is not None else ()
+        self._surface = grounded and not all(road.flat for road in roads)
+        self._target: tuple[Placement, float] | None = None
+
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
+        """Move along the path."""
+        self.s += abs(speed) * dt
+        if self.s >= self.path.length and self.again is not None:
+            self.s = (self.s - self.path.length) % max(self.again.length, _SHORTEST)
+            self.path, self._target = self.again, None
+        self.put(entity, speed)
+        if self.ending or (self.s >= self.path.length + self._reach and self.again is None):
+            back_to_lane(self.sim, entity)
+        return speed
+
+    def put(self, entity: Entity, speed: float) -> None:
+        """Give the entity the pose of the path where it is; the sign of its speed (m/s) says which way it faces."""
+        entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = self.path.at(self.s)
+        if speed < 0.0 and math.cos(entity.h - tangent(self.path, self.s)) > 0.0:
+            entity.h += math.pi
+        if self._surface:
+            place = in_world(self.sim.network, _pose(entity), z_known=False, hint=self.sim.road_point(entity))
+            entity.z, entity.pitch, entity.roll = place.z, place.pitch, place.roll
+
+    def backwards(self) -> bool:
+        """Whether the orientation that the path prescribes faces against its direction, so that one reverses along it."""
+        return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < 0.0
+
+    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+        """Distance (m) along the path to the point of it nearest to a place; negative once passed."""
+        if self._target is None or self._target[0] is not placement:
+            self._target = placement, nearest(self.path, placement.x, placement.y)
+        return self._target[1] - self.s
+
+
+def join(path: Path, s: float, ahead: float, entity: Entity) -> tuple[Path, float] | None:
+    """The way of an entity to a path that it is not on, and the s (m) where it meets the path; None where it is on it.
+
+    Args:
+        s: the place on the path that it would have to be at, m.
+        ahead: where it may meet the path at the earliest, m.
+    """
+    here = path.at(s)
+    dx, dy = here.x - entity.x, here.y - entity.y
+    if math.hypot(dx, dy) <= _ON_PATH:
+        return None
+    h = tangent(path, s)
+    aside = abs(dy * math.cos(h) - dx * math.sin(h))
+    reach = max(_ASIDE * aside, JOINING * abs(entity.speed))
+    before = max(dx * math.cos(h) + dy * math.sin(h), 0.0)
+    station = min(max(s + reach - before, ahead, s), path.length)
+    return approach(entity.x, entity.y, entity.h, entity.z, path.at(station)), station
+
+
+def _pose(entity: Entity) -> Pose:
+    return Pose(entity.x, entity.y, entity.z, entity.h, 0.0, 0.0)
+
+
+def back_to_lane(sim: Simulation, entity: Entity) -> None:
+    """Let an entity follow the lane that it is on, at the offset and heading it has; off the road, go straight ahead.
+
+    Without any road there is nothing left to follow at the end of a path: the entity stops, as at the end of a road.
+    """
+    if sim.network is None:
+        sim.leave_lane(entity)
+        entity.demand = 0.0
+        return
+    place = in_world(sim.network, _pose(entity), z_known=False, hint=sim.road_point(entity))
+    if place.point is None:
+        sim.leave_lane(entity)
+    else:
+        sim.follow_lane(entity, place.point, place.along, place.heading_offset)

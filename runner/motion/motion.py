@@ -1,0 +1,170 @@
+"""How a scripted participant moves when the scenario has fixed its speed: along its lane, or straight ahead.
+
+This module owns the entity's side of the road conventions: `along` is +1 when the entity faces increasing s,
+offsets and t are positive to the left of the reference line's direction whatever the entity faces, and a
+negative speed moves it backwards without turning it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from xodr.model import RoadPoint
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from runner.participants.entities import Entity
+    from xodr.network import RoadNetwork
+
+_SHARPEST = 1e-3
+"""Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be followed."""
+
+
+class Placement(NamedTuple):
+    """Where a position is: a world pose, and the road point under it where the position is tied to a road.
+
+    x, y, z in m; h, pitch, roll in rad; `along` is +1 when h faces increasing s. `heading_offset` is h relative
+    to the lane in the direction faced, rad.
+    """
+
+    x: float
+    y: float
+    z: float
+    h: float
+    pitch: float = 0.0
+    roll: float = 0.0
+    point: RoadPoint | None = None
+    along: int = 1
+    heading_offset: float = 0.0
+
+
+class Motion(Protocol):
+    """A way of moving."""
+
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
+        """Move the entity for dt (s) at a speed (m/s, signed), pose and road coordinates included.
+
+        Returns the speed that it really had: less at the end of the road.
+        """
+        ...
+
+    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+        """Distance (m) along the entity's own path to a place, negative once passed; None where none leads there.
+
+        In reverse gear what lies behind is what is still to be reached.
+        """
+        ...
+
+
+def wrap(angle: float) -> float:
+    """Angle in (−π, π]."""
+    return math.remainder(angle, math.tau)
+
+
+class FreeMotion:
+    """Straight ahead in the direction faced, off any lane."""
+
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
+        """Move along the heading."""
+        distance = speed * dt
+        entity.x += distance * math.cos(entity.h)
+        entity.y += distance * math.sin(entity.h)
+        return speed
+
+    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+        """How far ahead the place is."""
+        dx, dy = placement.x - entity.x, placement.y - entity.y
+        ahead = dx * math.cos(entity.h) + dy * math.sin(entity.h)
+        return ahead if entity.speed >= 0.0 else -ahead
+
+
+class LaneMotion:
+    """Along the lane, at its lateral offset, over road borders and through junctions.
+
+    Args:
+        network: the roads.
+    """
+
+    def __init__(self, network: RoadNetwork) -> None:
+        self.network = network
+
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
+        """Move along the lane; the entity's `next_offset`, where set, is reached at the end of the step.
+
+        A lane change is driven at the given speed along its slanting path; a lane offset moves sideways on top.
+        """
+        road, section, t = entity.road, entity.section, entity.t
+        assert road is not None and section is not None
+        distance = speed * dt
+        if entity.next_offset is not None:
+            distance = self._sidestep(entity, distance)
+        center = section.lanes[entity.lane].center
+        ds = entity.along * distance
+        if not road.line.straight:
+            ds /= max(1.0 - road.line.curvature(entity.s + 0.5 * ds) * t, _SHARPEST)
+        if center.constant is None:
+            slope = center.slope(entity.s)
+            ds /= math.sqrt(1.0 + slope * slope)
+        s = entity.s + ds
+        if section.s <= s < section.end:
+            entity.s = s
+            entity.t = center(s) + entity.offset
+            self._pose(entity, entity.t - t, distance)
+            return speed
+        return self._cross(entity, distance, dt)
+
+    def _sidestep(self, entity: Entity, distance: float) -> float:
+        """Take the offset asked for; the distance that is left to go along the lane."""
+        assert entity.next_offset is not None
+        lateral = entity.next_offset - entity.offset
+        entity.offset = entity.next_offset
+        entity.next_offset = None
+        if not entity.path_compensated:
+            return distance
+        rest = distance * distance - lateral * lateral
+        return math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0
+
+    def _cross(self, entity: Entity, distance: float, dt: float) -> float:
+        """Leave the lane section, over section and road borders, or stop at the end of the road."""
+        assert entity.road is not None
+        backwards = distance < 0.0
+        point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+        choose = entity.route.choose if entity.route is not None else None
+        reached, forward, left = self.network.travel(point, abs(distance), (entity.along > 0) != backwards, choose)
+        entity.road = self.network.road(reached.road_id)
+        entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
+        entity.section = entity.road.section(entity.s)
+        entity.along = 1 if forward != backwards else -1
+        if entity.route is not None:
+            entity.route.enter(reached.road_id, forward)
+        self._pose(entity, 0.0, distance)
+        if left <= 0.0:
+            return distance / dt
+        entity.at_road_end = True
+        entity.demand = 0.0
+        return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
+
+    def _pose(self, entity: Entity, drift: float, distance: float) -> None:
+        """World pose at the entity's road coordinates; drift is the change of t over the distance."""
+        assert entity.road is not None
+        pose = entity.road.pose(entity.s, entity.t)
+        h = pose.h + entity.heading_offset
+        if entity.along < 0:
+            h += math.pi
+            drift = -drift
+        if drift and abs(distance) > abs(drift):
+            h += math.atan2(drift, distance) if distance > 0.0 else -math.atan2(drift, -distance)
+        entity.x, entity.y, entity.z, entity.h = pose.x, pose.y, pose.z, h
+        entity.pitch, entity.roll = entity.along * pose.pitch, entity.along * pose.roll
+
+    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+        """Distance (m, in s) along the entity's route, or else the shortest way, to a place; negative once passed."""
+        here = sim.road_point(entity)
+        assert here is not None
+        there = placement.point or self.network.locate(placement.x, placement.y, placement.z)
+        distance: float | None = entity.route.distance(here, there) if entity.route is not None else None
+        if distance is None:
+            relative = self.network.relative(here, there)
+            distance = entity.along * relative.ds if relative is not None else None
+        return -distance if distance is not None and entity.speed < 0.0 else distance

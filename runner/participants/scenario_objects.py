@@ -1,0 +1,141 @@
+"""Read the entities of a scenario: scenario objects with their trailers and controllers, and entity selections."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner.participants.entities import BoundingBox, Entity, Performance
+from runner.participants.trailers import train
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.interpreter.compiler import Context
+
+_KINDS = {"Vehicle": "vehicle", "Pedestrian": "pedestrian", "MiscObject": "miscellaneous"}
+
+
+def read_entities(node: Node, context: Context) -> None:
+    """Enter all scenario objects and selections of an Entities element into the context."""
+    for scenario_object in node.children("ScenarioObject"):
+        _read_scenario_object(scenario_object, scenario_object.get("name"), context)
+    for selection in node.children("EntitySelection"):
+        context.selections[selection.get("name")] = _read_selection(selection, context)
+
+
+def read_object(node: Node, name: str) -> Entity:
+    """The entity that a ScenarioObject, ScenarioObjectTemplate or Trailer describes, its trailer left out."""
+    described = next((child for child in node.children() if child.tag in _KINDS), None)
+    if described is None:
+        external = node.find("ExternalObjectReference")
+        if external is not None:
+            raise external.unsupported("objects of an external library can't be loaded; describe the entity in the file")
+        raise node.invalid("a Vehicle, Pedestrian, MiscObject or CatalogReference is expected")
+    kind = _KINDS[described.tag]
+    entity = Entity(
+        name=name,
+        kind=kind,
+        category=described.get(f"{kind}Category", "") if kind != "miscellaneous" else described.get("miscObjectCategory", ""),
+        box=_read_box(described),
+        performance=_read_performance(described.find("Performance")),
+        front_axle=_read_front_axle(described, "positionX"),
+        max_steering=_read_front_axle(described, "maxSteering"),
+        model=described.get("model3d", "") or described.get("name", ""),
+        mass=described.finite("mass", 0.0),
+        properties=_read_properties(described),
+        hitch=_read_coupling(described, "TrailerHitch"),
+        coupler=_read_coupling(described, "TrailerCoupler"),
+        node=described,
+    )
+    for holder in node.children("ObjectController"):
+        for controller in holder.children("Controller"):
+            entity.controllers[controller.get("name")] = _read_properties(controller)
+    return entity
+
+
+def _read_scenario_object(node: Node, name: str, context: Context) -> Entity:
+    entity = read_object(node, name)
+    if name in context.all:
+        raise node.invalid(f"the entity name {name!r} is used twice")
+    context.all[name] = entity
+    for vehicle in node.children("Vehicle"):
+        _read_trailer(vehicle, entity, context)
+    return entity
+
+
+def _read_properties(node: Node) -> dict[str, str]:
+    properties = node.find("Properties")
+    return {p.get("name"): p.get("value") for p in properties.children("Property")} if properties is not None else {}
+
+
+def _read_coupling(node: Node, tag: str) -> float | None:
+    coupling = node.find(tag)
+    return float(coupling.finite("dx")) if coupling is not None else None
+
+
+def _read_trailer(vehicle: Node, tractor: Entity, context: Context) -> None:
+    """The Trailer of a vehicle: an entity of its own, or a reference to one of the scenario's.
+
+    A trailer that is part of a catalogue entry would have the same name wherever the entry is used; it is called after its
+    tractor, with a `+`. An empty reference, which entries leave to a parameter, means none.
+    """
+    holder = vehicle.find("Trailer")
+    if holder is None:
+        return
+    described = holder.only()
+    if described.tag == "Trailer":
+        ours = described.path == context.document.path
+        trailer = _read_scenario_object(described, described.get("name") if ours else f"{tractor.name}+", context)
+        _couple(described, tractor, trailer)
+    elif described.get("entityRef"):
+        context.late(lambda: _couple(described, tractor, context.entity(described)))
+
+
+def _couple(node: Node, tractor: Entity, trailer: Entity) -> None:
+    if tractor.hitch is None:
+        raise node.invalid(f"{tractor.name!r} has a trailer, but no TrailerHitch")
+    if trailer.coupler is None:
+        raise node.invalid(f"{trailer.name!r} has no TrailerCoupler, so it can't be towed")
+    if trailer.tractor is not None:
+        raise node.invalid(f"{trailer.name!r} is already the trailer of {trailer.tractor.name!r}")
+    if tractor in train(trailer):
+        raise node.invalid(f"{trailer.name!r} can't be the trailer of {tractor.name!r}, which it tows itself")
+    tractor.trailer, trailer.tractor = trailer, tractor
+
+
+def _read_box(node: Node) -> BoundingBox:
+    box = node.find("BoundingBox")
+    if box is None:
+        raise node.invalid("the element BoundingBox is missing")
+    centre, size = box.need("Center"), box.need("Dimensions")
+    dimensions = [size.finite(name) for name in ("length", "width", "height")]
+    if min(dimensions) < 0.0:
+        raise size.invalid("a bounding box must not have negative dimensions")
+    return BoundingBox(centre.finite("x"), centre.finite("y"), centre.finite("z"), *dimensions)
+
+
+def _read_performance(node: Node | None) -> Performance:
+    if node is None:
+        return Performance()
+    values = [node.float(name) for name in ("maxSpeed", "maxAcceleration", "maxDeceleration")]
+    rates = [node.float(name, math.inf) for name in ("maxAccelerationRate", "maxDecelerationRate")]
+    if min(*values, *rates) < 0.0:
+        raise node.invalid("the limits of a vehicle must not be negative")
+    return Performance(*values, *rates)
+
+
+def _read_front_axle(node: Node, attribute: str) -> float:
+    axle = node.find("Axles", "FrontAxle")
+    return float(axle.finite(attribute)) if axle is not None else 0.0
+
+
+def _read_selection(node: Node, context: Context) -> list[Entity]:
+    members = node.need("Members")
+    found: list[Entity] = []
+    for member in members.children():
+        if member.tag == "EntityRef":
+            found += context.entities(member)
+        elif member.tag == "ByType":
+            wanted = member.choice("objectType", ("vehicle", "pedestrian", "miscellaneous", "external"))
+            found += [entity for entity in context.all.values() if entity.kind == wanted]
+    return list(dict.fromkeys(found))

@@ -1,0 +1,1 @@
+"""Distances, closing speeds and regions in the coordinate systems of the standard."""

@@ -1,0 +1,261 @@
+"""Distances between entities and positions in the coordinate systems of OpenSCENARIO XML 1.3, 6.4.
+
+Signs are those of the first entity, whatever the traffic rule and whichever way it faces: longitudinal distances are
+positive where the other one is ahead in the direction that the entity faces, lateral ones where it is to the left. All are
+in metres; None means that the quantity is not defined (no road network, no way between the roads, no trajectory).
+
+- entity: along the axes of the entity, in the plane.
+- road: s and t along the road network, the shortest way (or that of the routing algorithm) between different roads.
+- lane: along and across the centre line of the entity's lane, which goes on over road borders by its lane links.
+- trajectory: along and across the trajectory that the entity follows.
+
+With `freespace` a distance is that of the closest points of the bounding boxes, 0 where they overlap in the direction
+measured; without, that of the reference points. A position has no extent.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.motion.following import PathMotion
+from runner.motion.paths import nearest
+from runner.motion.routes import AssignedRoute
+from runner.participants.boxes import Spot, gap, interval_gap, outlook, spans
+from runner.participants.entities import BoundingBox, Entity
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from runner.motion.motion import Placement
+    from runner.motion.paths import Path
+    from xodr.model import RoadPoint
+    from xodr.road import Road
+
+SYSTEMS = ("entity", "lane", "road", "trajectory")
+ROUTINGS = ("assignedRoute", "fastest", "leastIntersections", "shortest", "undefined")
+_STRAIGHT = 1e-9
+"""Curvature (1/m) below which a road counts as straight under a vehicle"""
+
+
+class Footprint(NamedTuple):
+    """Extent of a bounding box along and across a road, lane or trajectory, m from the reference point."""
+
+    rear: float
+    front: float
+    right: float
+    left: float
+
+    def turned(self) -> Footprint:
+        """The same seen in the opposite direction."""
+        return Footprint(-self.front, -self.rear, -self.left, -self.right)
+
+
+_POINT = Footprint(0.0, 0.0, 0.0, 0.0)
+
+
+def euclidean(a: Entity, b: Entity | Placement, freespace: bool = False) -> float:
+    """Straight distance in space, ≥ 0; boxes stand upright."""
+    if not freespace:
+        return math.sqrt((b.x - a.x) ** 2 + (b.y - a.y) ** 2 + (b.z - a.z) ** 2)
+    return gap(a, _boxed(b))
+
+
+def longitudinal(
+    sim: Simulation, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str = "undefined"
+) -> float | None:
+    """Signed distance ahead of a."""
+    if system == "entity":
+        return _ahead(a, b, freespace)
+    extents = _extents(sim, a, b, system, freespace, routing)
+    if extents is None:
+        return None
+    ours, theirs = extents
+    return interval_gap(ours.rear, ours.front, theirs.rear, theirs.front)
+
+
+def lateral(
+    sim: Simulation, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str = "undefined"
+) -> float | None:
+    """Signed distance to the left of a."""
+    if system == "entity":
+        return _aside(a, b, freespace)
+    extents = _extents(sim, a, b, system, freespace, routing)
+    if extents is None:
+        return None
+    ours, theirs = extents
+    return interval_gap(ours.right, ours.left, theirs.right, theirs.left)
+
+
+def _boxed(b: Entity | Placement) -> Entity | Spot:
+    return b if isinstance(b, Entity) else Spot(b.x, b.y, b.z, b.h)
+
+
+# entity -------------------------------------------------------------------------------------
+
+
+def _ahead(a: Entity, b: Entity | Placement, freespace: bool) -> float:
+    if not freespace:
+        return (b.x - a.x) * math.cos(a.h) + (b.y - a.y) * math.sin(a.h)
+    other = _boxed(b)
+    rear, front, _, _ = spans(outlook(a, other), other.box)
+    return interval_gap(-a.box.length / 2, a.box.length / 2, rear, front)
+
+
+def _aside(a: Entity, b: Entity | Placement, freespace: bool) -> float:
+    if not freespace:
+        return (b.y - a.y) * math.cos(a.h) - (b.x - a.x) * math.sin(a.h)
+    other = _boxed(b)
+    _, _, right, left = spans(outlook(a, other), other.box)
+    return interval_gap(-a.box.width / 2, a.box.width / 2, right, left)
+
+
+def _extents(
+    sim: Simulation, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str
+) -> tuple[Footprint, Footprint] | None:
+    """Extents of both along and across a's trajectory, road or lane, in the direction of a; None where there is no way."""
+    if system == "trajectory":
+        return _on_trajectory(a, b, freespace)
+    return _on_road(sim, a, b, system == "lane", freespace, routing)
+
+
+# road and lane ------------------------------------------------------------------------------
+
+
+class Bearing(NamedTuple):
+    """Where b lies on the road network as seen from a, in the direction of a's road (not of a's travel).
+
+    ds, dt (m) and lanes are towards +s and +t of a's road, in road or lane coordinates; `aligned` says whether +s is the
+    same direction at both. line_a, line_b: t (m) of the line along which ds is measured, at a and at b.
+    """
+
+    a: RoadPoint
+    b: RoadPoint
+    ds: float
+    dt: float
+    lanes: int
+    aligned: bool
+    line_a: float = 0.0
+    line_b: float = 0.0
+
+
+def road_point(sim: Simulation, b: Entity | Placement) -> RoadPoint | None:
+    """Where an entity or a position is on the road network."""
+    if isinstance(b, Entity):
+        return sim.road_point(b)
+    if b.point is not None or sim.network is None:
+        return b.point
+    return sim.network.locate(b.x, b.y, b.z, b.h)
+
+
+def bearing(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, routing: str = "undefined") -> Bearing | None:
+    """Where b lies on the road network as seen from a; None where no way leads from one to the other.
+
+    Args:
+        lane: in coordinates of a's lane, not of its road.
+        routing: the routing algorithm; `assignedRoute` measures along the route of a where both are on it.
+    """
+    here, there = road_point(sim, a), road_point(sim, b)
+    if here is None or there is None or sim.network is None:
+        return None
+    relative = sim.network.relative_in_lane if lane else sim.network.relative
+    seen = relative(here, there, routing if routing in ("fastest", "leastIntersections") else "shortest")
+    if seen is None:
+        return None
+    along_route = _along_route(a, here, there) if routing == "assignedRoute" else None
+    ds, dt, lanes, aligned = seen
+    if along_route is not None:
+        ds = along_route
+    if not lane:
+        return Bearing(here, there, ds, dt, lanes, aligned)
+    aside = dt + here.offset
+    return Bearing(here, there, ds, dt, lanes, aligned, here.t - here.offset, there.t - (aside if aligned else -aside))
+
+
+def _along_route(a: Entity, here: RoadPoint, there: RoadPoint) -> float | None:
+    """Distance along the route assigned to a, towards +s of its road; None where one of the two is not on a route."""
+    route = a.route
+    distance = route.distance(here, there) if isinstance(route, AssignedRoute) else None
+    if distance is None:
+        return None
+    return distance if route.forward(here) else -distance
+
+
+def facing(a: Entity, road: Road, s: float) -> int:
+    """+1 where an entity faces the road's +s, −1 where it faces −s."""
+    if a.on_lane:
+        return a.along
+    return 1 if math.cos(a.h - road.heading(s)) >= 0.0 else -1
+
+
+def footprint(road: Road, point: RoadPoint, h: float, box: BoundingBox, line: float = 0.0) -> Footprint:
+    """Extent in road coordinates of a box whose reference point is at `point`, with heading h (rad).
+
+    Lengths are those on the line at t = `line` (m), the reference line or the centre of a lane.
+    The road is taken as an arc of its curvature there, which is exact on lines and arcs.
+    """
+    turn = h - road.heading(point.s)
+    c, s = math.cos(turn), math.sin(turn)
+    curvature = road.curvature(point.s)
+    straight = -_STRAIGHT < curvature < _STRAIGHT
+    along, across = [], []
+    for x in (box.x - box.length / 2, box.x + box.length / 2):
+        for y in (box.y - box.width / 2, box.y + box.width / 2):
+            p, q = x * c - y * s, x * s + y * c
+            if straight:
+                along.append(p)
+                across.append(q)
+            else:
+                inward = 1.0 - curvature * (point.t + q)
+                along.append(math.atan2(curvature * p, inward) / curvature)
+                across.append((1.0 - math.hypot(curvature * p, inward)) / curvature - point.t)
+    stretch = 1.0 - curvature * line
+    return Footprint(min(along) * stretch, max(along) * stretch, min(across), max(across))
+
+
+def _on_road(
+    sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str
+) -> tuple[Footprint, Footprint] | None:
+    """Extents of both from a's reference point, ahead and to the left of a."""
+    seen = bearing(sim, a, b, lane, routing)
+    if seen is None or sim.network is None:
+        return None
+    here, there = sim.network.roads[seen.a.road_id], sim.network.roads[seen.b.road_id]
+    side = facing(a, here, seen.a.s)
+    ours = theirs = _POINT
+    if freespace:
+        ours = footprint(here, seen.a, a.h, a.box, seen.line_a)
+        theirs = footprint(there, seen.b, b.h, b.box, seen.line_b) if isinstance(b, Entity) else _POINT
+        theirs = theirs if seen.aligned else theirs.turned()
+    rear, front, right, left = theirs
+    theirs = Footprint(seen.ds + rear, seen.ds + front, seen.dt + right, seen.dt + left)
+    return (ours, theirs) if side > 0 else (ours.turned(), theirs.turned())
+
+
+# trajectory ---------------------------------------------------------------------------------
+
+
+def _on_trajectory(a: Entity, b: Entity | Placement, freespace: bool) -> tuple[Footprint, Footprint] | None:
+    """Extents of both along and across a's trajectory."""
+    path = trajectory(a)
+    return (_trace(path, a, freespace), _trace(path, b, freespace)) if path is not None else None
+
+
+def trajectory(a: Entity) -> Path | None:
+    """The trajectory that an entity follows now, None where it follows none."""
+    return a.motion.path if isinstance(a.motion, PathMotion) else None
+
+
+def on_path(path: Path, b: Entity | Placement) -> tuple[float, float, float]:
+    """Place on a trajectory: s along it, t to its left (m), and its heading there (rad)."""
+    s = nearest(path, b.x, b.y)
+    pose = path.at(s)
+    return s, (b.y - pose.y) * math.cos(pose.h) - (b.x - pose.x) * math.sin(pose.h), pose.h
+
+
+def _trace(path: Path, b: Entity | Placement, freespace: bool) -> Footprint:
+    """Extent in the coordinates of a trajectory, which is taken as straight under the box."""
+    s, t, h = on_path(path, b)
+    if not (freespace and isinstance(b, Entity)):
+        return Footprint(s, s, t, t)
+    rear, front, right, left = spans(outlook(Spot(b.x, b.y, b.z, h), b), b.box)
+    return Footprint(s + rear, s + front, t + right, t + left)

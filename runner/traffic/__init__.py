@@ -1,0 +1,1 @@
+"""Traffic that the scenario asks for without naming it."""

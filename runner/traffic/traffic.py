@@ -1,0 +1,248 @@
+"""Traffic that the scenario asks for without naming it: what it is made of, where it can appear, and how it gets there.
+
+SUMO's drivers drive it. The controllers of a TrafficDefinition or template are programs that are not at hand: they are
+written to the entity, as AssignControllerAction does, and SUMO's drivers take their place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import accumulate
+from random import Random
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.motion.motion import Placement
+from runner.participants.boxes import Spot, overlap
+from runner.participants.entities import BoundingBox, Entity
+from runner.participants.scenario_objects import read_object
+from xodr.sumo_net.uses import use_of
+from xosc.node import Node
+
+if TYPE_CHECKING:
+    from runner.interpreter.simulation import Simulation
+    from xodr.network import RoadNetwork
+
+_SPACING = 5.0
+"""Distance (m) of places on a lane where traffic can appear."""
+_HEADWAY, _STANDING_GAP = 1.0, 2.0
+"""Free way that a new participant needs before and behind it: seconds at its speed, and metres on top."""
+_ATTEMPTS = 20
+"""Places that are tried for one new participant at a time."""
+USUAL_SPEED = 50.0 / 3.6
+"""Speed (m/s) at which traffic appears where the file gives none and the road has no limit."""
+
+_BOXES = {
+    "bicycle": BoundingBox(0.6, 0.0, 0.9, 1.8, 0.6, 1.8),
+    "bus": BoundingBox(3.0, 0.0, 1.5, 12.0, 2.5, 3.0),
+    "car": BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5),
+    "motorbike": BoundingBox(0.7, 0.0, 0.75, 2.2, 0.9, 1.5),
+    "truck": BoundingBox(2.9, 0.0, 1.5, 8.0, 2.4, 3.0),
+    "van": BoundingBox(1.9, 0.0, 1.3, 6.0, 2.1, 2.6),
+}
+"""Usual boxes of the vehicle categories, about the middle of the rear axle."""
+
+
+class Mix:
+    """What traffic consists of: makers of entities, drawn by weight."""
+
+    def __init__(self, makers: Sequence[tuple[float, Callable[[str, Random], Entity]]]) -> None:
+        self.makers = [maker for _, maker in makers]
+        self.weights = list(accumulate(weight for weight, _ in makers))
+
+    @classmethod
+    def from_xml(cls, node: Node) -> Mix:
+        """Read the TrafficDistribution or TrafficDefinition inside an element; cars where there is neither."""
+        distribution = node.find("TrafficDistribution")
+        if distribution is not None:
+            return cls(_templates(distribution))
+        definition = node.find("TrafficDefinition")
+        return cls(_categories(definition) if definition is not None else [(1.0, _Usual(node, "car", (), ()).make)])
+
+    def make(self, name: str, rng: Random) -> Entity:
+        """A new entity of that name."""
+        return rng.choices(self.makers, cum_weights=self.weights)[0](name, rng)
+
+
+Weighted = tuple[tuple[float, Node], ...]
+
+
+@dataclass(frozen=True)
+class _Usual:
+    """A usual vehicle of a category, with one of several roles and controllers, that an element asks for."""
+
+    node: Node
+    category: str
+    roles: Weighted
+    controllers: Weighted
+
+    def make(self, name: str, rng: Random) -> Entity:
+        """A new one."""
+        entity = Entity(name, "vehicle", self.category, _BOXES[self.category], model=self.category, node=self.node)
+        role, controller = _draw(self.roles, rng), _draw(self.controllers, rng)
+        if role is not None:
+            entity.properties["role"] = role.get("role")
+        if controller is not None:
+            properties = {p.get("name"): p.get("value") for p in controller.iter("Property")}
+            entity.controllers[controller.get("name")] = properties
+        return entity
+
+
+def _draw(entries: Weighted, rng: Random) -> Node | None:
+    return rng.choices([node for _, node in entries], [weight for weight, _ in entries])[0] if entries else None
+
+
+def _weighted(holder: Node | None, tag: str) -> Weighted:
+    """Entries of a distribution that have a weight, with it."""
+    if holder is None:
+        return ()
+    entries = [(float(entry.finite("weight")), entry) for entry in holder.children(tag)]
+    for weight, entry in entries:
+        if weight < 0.0:
+            raise entry.invalid(f"weight={weight:g} must not be negative")
+    found = tuple((weight, entry) for weight, entry in entries if weight > 0.0)
+    if not found:
+        raise holder.invalid(f"no {tag} has a weight above 0")
+    if not math.isfinite(sum(weight for weight, _ in found)):
+        raise holder.invalid("the weights are too large")
+    return found
+
+
+def categories(definition: Node) -> dict[str, float]:
+    """Vehicle categories of a TrafficDefinition with their weights."""
+    entries = _weighted(definition.need("VehicleCategoryDistribution"), "VehicleCategoryDistributionEntry")
+    for _, entry in entries:
+        if entry.get("category") not in _BOXES:
+            raise entry.unsupported(f"SUMO's drivers drive {', '.join(_BOXES)} on their own, but no {entry.get('category')}")
+    return {entry.get("category"): weight for weight, entry in entries}
+
+
+def _categories(definition: Node) -> list[tuple[float, Callable[[str, Random], Entity]]]:
+    roles = _weighted(definition.find("VehicleRoleDistribution"), "VehicleRoleDistributionEntry")
+    entries = _weighted(definition.find("ControllerDistribution"), "ControllerDistributionEntry")
+    controllers = tuple((weight, entry.only()) for weight, entry in entries)
+    return [(weight, _Usual(definition, name, roles, controllers).make) for name, weight in categories(definition).items()]
+
+
+def _templates(distribution: Node) -> list[tuple[float, Callable[[str, Random], Entity]]]:
+    makers: list[tuple[float, Callable[[str, Random], Entity]]] = []
+    for share, entry in _weighted(distribution, "TrafficDistributionEntry"):
+        kinds = _weighted(entry.need("EntityDistribution"), "EntityDistributionEntry")
+        total = sum(weight for weight, _ in kinds)
+        makers += [(share * (weight / total), _template(kind.need("ScenarioObjectTemplate"))) for weight, kind in kinds]
+    return makers
+
+
+def _template(node: Node) -> Callable[[str, Random], Entity]:
+    """A maker of entities like the one described; what SUMO's drivers can't drive is refused."""
+    described = read_object(node, "")
+    if described.kind != "vehicle":
+        raise node.unsupported(f"SUMO's drivers drive vehicles, not a {described.kind} object")
+    if described.category not in _BOXES:
+        raise node.unsupported(f"SUMO's drivers drive {', '.join(_BOXES)} on their own, but no {described.category}")
+    trailer = node.find("Vehicle", "Trailer")
+    if trailer is not None:
+        raise trailer.unsupported("SUMO's drivers drive vehicles without trailers")
+    return lambda name, _: read_object(node, name)
+
+
+# places -------------------------------------------------------------------------------------
+
+
+class Place(NamedTuple):
+    """A place on a lane, facing with the traffic there: world pose, road coordinates, usual speed (m/s)."""
+
+    x: float
+    y: float
+    h: float
+    road_id: str
+    lane_id: int
+    s: float
+    speed: float
+
+
+@lru_cache(maxsize=8)
+def places_of(network: RoadNetwork) -> tuple[Place, ...]:
+    """All places of a road network where traffic can appear, found once."""
+    return tuple(place for road_id in network.roads for place in _along(network, road_id))
+
+
+def _along(network: RoadNetwork, road_id: str) -> list[Place]:
+    """Places along one road; none inside junctions, where others cross."""
+    road = network.roads[road_id]
+    if road.junction_id is not None:
+        return []
+    count = max(int(road.length / _SPACING), 1)
+    stations = [(index + 0.5) * road.length / count for index in range(count)]
+    return [
+        place_on(network, road_id, lane_id, s)
+        for s in stations
+        for lane_id in road.lane_ids(s)
+        if use_of(road.lane_type(s, lane_id)).kind == "traffic" and road.lane_width(s, lane_id) > 2.0
+    ]
+
+
+def place_on(network: RoadNetwork, road_id: str, lane_id: int, s: float) -> Place:
+    """The place in the middle of a lane."""
+    road = network.road(road_id)
+    pose = road.pose(s, road.lane_t(s, lane_id))
+    h = pose.h if road.direction(lane_id, s) > 0 else pose.h + math.pi
+    return Place(pose.x, pose.y, h, road_id, lane_id, s, road.speed_limit(s, lane_id) or USUAL_SPEED)
+
+
+# bringing it in -----------------------------------------------------------------------------
+
+
+@dataclass
+class Spawner:
+    """Brings traffic of one action into a run, and knows which of it is still there.
+
+    Args:
+        name: of the traffic; its members are called `<name>_1` and so on.
+        mix: what it consists of.
+    """
+
+    name: str
+    mix: Mix
+    members: list[Entity] = field(default_factory=list)
+    _count: int = 0
+
+    def present(self) -> list[Entity]:
+        """Those that have not left."""
+        self.members = [entity for entity in self.members if entity.active]
+        return self.members
+
+    def spawn(self, sim: Simulation, places: Sequence[Place], speed: Callable[[Place], float]) -> bool:
+        """Bring in one more at one of some places, drawn at random; false where none that was tried is free."""
+        if not places:
+            return False
+        entity = self.mix.make(self._next_name(sim), sim.random)
+        for place in sim.random.sample(places, min(_ATTEMPTS, len(places))):
+            fast = min(speed(place), entity.performance.max_speed)
+            if _free(sim, entity, place, fast) and sim.spawn(entity, _placement(sim, place), fast):
+                self.members.append(entity)
+                self._count += 1
+                return True
+        return False
+
+    def _next_name(self, sim: Simulation) -> str:
+        while f"{self.name}_{self._count + 1}" in sim.entities:
+            self._count += 1
+        return f"{self.name}_{self._count + 1}"
+
+
+def _placement(sim: Simulation, place: Place) -> Placement:
+    assert sim.network is not None
+    point = sim.network.lane_point(place.road_id, place.lane_id, place.s)
+    pose = sim.network.pose(point)
+    along = 1 if math.cos(place.h - pose.h) >= 0.0 else -1
+    return Placement(pose.x, pose.y, pose.z, place.h, along * pose.pitch, along * pose.roll, point, along)
+
+
+def _free(sim: Simulation, entity: Entity, place: Place, speed: float) -> bool:
+    """Whether nobody is in the way that a new participant needs, or comes into it."""
+    box, gap = entity.box, _STANDING_GAP + _HEADWAY * speed
+    needed = Spot(place.x, place.y, 0.0, place.h, box._replace(length=box.length + 2.0 * gap, height=math.inf))
+    return not any(other.active and other.placed and overlap(needed, other) for other in sim.entities.values())

@@ -1,0 +1,1 @@
+"""Worlds that participants live in: the protocol, a kinematic world, SUMO."""

@@ -1,0 +1,94 @@
+"""The one door to a simulator: what the interpreter asks of a world, and nothing more.
+
+The interpreter owns every scripted participant and tells the world where it is (`mirror`); participants that the
+world's own driver moves (`Entity.driven`) are read back (`read`). A world knows nothing of storyboards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol
+
+from runner.participants.entities import Entity
+from xodr.network import RoadNetwork
+
+
+class Reading(NamedTuple):
+    """State of a participant that the world moves: reference point (m), heading (rad), speed (m/s), in the plane."""
+
+    x: float
+    y: float
+    h: float
+    speed: float
+
+
+class Wish(NamedTuple):
+    """What a participant asks of the world's own driver.
+
+    Args:
+        speed: the speed that it wants (m/s) where nothing is in its way; None for what the world thinks usual there.
+        exact: it has that speed whatever is in its way.
+        lane_changes: the driver may change lanes.
+    """
+
+    speed: float | None = None
+    exact: bool = False
+    lane_changes: bool = True
+
+
+class World(Protocol):
+    """A simulator that participants live in."""
+
+    name: str
+
+    def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
+        """Load the road network and stand at time 0; says what the user should know of it, if anything."""
+        ...
+
+    def add(self, entity: Entity) -> None:
+        """Bring a participant into the world at its present pose."""
+        ...
+
+    def remove(self, entity: Entity) -> None:
+        """Take a participant out of the world; nothing happens where it has left already."""
+        ...
+
+    def drive(self, entity: Entity) -> bool:
+        """Hand a participant to the world's own driver for the coming step, at its present pose and speed.
+
+        False where the driver can't drive there (no lane of its kind, or it faces against the traffic). A participant that
+        is driven already is put to its present pose.
+        """
+        ...
+
+    def release(self, entity: Entity) -> None:
+        """Take a participant back from the world's own driver."""
+        ...
+
+    def ask(self, entity: Entity, wish: Wish) -> None:
+        """Tell the world's own driver what a participant that it drives wants; holds until asked anew."""
+        ...
+
+    def show(self, entity: Entity, visible: bool) -> None:
+        """Let the world's own drivers see a scripted participant, or not (VisibilityAction, traffic)."""
+        ...
+
+    def signal(self, signal_id: str, state: str) -> bool:
+        """Show the world's own drivers a traffic signal's state, in the words of the scenario; false if not understood."""
+        ...
+
+    def mirror(self, entities: Iterable[Entity]) -> None:
+        """Show the world where scripted participants are at the end of the coming step."""
+        ...
+
+    def step(self) -> None:
+        """Advance by one time step."""
+        ...
+
+    def read(self, entity: Entity) -> Reading | None:
+        """State of a driven participant; None once it has left the world."""
+        ...
+
+    def close(self) -> None:
+        """Free the simulator."""
+        ...

@@ -1,0 +1,1 @@
+"""How roads and lanes hang together: links, ways, routes, travel along them."""

@@ -1,0 +1,181 @@
+"""Routes through a road network, by the standard's strategies: shortest, fastest, leastIntersections, random."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from heapq import heappop, heappush
+from itertools import pairwise
+from random import Random
+from typing import NamedTuple
+
+from xodr.graph.travel import Choose
+from xodr.graph.ways import PRICES, Cost, Price, Way, Ways, add
+from xodr.model import LaneLink, RoadPoint
+from xodr.road import Road
+
+
+class Leg(NamedTuple):
+    """One road of a route: from s = `enter` to s = `leave`; `before` is the route's length up to its beginning.
+
+    exit_lanes: the lanes at the road's end that lead on to the next leg; empty on the last leg.
+    """
+
+    road_id: str
+    forward: bool
+    enter: float
+    leave: float
+    before: float
+    exit_lanes: tuple[int, ...]
+
+    @property
+    def length(self) -> float:
+        """Length [m] in s."""
+        return abs(self.leave - self.enter)
+
+
+class RoadPath:
+    """A route: roads one after the other, with positions on it measured in s from its beginning.
+
+    Attributes:
+        legs: the roads in order. A road can occur more than once.
+        length: length [m] in s.
+    """
+
+    def __init__(self, legs: Sequence[Leg], otherwise: Choose) -> None:
+        self.legs = tuple(legs)
+        self.length = self.legs[-1].before + self.legs[-1].length
+        self._befores = [leg.before for leg in self.legs]
+        self._otherwise = otherwise
+
+    def leg_at(self, distance: float) -> Leg:
+        """The leg at a distance [m] from the route's beginning; the first or last one outside."""
+        return self.legs[max(bisect_right(self._befores, distance) - 1, 0)]
+
+    def at(self, distance: float) -> tuple[str, float, bool]:
+        """Road id, s and direction of travel at a distance [m] from the route's beginning, kept within the route."""
+        distance = min(max(distance, 0.0), self.length)
+        leg = self.leg_at(distance)
+        gone = distance - leg.before
+        return leg.road_id, leg.enter + (gone if leg.forward else -gone), leg.forward
+
+    def position(self, point: RoadPoint, near: float = 0.0) -> float | None:
+        """Distance [m] of a road point from the route's beginning, None where its road is not part of the route.
+
+        On the first and last road the point may lie before the beginning (negative) or beyond the end.
+
+        Args:
+            near: where the point is expected; decides on routes that use a road more than once.
+        """
+        found = [
+            leg.before + (point.s - leg.enter if leg.forward else leg.enter - point.s)
+            for leg in self.legs
+            if leg.road_id == point.road_id
+        ]
+        return min(found, key=lambda distance: abs(distance - near)) if found else None
+
+    def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """The lane that goes on along the route, for `RoadNetwork.travel`; the straightest where the route does not help."""
+        for leg, following in pairwise(self.legs):
+            if (leg.road_id, leg.forward) == (point.road_id, forward):
+                onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
+                if onwards:
+                    return onwards[0]
+        return self._otherwise(point, forward, links)
+
+
+class Router:
+    """Finds routes on one road network."""
+
+    def __init__(self, ways: Ways, otherwise: Choose) -> None:
+        self._ways, self._otherwise = ways, otherwise
+
+    def route(self, waypoints: Sequence[RoadPoint], strategies: Sequence[str], rng: Random | None) -> RoadPath | None:
+        """A route through the waypoints, strategies[i] leading from waypoint i to i + 1; None where no way leads there.
+
+        Ways of traffic are taken where they suffice, else any way, also against the traffic (pedestrians).
+        """
+        for driven in (True, False):
+            legs = self._legs(waypoints, strategies, rng, driven)
+            if legs:
+                return RoadPath(legs, self._otherwise)
+        return None
+
+    def _legs(self, waypoints: Sequence[RoadPoint], strategies: Sequence[str], rng: Random | None, driven: bool) -> list[Leg]:
+        stretches: list[tuple[Way, float, float]] = []
+        for (origin, target), strategy in zip(pairwise(waypoints), strategies, strict=True):
+            price = PRICES[strategy] if strategy != "random" else _random_price(rng or Random(0))
+            heading = stretches[-1][0].forward if stretches else None
+            found = self._search(origin, target, heading, price, driven)
+            if found is None:
+                return []
+            for way, enter, leave in found:
+                if stretches and stretches[-1][0] == way and stretches[-1][2] == enter:
+                    enter = stretches.pop()[1]
+                stretches.append((way, enter, leave))
+        legs: list[Leg] = []
+        before = 0.0
+        for index, (way, enter, leave) in enumerate(stretches):
+            last = index + 1 == len(stretches)
+            lanes = () if last else self._ways.lanes_towards(way, stretches[index + 1][0])
+            legs.append(Leg(*way, enter, leave, before, lanes))
+            before += legs[-1].length
+        return legs
+
+    def _search(
+        self, origin: RoadPoint, target: RoadPoint, heading: bool | None, price: Price, driven: bool
+    ) -> list[tuple[Way, float, float]] | None:
+        """Dijkstra's algorithm from one point to another: ways with the s at which each is entered and left."""
+        roads = self._ways.roads
+        directions = self._directions(origin, driven) if heading is None else (heading,)
+        arrivals = self._directions(target, driven)
+        # trail: each entry is (way, s entered, index of the entry before); an index beyond it marks a finished route
+        trail: list[tuple[Way, float, int]] = [(Way(origin.road_id, forward), origin.s, -1) for forward in directions]
+        queue: list[tuple[Cost, int, bool]] = [((0.0, 0.0), index, False) for index in range(len(trail))]
+        seen: set[Way] = set()
+        while queue:
+            cost, index, finished = heappop(queue)
+            way, enter, before = trail[index]
+            if finished:
+                return self._unwind(trail, index, target.s)
+            if before >= 0 and way in seen:
+                continue
+            if before >= 0:
+                seen.add(way)
+            road = roads[way.road_id]
+            ahead = target.s - enter if way.forward else enter - target.s
+            if way.road_id == target.road_id and way.forward in arrivals and ahead >= 0.0:
+                heappush(queue, (add(cost, price(road, ahead)), index, True))
+            rest = road.length - enter if way.forward else enter
+            more = add(cost, price(road, rest))
+            for following in self._ways.following(way, driven):
+                trail.append((following, 0.0 if following.forward else roads[following.road_id].length, index))
+                heappush(queue, (more, len(trail) - 1, False))
+        return None
+
+    def _unwind(self, trail: Sequence[tuple[Way, float, int]], index: int, leave: float) -> list[tuple[Way, float, float]]:
+        stretches: list[tuple[Way, float, float]] = []
+        while index >= 0:
+            way, enter, index = trail[index]
+            end = self._ways.roads[way.road_id].length if way.forward else 0.0
+            stretches.append((way, enter, end if stretches else leave))
+        return stretches[::-1]
+
+    def _directions(self, point: RoadPoint, driven: bool) -> tuple[bool, ...]:
+        """Directions of travel that a point's lane allows; both where it is the centre lane or traffic does not count."""
+        road = self._ways.roads[point.road_id]
+        if not driven or point.lane_id == 0 or road.lane(point.s, point.lane_id).direction == "both":
+            return (True, False)
+        return (road.direction(point.lane_id, point.s) > 0,)
+
+
+def _random_price(rng: Random) -> Price:
+    """A price that makes some way or other the cheapest: every road's length counts by a factor of its own."""
+    factors: dict[str, float] = {}
+
+    def price(road: Road, length: float) -> Cost:
+        if road.id not in factors:
+            factors[road.id] = rng.expovariate(1.0)
+        return factors[road.id] * length, length
+
+    return price

@@ -1,0 +1,171 @@
+"""Moving along lanes: over lane sections, road borders and through junctions, keeping the offset from the lane's centre."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from xodr.graph.links import LinkTable
+from xodr.model import Lane, LaneLink, RoadError, RoadPoint
+from xodr.road import Road, lane_in
+
+Choose = Callable[[RoadPoint, bool, Sequence[LaneLink]], LaneLink | None]
+"""Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them, None to stay there."""
+
+_STEP = 1.0
+"""Longest stretch [m] over which curvature and lane slope are taken as constant, at their value in its middle."""
+_MOST_STEPS = 1000
+_MOST_BORDERS = 10_000
+_NARROWED = 0.1
+_SHARPEST = 1e-3
+"""Lower limit of d(way)/ds beyond the centre of a curve, where the reference line cannot be followed any more."""
+
+
+class Travel(NamedTuple):
+    """Where a movement ended.
+
+    forward: the movement's direction on the road that was reached: True towards +s.
+    left: distance [m] that could not be travelled because the road ended; 0 where it did not.
+    """
+
+    point: RoadPoint
+    forward: bool
+    left: float
+
+
+class Traveller:
+    """Moves points along the lanes of one road network."""
+
+    def __init__(self, roads: Mapping[str, Road], links: LinkTable) -> None:
+        self._roads, self._links = roads, links
+        self._turns: dict[LaneLink, float] = {}
+
+    def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
+        """Move `distance` [m ≥ 0] along the point's lane, measured on the way of the point itself."""
+        road_id, s, _, lane_id, offset = point
+        road = self._roads[road_id]
+        section = road.section(s)
+        lane = section.lanes.get(lane_id) or road.lane(s, lane_id)
+        center = lane.center.constant
+        if center is not None and road.line.straight:  # the common case: ds is the distance
+            reached = s + distance if forward else s - distance
+            if section.s <= reached < section.end:
+                return Travel(RoadPoint(road_id, reached, center + offset, lane_id, offset), forward, 0.0)
+        return self._walk(point, distance, forward, choose)
+
+    def _walk(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
+        road = self._roads[point.road_id]
+        index, lane_id, s, offset = road.section_index(point.s), point.lane_id, point.s, point.offset
+        for _ in range(_MOST_BORDERS):
+            section = road.sections[index]
+            lane = section.lanes[lane_id]
+            border, step = (section.end, 1) if forward else (section.s, -1)
+            s, distance = _along(road, lane, offset, s, border, step, distance)
+            inside = s < border if forward else distance <= 0.0
+            here = RoadPoint(road.id, s, lane.center(s) + offset, lane_id, offset)
+            if inside:
+                return Travel(here, forward, 0.0)
+            if 0 <= index + step < len(road.sections):
+                index, lane_id, offset = _next_section(road, index, lane_id, offset, forward)
+                continue
+            link = self._next_road(here, forward, choose) if distance > 0.0 else None
+            if link is None:
+                return Travel(here, forward, distance)
+            if link.at_start != forward:
+                offset = -offset
+            road, lane_id, forward = self._roads[link.road_id], link.lane_id, link.at_start
+            index, s = (0, 0.0) if forward else (len(road.sections) - 1, road.length)
+        raise RoadError(f"a movement from road {point.road_id!r} crosses more than {_MOST_BORDERS} borders", path=road.path)
+
+    def _next_road(self, here: RoadPoint, forward: bool, choose: Choose) -> LaneLink | None:
+        links = self._links.get((here.road_id, here.lane_id, forward))
+        return choose(here, forward, links) if links else None
+
+    def length(self, road: Road, lane_id: int, start: float, end: float) -> tuple[float, int]:
+        """Length [m ≥ 0] of a lane's centre line between two s, and the id that the lane has at the end."""
+        forward = end >= start
+        total, index, last = 0.0, road.section_index(start), road.section_index(end)
+        while True:
+            section = road.sections[index]
+            border = end if index == last else section.end if forward else section.s
+            total += _lane_length(road, section.lanes.get(lane_id) or road.lane(section.s, lane_id), start, border)
+            if index == last:
+                return total, lane_id
+            start = border
+            index, lane_id, _ = _next_section(road, index, lane_id, 0.0, forward)
+
+    def straightest(self, _point: RoadPoint, _forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """The way on that turns least; the first in the file where several turn equally."""
+        return min(links, key=self.turn) if links else None
+
+    def turn(self, link: LaneLink) -> float:
+        """By how much [rad, ≥ 0] the way turns on the road that a link enters: its first 50 m, or all of it in a junction."""
+        turn = self._turns.get(link)
+        if turn is None:
+            road = self._roads[link.road_id]
+            reach = road.length if road.junction_id else min(road.length, 50.0)
+            entry, exit_ = (0.0, reach) if link.at_start else (road.length, road.length - reach)
+            turn = abs(math.remainder(road.heading(exit_) - road.heading(entry), math.tau))
+            # equal turns to the nanoradian are equal: the order in the file decides, not rounding
+            turn = self._turns[link] = round(turn, 9)
+        return turn
+
+
+def _along(road: Road, lane: Lane, offset: float, s: float, border: float, sign: float, distance: float) -> tuple[float, float]:
+    """Go on from s towards the section's border: the s reached, and the distance left where the border stops it.
+
+    The way of a point at t is |1 − κt| ds long where the road curves, and longer where the lane drifts sideways (dt/ds).
+    A point that is beyond the border already (it left the road) stays there.
+    """
+    room = (border - s) * sign
+    if room <= 0.0:
+        return s, distance
+    if road.line.straight and lane.center.constant is not None:
+        return (border, distance - room) if distance >= room else (s + sign * distance, 0.0)
+    longest = max(_STEP, distance / _MOST_STEPS)
+    while True:
+        room = (border - s) * sign
+        limit = min(room, longest)
+        half = 0.5 * min(distance / _way_per_s(road, lane, offset, s), limit)
+        rate = _way_per_s(road, lane, offset, s + sign * half)
+        ds = distance / rate
+        if ds < limit:
+            return s + sign * ds, 0.0
+        distance = max(distance - limit * rate, 0.0)
+        if limit == room:
+            return border, distance
+        s += sign * limit
+
+
+def _lane_length(road: Road, lane: Lane, start: float, end: float) -> float:
+    """Length of a lane's centre line between two s of one lane section."""
+    span = end - start
+    if road.line.straight and lane.center.constant is not None:
+        return abs(span)
+    count = max(1, min(math.ceil(abs(span) / _STEP), _MOST_STEPS))
+    rates = (_way_per_s(road, lane, 0.0, start + span * (index + 0.5) / count) for index in range(count))
+    return abs(span) / count * sum(rates)
+
+
+def _way_per_s(road: Road, lane: Lane, offset: float, s: float) -> float:
+    t = lane.center(s) + offset
+    return max(math.hypot(1.0 - road.line.curvature(s) * t, lane.center.slope(s)), _SHARPEST)
+
+
+def _next_section(road: Road, index: int, lane_id: int, offset: float, forward: bool) -> tuple[int, int, float]:
+    """Section, lane and offset beyond a section's border: the linked lane, at the same offset.
+
+    A lane that the file does not continue, or that has narrowed to nothing, is left without a jump: t stays the same.
+    """
+    section = road.sections[index]
+    lane = section.lanes[lane_id]
+    following = index + (1 if forward else -1)
+    lanes = road.sections[following].lanes
+    border = section.end if forward else section.s
+    linked = (lane.successor if forward else lane.predecessor) if lane_id else 0
+    if linked not in lanes:
+        linked = lane_in(road.sections[following], border, lane.center(border) + offset)
+    elif lane_id == 0 or lane.width(border) > _NARROWED:
+        return following, linked, offset
+    return following, linked, lane.center(border) + offset - lanes[linked].center(border)
