@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from generation.mcsg.search import methods
+from generation.search import methods
 from generation.search.methods import METHODS, method, need
 from generation.search.problem import Problem
 from schemas.errors import UsageError
