@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import NamedTuple
 
 from lxml import etree
 
+from schemas import discovery
 from schemas.problems import Problem
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType
 from schemas.rules.document import Document
@@ -106,7 +105,5 @@ def rule(
 @cache
 def all_rules() -> tuple[Rule, ...]:
     """Every rule of this package, preconditions first, then by uid."""
-    package = __name__.rpartition(".")[0]
-    for module in iter_modules(import_module(package).__path__):
-        import_module(f"{package}.{module.name}")
+    discovery.load("schemas.rules")
     return tuple(sorted(_rules.values(), key=lambda each: (not each.precondition, each.uid)))
