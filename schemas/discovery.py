@@ -16,8 +16,8 @@ A new kind is one new file; no list anywhere names it. A folder of kinds is used
   one that was chosen. A module without the constant is a helper and no kind. Where more is to be known of a kind, the
   constant is a tuple or dict of literals.
 
-Modules (and packages) are in the order of their names, whatever the file system says. Modules whose name begins with an underscore
-are helpers too. Source trees, installed wheels and zip files work alike.
+Modules (and packages) come in the order of their names, whatever the file system says; those whose name begins with an
+underscore are helpers too. Source trees, installed wheels and zip files work alike.
 """
 
 from __future__ import annotations
