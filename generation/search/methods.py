@@ -45,21 +45,15 @@ METHODS = {
     "gacs": Method("gacs", "GACS", "genetic algorithm on criticality", False),
     "ibo": Method("ibo", "IBO", "Bayesian optimisation of criticality", False),
     "ccsf": Method("ccsf", "CCSF", "REINFORCE with an LSTM, on criticality", False),
-    "rltester": Method(
-        "study.baselines.rltester", "RLTester", "deep Q-network, one step of one parameter at a time, least TTC", False
-    ),
+    "rltester": Method("rltester", "RLTester", "deep Q-network, one step of one parameter at a time, least TTC", False),
     "rlbe": Method("rlbe", "RLBE", "proximal policy optimisation of edits, risk and plausibility", True),
-    "no-rl": Method(
-        "study.baselines.no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True
-    ),
+    "no-rl": Method("no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True),
     "no-kde": Method("no_kde", "No-KDE", "MCSG without the realism term", False),
     "no-maneuver": Method("search", "No-Maneuver", "MCSG on trajectories, without manoeuvre parameters", True, knots=True),
     "no-learning": Method("no_learning", "No-Learning", "MCSG with an untrained policy", True),
     "no-elite": Method("no_elite", "No-Elite", "MCSG that starts from real scenarios throughout", True),
     "no-coordination": Method("no_coordination", "No-Coordination", "MCSG with edits of single parameters", True),
-    "exclusive": Method(
-        "study.baselines.exclusive", "exclusive reward", "MCSG where a collision pays the same whatever R_risk", True
-    ),
+    "exclusive": Method("exclusive", "exclusive reward", "MCSG where a collision pays the same whatever R_risk", True),
 }
 """In the order of tables."""
 ABLATIONS = ("no-rl", "no-kde", "no-maneuver", "no-learning", "no-elite", "no-coordination", "exclusive")
