@@ -21,9 +21,9 @@ import xosc
 from generation.outcomes.evaluator import Evaluator
 from generation.parameters import Space
 from runner.interpreter import execution
+from runner.interpreter.recorder import Recorder
 from runner.interpreter.simulation import Simulation
 from runner.measures import criticality
-from runner.recording import Recorder
 from runner.worlds.sumo import SumoWorld
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc"

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
 
-    from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import BoundingBox, Entity
+    from runner.participants.declaration import BoundingBox
     from xodr.model import RoadPoint
     from xodr.network import RoadNetwork
 
@@ -35,10 +34,7 @@ COLUMNS = (
 """Columns of a track: s; m in the world frame of the road network (reference point); rad, mathematical; m/s and m/s²
 along the heading; OpenDRIVE road coordinates (lane_offset is t minus the t of the lane's centre)."""
 
-_TYPES: dict[str, Any] = {"road_id": object, "lane_id": "int64"}
 _PLACE = ("road_id", "lane_id", "s", "t", "lane_offset")
-Row = tuple[Any, ...]
-"""Values of `COLUMNS` at one instant; a road id of None means: not looked up yet."""
 
 
 @dataclass(eq=False)
@@ -125,41 +121,3 @@ def arrow_type(name: str) -> pa.DataType:
     import pyarrow as pa
 
     return {"entity": pa.string(), "road_id": pa.string(), "lane_id": pa.int64()}.get(name, pa.float64())
-
-
-def _arrays(rows: list[Row]) -> dict[str, np.ndarray]:
-    import numpy as np
-
-    columns = zip(COLUMNS, zip(*rows, strict=True), strict=True)
-    return {name: np.array(values, dtype=_TYPES.get(name, "float64")) for name, values in columns}
-
-
-class Recorder:
-    """Writes down every present entity of a run, once a step."""
-
-    def __init__(self, sim: Simulation) -> None:
-        self._sim = sim
-        self._rows: dict[Entity, list[Row]] = {}
-
-    def record(self) -> None:
-        """Write down the present state of everyone."""
-        time = self._sim.time
-        rows = self._rows
-        for e in self._sim.entities.values():
-            if not (e.active and e.placed):
-                continue
-            row: Row
-            if e.on_lane and e.road is not None:
-                row = (time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.road.id, e.lane, e.s, e.t, e.offset)
-            else:
-                row = (time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, None, 0, 0.0, 0.0, 0.0)
-            if e in rows:
-                rows[e].append(row)
-            else:
-                rows[e] = [row]
-
-    def recording(self) -> Recording:
-        """What was written down so far."""
-        sim = self._sim
-        tracks = [Track(e.name, e.kind, e.category, e.box, partial(_arrays, rows)) for e, rows in self._rows.items()]
-        return Recording(tracks, sim.dt, sim.network)

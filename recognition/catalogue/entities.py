@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 from runner.recording import Track
 from xosc import maneuvers
 

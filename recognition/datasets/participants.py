@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 
 REAR_AXLE = 0.3
 """Distance of the rear axle behind the centre of a vehicle, in lengths of it."""

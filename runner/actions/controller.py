@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from runner.contracts.action import PrivateAction
 from runner.contracts.registry import action
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:

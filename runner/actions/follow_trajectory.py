@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xosc.node import Node
 
 _SAME_PLACE = 1e-6

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 from runner.contracts.action import LATERAL, PrivateAction, Running, need_places
 from runner.contracts.registry import action
 from runner.motion.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from xodr.model import RoadPoint
 from xosc.node import Node
 

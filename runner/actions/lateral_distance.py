@@ -12,8 +12,10 @@ from runner.actions.longitudinal_distance import read_system
 from runner.contracts.action import LATERAL, PrivateAction, Running, need_places
 from runner.contracts.registry import action
 from runner.motion.dynamics import GapController, read_constraints
-from runner.motion.motion import wrap
-from runner.participants.entities import Entity, Performance, box_corners
+from runner.motion.placement import wrap
+from runner.participants.boxes import box_corners
+from runner.participants.declaration import Performance
+from runner.participants.entity import Entity
 from runner.spacing import distances
 from xosc.node import Node
 

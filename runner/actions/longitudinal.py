@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 from runner.contracts.action import LONGITUDINAL, PrivateAction, Running
 from runner.contracts.registry import action
 from runner.motion.dynamics import EPSILON, Shape, TransitionDynamics
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:

@@ -12,8 +12,10 @@ from runner.contracts.action import LONGITUDINAL, PrivateAction, Running, need_p
 from runner.contracts.registry import action
 from runner.motion.dynamics import GapController, read_constraints, tighter
 from runner.motion.following import PathMotion
-from runner.motion.motion import wrap
-from runner.participants.entities import Entity, Performance, box_corners
+from runner.motion.placement import wrap
+from runner.participants.boxes import box_corners
+from runner.participants.declaration import Performance
+from runner.participants.entity import Entity
 from runner.spacing import distances
 from xosc.node import Node
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 from runner.contracts.action import LONGITUDINAL, PrivateAction, Running
 from runner.contracts.registry import action
 from runner.motion.dynamics import FOLLOWING_MODES, read_constraints, tighter
-from runner.participants.entities import Entity, Performance
+from runner.participants.declaration import Performance
+from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from runner.actions.longitudinal import RELATIVE
 from runner.contracts.action import LONGITUDINAL, PrivateAction, Running, need_places
 from runner.contracts.registry import action
-from runner.motion.motion import Placement
-from runner.participants.entities import Entity
+from runner.motion.placement import Placement
+from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:

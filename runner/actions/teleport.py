@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from runner.positions import Position
     from xosc.node import Node
 

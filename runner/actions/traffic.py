@@ -21,7 +21,7 @@ from runner.traffic.traffic import Mix, Place, Spawner, categories, place_on, pl
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from runner.positions import Position
     from xosc.node import Node
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.conditions.comparison import TOLERANCE
 from runner.contracts.condition import EntityCondition
 from runner.contracts.registry import condition
-from runner.motion.motion import wrap
 from runner.motion.paths import nearest
-from runner.participants.entities import Entity
+from runner.motion.placement import wrap
+from runner.participants.entity import Entity
 from runner.spacing.distances import trajectory
 from xosc.node import Node
 

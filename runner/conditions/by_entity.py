@@ -18,7 +18,7 @@ from xosc.node import Node
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 DIRECTIONS = ("longitudinal", "lateral", "vertical")
 OBJECT_TYPES = ("vehicle", "pedestrian", "miscellaneous", "external")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.contracts.condition import EntityCondition
 from runner.contracts.registry import condition
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.spacing.distances import Bearing, bearing, facing, footprint
 from xodr.graph.relative import lanes_between
 from xosc.node import Node

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.condition import EntityCondition
 from runner.contracts.registry import condition
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.spacing import closing, distances
 from schemas.errors import InvalidFile
 from xosc.node import Node
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from runner.contracts.position import Position
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.motion.motion import Placement
+    from runner.motion.placement import Placement
 
 _TYPES = {
     "longitudinal": "longitudinal",

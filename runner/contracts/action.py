@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xosc.node import Node
 
 LONGITUDINAL, LATERAL, LIGHTING, ANIMATION = "longitudinal", "lateral", "lighting", "animation"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 
 class Condition(ABC):

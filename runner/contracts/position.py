@@ -13,13 +13,13 @@ import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.motion.motion import Placement, wrap
+from runner.motion.placement import Placement, wrap
 from xodr.model import Pose, RoadPoint
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xodr.network import RoadNetwork
     from xodr.road import Road
     from xosc.node import Node

@@ -10,7 +10,7 @@ from runner.participants.boxes import overlap, reach
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 _by_x = attrgetter("x")
 _by_name = attrgetter("name")

@@ -17,7 +17,7 @@ from runner.interpreter.elements import ActionElement
 from runner.interpreter.signals import TrafficSignals
 from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 from runner.interpreter.triggers import Trigger
-from runner.participants.entities import Entities, Entity
+from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from xosc.node import Node
 

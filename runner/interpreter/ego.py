@@ -31,7 +31,7 @@ from xosc.ego import EGO_NAME
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""

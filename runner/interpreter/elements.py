@@ -10,7 +10,7 @@ from runner.contracts.action import Action, GlobalAction, PrivateAction, Running
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 
 class State(StrEnum):

@@ -19,7 +19,7 @@ from runner.sut import System, load_system, system_name
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from runner.worlds.base import World
     from xosc.resolve import Argument
 

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner.interpreter.simulation import LogEntry
+from runner.interpreter.event_log import LogEntry
 
 if TYPE_CHECKING:
     import pyarrow as pa

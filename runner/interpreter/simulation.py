@@ -10,21 +10,24 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from runner.contracts.action import LATERAL
 from runner.interpreter.collision import Contacts
 from runner.interpreter.environment import Environment
+from runner.interpreter.event_log import LogEntry
+from runner.interpreter.recorder import Recorder
 from runner.motion.following import back_to_lane
-from runner.motion.motion import FreeMotion, LaneMotion, Placement, wrap
+from runner.motion.free import FreeMotion
+from runner.motion.lane import LaneMotion
+from runner.motion.placement import Placement, wrap
 from runner.participants.trailers import disconnect, line_up, tow, train
-from runner.recording import Recorder
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.elements import Element, Process, Transition
-    from runner.participants.entities import Entities, Entity
+    from runner.participants.entity import Entities, Entity
     from runner.worlds.base import World
     from xodr.network import RoadNetwork
 
@@ -32,15 +35,6 @@ _ACROSS = math.radians(45.0)
 """Heading relative to the lane from which an entity faces across it, rad"""
 _STANDSTILL = 1e-3
 """m/s below which an entity stands still"""
-
-
-class LogEntry(NamedTuple):
-    """One line of the event log: when (s), what kind of event, which element or entity, and why."""
-
-    time: float
-    kind: str
-    subject: str
-    text: str
 
 
 class Simulation:

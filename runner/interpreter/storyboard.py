@@ -15,7 +15,7 @@ from runner.interpreter.triggers import Trigger
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 
 class Event(Element):

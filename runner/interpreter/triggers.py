@@ -11,7 +11,7 @@ from xosc.node import Node
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6

@@ -8,7 +8,7 @@ from runner.interpreter.result import Verdict
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 
 def judge(sim: Simulation, ego: Entity | None) -> Verdict:

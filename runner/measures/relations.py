@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.participants.entities import Performance
+from runner.participants.declaration import Performance
 
 if TYPE_CHECKING:
     from xosc.node import Node

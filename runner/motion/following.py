@@ -11,8 +11,8 @@ from xodr.model import Pose
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.motion.motion import Placement
-    from runner.participants.entities import Entity
+    from runner.motion.placement import Placement
+    from runner.participants.entity import Entity
 
 JOINING = 2.0
 """Time (s) that an entity takes at least to join a path that it was not on."""

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xodr.graph.routes import Leg, RoadPath
     from xodr.model import LaneLink, RoadPoint
     from xodr.network import RoadNetwork

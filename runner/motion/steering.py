@@ -6,11 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from runner.motion.following import back_to_lane
-from runner.motion.motion import FreeMotion, wrap
+from runner.motion.free import FreeMotion
+from runner.motion.placement import wrap
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 _WHEELBASE = 0.6
 """Wheelbase as a share of the length, where the file says nothing of axles."""

@@ -13,16 +13,16 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from runner.motion.motion import Placement
 from runner.motion.nurbs import ControlPoint, sampled
 from runner.motion.paths import Chain, Corner, Path, Polyline, Schedule, Segments
+from runner.motion.placement import Placement
 from xodr.geometry import Arc, Line, Segment, Spiral, Start
 
 if TYPE_CHECKING:
     from runner.contracts.position import Position
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xosc.node import Node
 
 _GAP = 1e-3

@@ -16,7 +16,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from runner.participants.entities import box_corners
+from runner.participants.boxes import box_corners
 from xodr.sampling import lane_borders
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
-from runner.interpreter.simulation import LogEntry
+from runner.interpreter.event_log import LogEntry
 from schemas.version import version
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from runner.interpreter.event_log import LogEntry
 from runner.interpreter.result import RunResult, Verdict
-from runner.interpreter.simulation import LogEntry
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, Recording, Track, arrow_type
 from schemas.errors import InvalidFile
 from schemas.storage import parse_object, read_bytes, read_object

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, Protocol
 
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 
 _TOUCHING = 1e-9
 """Distance (m) that is rounding: boxes so near to each other touch, whichever of them looks."""
@@ -128,3 +128,16 @@ def interval_gap(low_a: float, high_a: float, low_b: float, high_b: float) -> fl
     if low_b > high_a:
         return low_b - high_a
     return high_b - low_a if high_b < low_a else 0.0
+
+
+def box_corners(x: float, y: float, h: float, box: BoundingBox) -> tuple[tuple[float, float], ...]:
+    """World corners of a box whose reference point is at x, y (m) with heading h (rad), counter-clockwise from front left."""
+    c, s = math.cos(h), math.sin(h)
+    front, rear = box.x + box.length / 2, box.x - box.length / 2
+    left, right = box.y + box.width / 2, box.y - box.width / 2
+    return (
+        (x + c * front - s * left, y + s * front + c * left),
+        (x + c * rear - s * left, y + s * rear + c * left),
+        (x + c * rear - s * right, y + s * rear + c * right),
+        (x + c * front - s * right, y + s * front + c * right),
+    )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.participants.entities import BoundingBox, Entity, Performance
+from runner.participants.declaration import BoundingBox, Performance
+from runner.participants.entity import Entity
 from runner.participants.trailers import train
 from xosc.node import Node
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from runner.contracts import registry
 from runner.contracts.position import FixedPosition, Orientation, network_of, on_road
-from runner.motion.motion import Placement
+from runner.motion.placement import Placement
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context

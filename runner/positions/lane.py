@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from runner.contracts import registry
 from runner.contracts.position import FixedPosition, Orientation, Position, network_of, on_road
-from runner.motion.motion import Placement
+from runner.motion.placement import Placement
 from xodr.model import RoadError, RoadPoint
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xodr.graph.travel import Choose
     from xodr.network import RoadNetwork
     from xodr.road import Road

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 from runner.contracts import registry
 from runner.contracts.position import Orientation, Position, in_world, network_of, on_road
 from runner.motion import routes
-from runner.motion.motion import Placement
 from runner.motion.paths import tangent
+from runner.motion.placement import Placement
 from runner.motion.trajectories import Trajectory
 from xodr.model import Pose, RoadError
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xodr.graph.routes import RoadPath
     from xodr.model import RoadPoint
     from xosc.node import Node

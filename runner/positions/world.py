@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from runner.contracts import registry
 from runner.contracts.position import FixedPosition, Orientation, Position, in_world
-from runner.motion.motion import Placement
+from runner.motion.placement import Placement
 from xodr.model import Pose
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xosc.node import Node
 
 

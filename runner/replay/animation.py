@@ -12,7 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from runner.participants.entities import box_corners
+from runner.participants.boxes import box_corners
 from runner.replay.roads import Area, Line, marks, surfaces
 from runner.replay.scene import extent
 

@@ -12,7 +12,7 @@ import numpy as np
 from xodr.sampling import sample
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import LogEntry
+    from runner.interpreter.event_log import LogEntry
     from runner.replay.roads import Area, Line
     from xodr.model import Corner, RoadObject
     from xodr.network import RoadNetwork

@@ -9,12 +9,12 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from runner.participants.boxes import Spot, gap
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.spacing import distances
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.motion.motion import Placement
+    from runner.motion.placement import Placement
     from xodr.model import RoadPoint
     from xodr.road import Road
 

@@ -22,12 +22,13 @@ from runner.motion.following import PathMotion
 from runner.motion.paths import nearest
 from runner.motion.routes import AssignedRoute
 from runner.participants.boxes import Spot, gap, interval_gap, outlook, spans
-from runner.participants.entities import BoundingBox, Entity
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entity
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.motion.motion import Placement
     from runner.motion.paths import Path
+    from runner.motion.placement import Placement
     from xodr.model import RoadPoint
     from xodr.road import Road
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from runner.interpreter.environment import Environment
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
     from xodr.network import RoadNetwork
 
 
@@ -23,7 +23,7 @@ class Observation:
 
     Args:
         time: simulation time, s.
-        ego: the entity driven (state as in `runner.participants.entities`; not to be changed).
+        ego: the entity driven (state as in `runner.participants.entity`; not to be changed).
         others: every other participant that sensors can see.
         demand: speed that the scenario asks of the ego at the end of this step, m/s.
         network: the roads, or None.

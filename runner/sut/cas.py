@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
 from runner.participants.boxes import gap, interval_gap, outlook, reach, spans
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.sut.base import Control, Observation
 
 

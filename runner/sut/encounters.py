@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from runner.participants.boxes import outlook, spans
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.sut.base import Observation
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.sut.encounters import Encounter
 from runner.sut.reference import HARDEST, JERK, ROUNDING, ReferenceDriver
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.sut.base import Control, Observation
 from runner.sut.encounters import encounters
 

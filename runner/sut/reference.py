@@ -7,7 +7,7 @@ definition of safety requirements of automated vehicles in international regulat
 
 from __future__ import annotations
 
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.sut.base import Control, Observation
 from runner.sut.encounters import Encounter, encounters
 

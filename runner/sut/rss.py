@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.sut.encounters import Encounter
 from runner.sut.reference import ReferenceDriver
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from runner.sut.base import Control, Observation
 
 if TYPE_CHECKING:
-    from runner.participants.entities import Entity
+    from runner.participants.entity import Entity
 
 
 @dataclass(frozen=True, slots=True)

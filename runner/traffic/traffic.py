@@ -14,9 +14,10 @@ from itertools import accumulate
 from random import Random
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.motion.motion import Placement
+from runner.motion.placement import Placement
 from runner.participants.boxes import Spot, overlap
-from runner.participants.entities import BoundingBox, Entity
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entity
 from runner.participants.scenario_objects import read_object
 from xodr.sumo_net.uses import use_of
 from xosc.node import Node

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from xodr.network import RoadNetwork
 
 

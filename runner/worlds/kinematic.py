@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from runner.worlds.base import Reading, Wish
 from xodr.network import RoadNetwork
 

@@ -28,7 +28,8 @@ from typing import NamedTuple
 
 import libsumo
 
-from runner.participants.entities import BoundingBox, Entity, Performance
+from runner.participants.declaration import BoundingBox, Performance
+from runner.participants.entity import Entity
 from runner.worlds.base import Reading, Wish
 from runner.worlds.sumo_kinds import KINDS, OBSTACLE
 from runner.worlds.sumo_lights import OFF, link_state

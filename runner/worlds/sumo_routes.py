@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 
 from runner.motion.routes import AssignedRoute
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from xodr.model import LaneLink, RoadPoint
 from xodr.network import RoadNetwork
 from xodr.sumo_net import SumoNet

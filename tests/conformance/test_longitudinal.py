@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from runner.participants.entities import Performance
+from runner.participants.declaration import Performance
 from tests.conformance.support import at, events, run, track
 
 DT = 0.01

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, Recording, Track
 
 STEP = 0.1

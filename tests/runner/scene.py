@@ -10,8 +10,9 @@ from runner.contracts.position import Orientation, on_road
 from runner.interpreter.compiler import Scenario
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.storyboard import Storyboard
-from runner.motion.motion import wrap
-from runner.participants.entities import BoundingBox, Entities, Entity
+from runner.motion.placement import wrap
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entities, Entity
 from runner.worlds.kinematic import KinematicWorld
 
 ROADS = Path(__file__).parents[1] / "conformance" / "roads"

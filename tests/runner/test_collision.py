@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
 from runner.interpreter.collision import Contacts
-from runner.participants.boxes import Spot, gap, overlap
-from runner.participants.entities import BoundingBox, Entities, Entity
+from runner.participants.boxes import Spot, box_corners, gap, overlap
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entities, Entity
 
 CAR = BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5)
 
@@ -31,7 +32,7 @@ entities = st.builds(entity, st.just("e"), coordinate, coordinate, angle, boxes)
 
 @given(entities, entities)
 def test_gap_is_the_distance_of_the_outlines(a: Entity, b: Entity) -> None:
-    expected = Polygon(a.corners()).distance(Polygon(b.corners()))
+    expected = Polygon(box_corners(a.x, a.y, a.h, a.box)).distance(Polygon(box_corners(b.x, b.y, b.h, b.box)))
     assert gap(a, b) == pytest.approx(expected, abs=1e-9)
     assert gap(a, b) == pytest.approx(gap(b, a), abs=1e-9)
 
@@ -43,7 +44,9 @@ def test_boxes_overlap_where_their_gap_is_zero(a: Entity, b: Entity) -> None:
 
 @given(entities, coordinate, coordinate)
 def test_a_position_is_a_box_without_extent(a: Entity, x: float, y: float) -> None:
-    assert gap(a, Spot(x, y, 0.75, 0.0)) == pytest.approx(Polygon(a.corners()).distance(Point(x, y)), abs=1e-9)
+    assert gap(a, Spot(x, y, 0.75, 0.0)) == pytest.approx(
+        Polygon(box_corners(a.x, a.y, a.h, a.box)).distance(Point(x, y)), abs=1e-9
+    )
 
 
 def test_touching_boxes_overlap() -> None:

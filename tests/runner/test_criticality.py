@@ -22,7 +22,8 @@ from runner.measures.criticality import (
     time_to_collision,
 )
 from runner.measures.relations import Motion, View, box_distance, boxes_overlap, relation
-from runner.participants.entities import BoundingBox, box_corners
+from runner.participants.boxes import box_corners
+from runner.participants.declaration import BoundingBox
 
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
 

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from runner.interpreter.simulation import Simulation
 from runner.motion.following import PathMotion
-from runner.motion.motion import Placement
 from runner.motion.paths import Corner, Polyline
-from runner.participants.entities import BoundingBox, Entity
+from runner.motion.placement import Placement
+from runner.participants.boxes import box_corners
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entity
 from runner.spacing import closing
 from runner.spacing.distances import bearing, euclidean, footprint, lateral, longitudinal
 from tests.runner.scene import CAR, drive, put, put_free, scene
@@ -93,7 +95,7 @@ def test_a_footprint_holds_the_corners_in_road_coordinates(curvature: float, t: 
     entity = Entity("e", "vehicle", "car", CAR)
     entity.x, entity.y, entity.h = 0.0, t, turn
     found = footprint(road, _Point(t), turn, CAR)  # type: ignore[arg-type]
-    places = [road.st(x, y) for x, y in entity.corners()]
+    places = [road.st(x, y) for x, y in box_corners(entity.x, entity.y, entity.h, entity.box)]
     assert found == pytest.approx(
         (min(s for s, _ in places), max(s for s, _ in places), min(q for _, q in places) - t, max(q for _, q in places) - t),
         abs=1e-6,

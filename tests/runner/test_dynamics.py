@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from runner.motion.dynamics import SHAPES, GapController, TransitionDynamics, read_constraints, tighter
-from runner.participants.entities import Performance
+from runner.participants.declaration import Performance
 from schemas.errors import InvalidFile
 from xosc.node import Node
 

@@ -15,10 +15,10 @@ from lxml import etree
 
 import runner
 from runner.batch.jobs import Job, Outcome
+from runner.interpreter.event_log import LogEntry
 from runner.interpreter.result import RunResult, Verdict
-from runner.interpreter.simulation import LogEntry
 from runner.outputs import report, trajectories
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, Recording, Track
 from tests.runner.files import car, place, scenario, speed_action, story
 

@@ -10,7 +10,8 @@ import pytest
 import runner
 from runner.interpreter.environment import Environment
 from runner.measures.rss import PARAMETERS, longitudinal_distance
-from runner.participants.entities import BoundingBox, Entity
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entity
 from runner.sut import Control, Observation, SystemUnderTest, load_system
 from runner.sut.aeb import EmergencyBraking
 from runner.sut.encounters import encounters

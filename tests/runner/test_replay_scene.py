@@ -12,7 +12,7 @@ import pytest
 
 import runner
 from runner.interpreter.result import RunResult, Verdict
-from runner.participants.entities import BoundingBox
+from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, Recording, Track
 from runner.replay.player import replay_page
 from runner.replay.scene import scene

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from runner.interpreter.simulation import LogEntry
+from runner.interpreter.event_log import LogEntry
 from runner.replay.furniture import signal_states
 from runner.replay.timeline import is_shown, rows
 

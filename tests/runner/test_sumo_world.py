@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 import runner
 import xodr
-from runner.participants.entities import BoundingBox, Entity
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entity
 from runner.worlds import sumo
 from runner.worlds.base import Wish
 from runner.worlds.sumo_lights import link_state

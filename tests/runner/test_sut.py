@@ -13,7 +13,8 @@ import pytest
 import runner
 from runner.interpreter.environment import Environment
 from runner.measures.rss import PARAMETERS, lateral_distance, longitudinal_distance
-from runner.participants.entities import BoundingBox, Entity
+from runner.participants.declaration import BoundingBox
+from runner.participants.entity import Entity
 from runner.sut import Control, Observation, find_system, load_system, system_name
 from runner.sut.cas import CollisionAvoidance
 from runner.sut.scripted import Scripted

@@ -14,7 +14,7 @@ from lxml import etree
 
 from runner.contracts.condition import ByEntityCondition, Condition, EntityCondition
 from runner.interpreter.triggers import TimedCondition, Trigger
-from runner.participants.entities import Entity
+from runner.participants.entity import Entity
 from schemas.errors import InvalidFile
 from tests.runner.scene import CAR
 from xosc.node import Node

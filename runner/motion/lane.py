@@ -8,35 +8,18 @@ negative speed moves it backwards without turning it.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.interpreter.simulation import Simulation
-    from runner.participants.entities import Entity
+    from runner.motion.placement import Placement
+    from runner.participants.entity import Entity
     from xodr.network import RoadNetwork
 
 _SHARPEST = 1e-3
 """Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be followed."""
-
-
-class Placement(NamedTuple):
-    """Where a position is: a world pose, and the road point under it where the position is tied to a road.
-
-    x, y, z in m; h, pitch, roll in rad; `along` is +1 when h faces increasing s. `heading_offset` is h relative
-    to the lane in the direction faced, rad.
-    """
-
-    x: float
-    y: float
-    z: float
-    h: float
-    pitch: float = 0.0
-    roll: float = 0.0
-    point: RoadPoint | None = None
-    along: int = 1
-    heading_offset: float = 0.0
 
 
 class Motion(Protocol):
@@ -55,28 +38,6 @@ class Motion(Protocol):
         In reverse gear what lies behind is what is still to be reached.
         """
         ...
-
-
-def wrap(angle: float) -> float:
-    """Angle in (−π, π]."""
-    return math.remainder(angle, math.tau)
-
-
-class FreeMotion:
-    """Straight ahead in the direction faced, off any lane."""
-
-    def advance(self, entity: Entity, speed: float, dt: float) -> float:
-        """Move along the heading."""
-        distance = speed * dt
-        entity.x += distance * math.cos(entity.h)
-        entity.y += distance * math.sin(entity.h)
-        return speed
-
-    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
-        """How far ahead the place is."""
-        dx, dy = placement.x - entity.x, placement.y - entity.y
-        ahead = dx * math.cos(entity.h) + dy * math.sin(entity.h)
-        return ahead if entity.speed >= 0.0 else -ahead
 
 
 class LaneMotion:

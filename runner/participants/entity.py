@@ -2,40 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from runner.participants.declaration import BoundingBox, Performance
 from schemas.errors import InvalidFile, Unsupported
 
 if TYPE_CHECKING:
     from runner.interpreter.elements import Process
-    from runner.motion.motion import Motion
+    from runner.motion.lane import Motion
     from xodr.model import LaneSection, RoadPoint
     from xodr.road import Road
     from xosc.node import Node
-
-
-class BoundingBox(NamedTuple):
-    """Box of an entity in its own frame: x forward, y left, z up from the reference point (rear axle on the ground), m."""
-
-    x: float
-    y: float
-    z: float
-    length: float
-    width: float
-    height: float
-
-
-class Performance(NamedTuple):
-    """Limits of a vehicle: m/s, m/s² and (jerk) m/s³; infinite where the file gives none."""
-
-    max_speed: float = math.inf
-    max_acceleration: float = math.inf
-    max_deceleration: float = math.inf
-    max_acceleration_rate: float = math.inf
-    max_deceleration_rate: float = math.inf
 
 
 @dataclass(slots=True, eq=False)
@@ -152,23 +131,6 @@ class Entity:
     def front(self) -> float:
         """x of the front end in the own frame, m."""
         return self.box.x + self.box.length / 2
-
-    def corners(self) -> tuple[tuple[float, float], ...]:
-        """World x, y of the four corners of the box, counter-clockwise from front left."""
-        return box_corners(self.x, self.y, self.h, self.box)
-
-
-def box_corners(x: float, y: float, h: float, box: BoundingBox) -> tuple[tuple[float, float], ...]:
-    """World corners of a box whose reference point is at x, y (m) with heading h (rad), counter-clockwise from front left."""
-    c, s = math.cos(h), math.sin(h)
-    front, rear = box.x + box.length / 2, box.x - box.length / 2
-    left, right = box.y + box.width / 2, box.y - box.width / 2
-    return (
-        (x + c * front - s * left, y + s * front + c * left),
-        (x + c * rear - s * left, y + s * rear + c * left),
-        (x + c * rear - s * right, y + s * rear + c * right),
-        (x + c * front - s * right, y + s * front + c * right),
-    )
 
 
 class Entities(dict[str, Entity]):
