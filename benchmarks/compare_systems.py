@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.systems import SYSTEMS, compare
+from generation.outcomes.cases import Choice
 from generation.parameters import Space
-from generation.search.cases import Choice
 from generation.study.comparison.edge_cases import CONFIGURATION, edge_cases, opened
+from generation.study.systems import SYSTEMS, compare
 from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.errors import ToolchainError, UsageError
 

@@ -78,8 +78,8 @@ def xosc_generate(
     Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
     parameters as a stochastic variation file, and copies of all that they need to run.
     """
+    from generation.outcomes.cases import Choice
     from generation.pipeline import Settings
-    from generation.search.cases import Choice
 
     settings = Settings(
         sut, method, budget, seed, density, weight, rss, timestep, jobs,

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from generation.density.base import Density
+from generation.outcomes.cases import CAREFUL, Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluator
-from generation.outcomes.reward import Realism, Reward
 from generation.parameters import Space
 from generation.recorded import Recorded
-from generation.search.cases import CAREFUL, Cases, Choice, choose
 from generation.search.memory import Memory
-from generation.search.methods import METHODS, method
+from generation.search.method import METHODS, method
 from generation.search.problem import History, Problem, counted
+from generation.search.reward import Realism, Reward
 from generation.variations import Evidence, Writer
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
@@ -30,10 +30,10 @@ class Settings:
 
     Attributes:
         sut: name of the system under test.
-        method: name of the search method (`generation.search.methods`).
+        method: name of the search method (`generation.search.method`).
         budget: simulator calls.
         seed: of the search.
-        density: name of the density model (`generation.density.selection`).
+        density: name of the density model (`generation.density.fitting`).
         weight: of realism in the reward; None for the one of `Reward`.
         rss: name of the RSS parameter set.
         timestep: s.

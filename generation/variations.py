@@ -14,8 +14,8 @@ import numpy as np
 
 import xosc
 from generation.density.base import Density
+from generation.outcomes.cases import Cases
 from generation.parameters import Space
-from generation.search.cases import Cases
 from recognition.trfe.samples import Floats
 from xosc.distributions import (
     Deterministic,

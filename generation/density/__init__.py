@@ -1,1 +1,1 @@
-"""How likely manoeuvre parameters are: one file a model, one contract (`base.Density`), compared by `selection`."""
+"""How likely manoeuvre parameters are: one file a model, one contract (`base.Density`), fitted by `fitting`."""

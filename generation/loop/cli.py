@@ -78,7 +78,7 @@ def _model(labels: str, model: Path | None) -> Path | None:
 
 def _refuse_wrong(settings: Any) -> None:
     """What can't be is better known at once than after the recognition."""
-    from generation.search.methods import method
+    from generation.search.method import method
     from runner.sut import find_system
 
     method(settings.method)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from generation.outcomes.cases import Choice, apart, critical, diverse
 from generation.parameters import Space
-from generation.search.cases import Choice, apart, critical, diverse
 from generation.search.problem import Episodes
 from recognition.trfe.samples import Floats
 

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from generation.outcomes.cases import Choice
 from generation.pipeline import Settings as Search
-from generation.search.cases import Choice
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
 """Shows progress: takes what is being done and how much of it there is, gives what has to be told how many more are done."""

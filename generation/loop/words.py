@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from generation.loop.stages import Found
-from generation.search.cases import AVOIDED, COLLISION
+from generation.outcomes.cases import AVOIDED, COLLISION
 
 
 def summary(stage: str, found: Found) -> str:

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from generation.mcsg.environment import Edits, coordinated, single
 from generation.mcsg.policy import Bins, Policy, State
-from generation.outcomes.reward import criticality
-from generation.search.cases import Choice, diverse
+from generation.outcomes.cases import Choice, diverse
 from generation.search.problem import Calls, Episodes, History, Problem
+from generation.search.reward import criticality
 from recognition.training.seeding import seeded
 from recognition.trfe.samples import Floats
 

@@ -11,8 +11,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from generation.outcomes.evaluator import Outcomes
-from generation.outcomes.reward import Reward
 from generation.parameters import Space
+from generation.search.reward import Reward
 from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile
 

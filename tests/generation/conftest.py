@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.kde import KDE
-from generation.outcomes.reward import Realism, Reward
+from generation.density.models.kde import KDE
 from generation.search.problem import Problem
+from generation.search.reward import Realism, Reward
 from tests.generation.kinematic import SPACE, Kinematic, driven
 
 

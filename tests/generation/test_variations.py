@@ -12,11 +12,11 @@ import pytest
 import runner
 import schemas
 import xosc
-from generation.density.gaussian import Gaussian
+from generation.density.models.gaussian import Gaussian
 from generation.logical.library import SCENARIOS
+from generation.outcomes.cases import CAREFUL, Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluator
 from generation.parameters import Space
-from generation.search.cases import CAREFUL, Cases, Choice, choose
 from generation.search.problem import Episodes
 from generation.variations import Evidence, Writer
 from schemas.errors import UsageError

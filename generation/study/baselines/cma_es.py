@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.search.methods import need
+from generation.search.method import need
 from generation.search.problem import Calls, History, Problem
 
 POPULATION, SIGMA = 20, 0.2

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.outcomes.reward import criticality
 from generation.search.problem import History, Problem
-from generation.study.baselines.genetic import POPULATION, evolve
+from generation.search.reward import criticality
+from generation.study.strategies.genetic import POPULATION, evolve
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from generation.outcomes.reward import criticality
-from generation.search.methods import need
+from generation.search.method import need
 from generation.search.problem import Calls, History, Problem
+from generation.search.reward import criticality
 
 STARTS, TRIALS = 20, 60
 """Sobol points before the process is asked, and points in all before a new process begins: its cost grows with their cube."""

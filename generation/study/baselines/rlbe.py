@@ -15,7 +15,7 @@ from torch.distributions import Normal
 
 from generation.mcsg.environment import Edits, single
 from generation.search.problem import Calls, History, Problem
-from generation.study.baselines.networks import perceptron
+from generation.study.strategies.networks import perceptron
 from recognition.training.seeding import seeded
 
 

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from generation.search.problem import Calls, History, Problem
-from generation.study.baselines.networks import perceptron
+from generation.study.strategies.networks import perceptron
 from recognition.training.seeding import seeded
 from recognition.trfe.samples import Floats, Whole
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from generation.outcomes.cases import Choice, best
 from generation.recorded import kind_of, of_recordings, of_samples
-from generation.search.cases import Choice, best
-from generation.search.methods import METHODS
+from generation.search.method import METHODS
 from generation.search.problem import Episodes, joined
 from generation.study.comparison.study import Settings, Study
 from runner.batch.jobs import Job

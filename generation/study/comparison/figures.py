@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from generation.parameters import SEVEN
-from generation.search.methods import ABLATIONS, METHODS
+from generation.search.method import ABLATIONS, METHODS
 from generation.search.problem import Episodes
 from generation.study.comparison.measures import curves, last_third
 from generation.study.comparison.report import FIGURES, results

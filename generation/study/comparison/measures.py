@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from generation.outcomes.cases import Choice, diverse
 from generation.outcomes.evaluator import Outcomes
-from generation.search.cases import Choice, diverse
 from generation.search.problem import Episodes, Evaluate, History, Problem
 from recognition.trfe.samples import Floats
 

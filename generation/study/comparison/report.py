@@ -7,8 +7,8 @@ from statistics import fmean
 
 import numpy as np
 
-from generation.density import selection
-from generation.search.methods import ABLATIONS, METHODS
+from generation.density import fitting
+from generation.search.method import ABLATIONS, METHODS
 from generation.study.comparison import trajectories
 from generation.study.comparison.measures import Measures, last_third, measure
 from generation.study.comparison.study import Key, Study
@@ -61,7 +61,7 @@ def _tables(study: Study, last: Results, whole: Results) -> list[Table]:
         Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(whole)),
         reconstruction(study.recorded.errors),
         trajectories.table(study),
-        selection.comparison(study.recorded.theta, study.recorded.recordings),
+        fitting.comparison(study.recorded.theta, study.recorded.recordings),
     ]
     return [table for table in found if table.rows]
 

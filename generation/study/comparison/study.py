@@ -13,14 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from generation.outcomes.cases import CAREFUL
 from generation.outcomes.evaluator import Evaluator
-from generation.outcomes.reward import Form, Realism, Reward
 from generation.parameters import Space
 from generation.recorded import Recorded
-from generation.search.cases import CAREFUL
 from generation.search.memory import Memory
-from generation.search.methods import METHODS, method
+from generation.search.method import METHODS, method
 from generation.search.problem import Evaluate, History, Problem, counted
+from generation.search.reward import Form, Realism, Reward
 from generation.study.comparison.measures import avoided
 from generation.study.comparison.trajectories import Trajectories
 from generation.study.knots.motion import knots_of

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.outcomes.reward import Realism, Reward
-from generation.search.methods import METHODS
+from generation.search.method import METHODS
 from generation.search.problem import History, Problem
+from generation.search.reward import Realism, Reward
 from generation.study.comparison.measures import last_third
 from generation.study.knots.motion import Nearest, Setting, knots_of, maneuvers_of
 from recognition.study.protocol.tables import Table, spread

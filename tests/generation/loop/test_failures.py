@@ -9,7 +9,7 @@ import pytest
 
 from generation.loop.failures import Failures, failures
 from generation.mcsg.search import search
-from generation.search.cases import Choice, diverse
+from generation.outcomes.cases import Choice, diverse
 from generation.search.problem import Problem
 
 ALIKE = Choice().apart

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from generation.search.methods import need
+from generation.search.method import need
 from generation.search.problem import Calls, Episodes, History, Problem
 from recognition.trfe.samples import Floats
 

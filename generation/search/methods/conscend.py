@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from generation.search.methods.random import BATCH
 from generation.search.problem import Calls, History, Problem
-from generation.study.baselines.uniform import BATCH
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from generation.mcsg.search import Settings
 from generation.search.problem import History, Problem
-from generation.study.baselines.otherwise import rewarded
+from generation.study.strategies.rewarded import rewarded
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:

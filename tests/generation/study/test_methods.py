@@ -8,8 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from generation.search import methods
-from generation.search.methods import METHODS, method, need
+from generation.search.method import METHODS, method, need
 from generation.search.problem import Problem
 from schemas.errors import UsageError
 
@@ -62,6 +61,6 @@ def test_unknown_methods_and_missing_libraries_are_named() -> None:
 
 def test_naming_the_methods_imports_no_learning() -> None:
     heavy = "torch", "sklearn", "optuna", "pymoo", "cma", "matplotlib", "libsumo"
-    code = f"import sys, generation, {methods.__name__}; print([name for name in {heavy} if name in sys.modules])"
+    code = f"import sys, generation, generation.search.method; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from generation.outcomes.cases import CAREFUL
 from generation.outcomes.evaluator import Outcomes, Runs
-from generation.search.cases import CAREFUL
 from runner.batch.jobs import Job, Outcome
 
 if TYPE_CHECKING:

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import gaussian_kde, multivariate_normal
 
-from generation.density import selection
+from generation.density import fitting
 from generation.density.base import Density, Whitening, folds
-from generation.density.flow import Couplings, Flow
-from generation.density.gaussian import Gaussian
-from generation.density.independent import Independent
-from generation.density.kde import KDE, scott
-from generation.density.mixture import Mixture
-from generation.density.selection import MODELS, comparison, fitted, held_out, model
+from generation.density.fitting import MODELS, comparison, fitted, held_out, model
+from generation.density.models.flow import Couplings, Flow
+from generation.density.models.gaussian import Gaussian
+from generation.density.models.independent import Independent
+from generation.density.models.kde import KDE, scott
+from generation.density.models.mixture import Mixture
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 
@@ -158,7 +158,7 @@ def test_the_comparison_puts_the_truth_before_what_ignores_correlation() -> None
 
 def test_a_model_of_the_same_rows_is_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
-    monkeypatch.setattr(selection, "model", lambda name: made.append(name) or model(name))
+    monkeypatch.setattr(fitting, "model", lambda name: made.append(name) or model(name))
     theta, of = normal(90, seed=11), recordings(90)
     first, outside = fitted("kde", theta, of), held_out("kde", theta, of)
     assert len(made) == 1 + 5

@@ -13,15 +13,15 @@ from gymnasium.utils.env_checker import check_env
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.density.gaussian import Gaussian
+from generation.density.models.gaussian import Gaussian
 from generation.mcsg.environment import Edits, ScenarioEnv, coordinated, single
 from generation.mcsg.policy import Bins, Policy
 from generation.mcsg.search import Settings, search
 from generation.outcomes.evaluator import Outcomes
-from generation.outcomes.reward import Realism, Reward, criticality
 from generation.parameters import Parameter, Space
 from generation.search.memory import Memory
 from generation.search.problem import Calls, History, Problem
+from generation.search.reward import Realism, Reward, criticality
 from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import SPACE, Kinematic, driven

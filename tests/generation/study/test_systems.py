@@ -9,11 +9,11 @@ import pytest
 
 import runner
 from generation.outcomes.evaluator import Outcomes
-from generation.outcomes.systems import Comparison, compare
+from generation.study.systems import Comparison, compare
 from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.errors import UsageError
 
-LIBRARY = Path(__file__).parents[2] / "xosc" / "library"
+LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 CUT_IN = LIBRARY / "r157_cut_in.xosc"
 CASES = {
     # ego and cut-in speed (km/h), gap (m), lateral speed (m/s)

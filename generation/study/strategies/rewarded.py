@@ -15,7 +15,7 @@ def rewarded(problem: Problem, budget: int, seed: int, settings: Settings, **cha
 
     Args:
         settings: of the search.
-        changes: fields of `generation.outcomes.reward.Reward`.
+        changes: fields of `generation.search.reward.Reward`.
     """
     found = mcsg(replace(problem, reward=replace(problem.reward, **changes)), budget, seed, settings)
     return found._replace(rewards=problem.reward(found.theta, found.outcomes))

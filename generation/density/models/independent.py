@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Density
-from generation.density.kde import KDE
+from generation.density.models.kde import KDE
 from recognition.trfe.samples import Floats, Whole
 
 

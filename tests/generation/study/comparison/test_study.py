@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import xosc
+from generation.outcomes.cases import Choice
 from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Space
 from generation.pipeline import Settings as Generate
 from generation.pipeline import generate
 from generation.recorded import Recorded
-from generation.search.cases import Choice
 from generation.search.problem import History, Problem
 from generation.study.comparison import trajectories
 from generation.study.comparison.edge_cases import edge_cases, opened

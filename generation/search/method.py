@@ -33,27 +33,33 @@ class Method(NamedTuple):
     @property
     def path(self) -> str:
         """The module of the search."""
-        return "generation.mcsg.search" if self.module == "search" else f"generation.study.baselines.{self.module}"
+        return f"generation.{self.module}"
 
 
 METHODS = {
-    "mcsg": Method("search", "**MCSG**", "reinforcement learning of edits to real scenarios, coarse to fine", True),
-    "random": Method("uniform", "random", "uniform in the box", False),
-    "kde": Method("kde_sampling", "KDE sampling", "draws from the density of recorded parameters", True),
-    "conscend": Method("conscend", "ConScenD", "replays recorded parameters, no search", True),
-    "cma-es": Method("cma_es", "CMA-ES", "evolution strategy on MCSG's reward, with restarts", True),
-    "gacs": Method("gacs", "GACS", "genetic algorithm on criticality", False),
-    "ibo": Method("ibo", "IBO", "Bayesian optimisation of criticality", False),
-    "ccsf": Method("ccsf", "CCSF", "REINFORCE with an LSTM, on criticality", False),
-    "rltester": Method("rltester", "RLTester", "deep Q-network, one step of one parameter at a time, least TTC", False),
-    "rlbe": Method("rlbe", "RLBE", "proximal policy optimisation of edits, risk and plausibility", True),
-    "no-rl": Method("no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True),
-    "no-kde": Method("no_kde", "No-KDE", "MCSG without the realism term", False),
-    "no-maneuver": Method("search", "No-Maneuver", "MCSG on trajectories, without manoeuvre parameters", True, knots=True),
-    "no-learning": Method("no_learning", "No-Learning", "MCSG with an untrained policy", True),
-    "no-elite": Method("no_elite", "No-Elite", "MCSG that starts from real scenarios throughout", True),
-    "no-coordination": Method("no_coordination", "No-Coordination", "MCSG with edits of single parameters", True),
-    "exclusive": Method("exclusive", "exclusive reward", "MCSG where a collision pays the same whatever R_risk", True),
+    "mcsg": Method("mcsg.search", "**MCSG**", "reinforcement learning of edits to real scenarios, coarse to fine", True),
+    "random": Method("search.methods.random", "random", "uniform in the box", False),
+    "kde": Method("search.methods.kde", "KDE sampling", "draws from the density of recorded parameters", True),
+    "conscend": Method("search.methods.conscend", "ConScenD", "replays recorded parameters, no search", True),
+    "cma-es": Method("study.baselines.cma_es", "CMA-ES", "evolution strategy on MCSG's reward, with restarts", True),
+    "gacs": Method("study.baselines.gacs", "GACS", "genetic algorithm on criticality", False),
+    "ibo": Method("study.baselines.ibo", "IBO", "Bayesian optimisation of criticality", False),
+    "ccsf": Method("study.baselines.ccsf", "CCSF", "REINFORCE with an LSTM, on criticality", False),
+    "rltester": Method(
+        "study.baselines.rltester", "RLTester", "deep Q-network, one step of one parameter at a time, least TTC", False
+    ),
+    "rlbe": Method("study.baselines.rlbe", "RLBE", "proximal policy optimisation of edits, risk and plausibility", True),
+    "no-rl": Method(
+        "study.ablations.no_rl", "No-RL", "MCSG's reward and starts, a genetic algorithm in place of the policy", True
+    ),
+    "no-kde": Method("study.ablations.no_kde", "No-KDE", "MCSG without the realism term", False),
+    "no-maneuver": Method("mcsg.search", "No-Maneuver", "MCSG on trajectories, without manoeuvre parameters", True, knots=True),
+    "no-learning": Method("study.ablations.no_learning", "No-Learning", "MCSG with an untrained policy", True),
+    "no-elite": Method("study.ablations.no_elite", "No-Elite", "MCSG that starts from real scenarios throughout", True),
+    "no-coordination": Method("study.ablations.no_coordination", "No-Coordination", "MCSG with edits of single parameters", True),
+    "exclusive": Method(
+        "study.ablations.exclusive", "exclusive reward", "MCSG where a collision pays the same whatever R_risk", True
+    ),
 }
 """In the order of tables."""
 ABLATIONS = ("no-rl", "no-kde", "no-maneuver", "no-learning", "no-elite", "no-coordination", "exclusive")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.search.problem import History, Problem
-from generation.study.baselines.genetic import POPULATION, evolve
+from generation.study.strategies.genetic import POPULATION, evolve
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:

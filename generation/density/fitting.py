@@ -34,7 +34,7 @@ def model(name: str) -> Density:
     """
     if name not in MODELS:
         raise UsageError(f"there is no density {name!r}; densities: {', '.join(MODELS)}")
-    make: Callable[[], Density] = getattr(import_module(f"generation.density.{name}"), MODELS[name][0])
+    make: Callable[[], Density] = getattr(import_module(f"generation.density.models.{name}"), MODELS[name][0])
     return make()
 
 

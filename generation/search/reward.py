@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.density.base import Density
-from generation.density.selection import fitted, held_out
+from generation.density.fitting import fitted, held_out
 from generation.outcomes.evaluator import Outcomes
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
@@ -52,7 +52,7 @@ class Realism:
         """By a density that is fitted on recorded parameters (n, d).
 
         Args:
-            name: of the density (`generation.density.selection`).
+            name: of the density (`generation.density.fitting`).
             recordings: of each row (n,).
 
         Raises:

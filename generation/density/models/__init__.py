@@ -1,0 +1,1 @@
+"""Densities of recorded parameters: one module each."""

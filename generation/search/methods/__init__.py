@@ -1,0 +1,1 @@
+"""The search methods that `xosc-generate` offers: one module each."""

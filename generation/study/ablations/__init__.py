@@ -1,0 +1,1 @@
+"""MCSG without a part of it: one module each."""

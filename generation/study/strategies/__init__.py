@@ -1,0 +1,1 @@
+"""What several baselines and ablations are made of."""
