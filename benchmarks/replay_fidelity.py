@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from recognition import datasets
-from recognition.catalogue import fidelity, pipeline
+from recognition.catalogue import pipeline
 from recognition.labels import Rules
+from recognition.study import fidelity
 from schemas import check_many
 from schemas.files import expand
 

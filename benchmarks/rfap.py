@@ -14,9 +14,9 @@ from collections.abc import Callable
 import numpy as np
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.trfe.rfap import random_trees, similarity
+from recognition.trfe.forest.rfap import random_trees, similarity
+from recognition.trfe.forest.votes import forest, votes
 from recognition.trfe.samples import Features, Whole
-from recognition.trfe.votes import forest, votes
 
 SIZES = (250, 500, 1000, 2000, 4000)
 NAIVE = 150

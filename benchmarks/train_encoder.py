@@ -18,9 +18,9 @@ from recognition.encoder.config import PRESETS
 from recognition.encoder.finetuning import finetune
 from recognition.encoder.inference import features, logits
 from recognition.encoder.pretraining import OBJECTIVES, pretrain
-from recognition.encoder.probe import probe, speed_code
 from recognition.grids import Grid
 from recognition.labels import Label
+from recognition.study.experiments.probe import probe, speed_code
 from recognition.training.data import windows_at
 from recognition.training.splits import split
 

@@ -31,7 +31,7 @@ MODULES = (
     "schemas", "schemas.errors",
     "runner", "runner.batch.batch", "runner.batch.jobs", "runner.recording", "runner.measures.criticality", "runner.sut",
     "runner.positions",
-    "recognition", "recognition.catalogue.pipeline", "recognition.maneuvers", "recognition.catalogue.model",
+    "recognition", "recognition.catalogue.pipeline", "recognition.maneuvers", "recognition.catalogue.recognisers.model",
     "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.trfe.screening",
     "recognition.recorder",
     "recognition.maneuvers.units",

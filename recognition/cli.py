@@ -64,8 +64,8 @@ def recognise(
     catalogues that they use, and OpenLABEL tags; beside them the roads and an index. Files that a person has edited stay.
     A model that is kept knows the classes that it discovered, by the names that they have in the catalogue.
     """
-    from recognition.catalogue.model import ByModel
     from recognition.catalogue.pipeline import build
+    from recognition.catalogue.recognisers.model import ByModel
 
     settings, recogniser = _settings(scenes, signalised, standard), _recogniser(labels, model, quiet)
     if keep_model and not isinstance(recogniser, ByModel):
@@ -109,8 +109,8 @@ def label(
 
 
 def _settings(scenes: str, signalised: bool, standard: str) -> Settings:
-    from recognition.catalogue.catalogue import Config
     from recognition.catalogue.pipeline import Settings
+    from recognition.catalogue.writing.catalogue import Config
     from recognition.labels import Rules
 
     major, minor = map(int, standard.split("."))
@@ -129,7 +129,7 @@ def _recogniser(labels: str, model: Path | None, quiet: bool) -> Recogniser:
         if labels == "auto" and not quiet:
             print("no model is shipped: the rules label alone", file=sys.stderr)
         return ByRules()
-    from recognition.catalogue.model import load
+    from recognition.catalogue.recognisers.model import load
 
     return load(folder)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.density.base import Density, folds
-from recognition.study.protocol.tables import Table, spread
+from recognition.study.report.tables import Table, spread
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 
-from recognition.catalogue.annotation import ontology_tags
+from recognition.catalogue.writing.annotation import ontology_tags
 from recognition.labels import Label
 from xosc.maneuvers import Header
 from xosc.tags import ASAM, Tag, properties

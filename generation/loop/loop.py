@@ -16,7 +16,7 @@ from generation.loop.settings import Bar, Settings
 from generation.loop.stages import Found, Stages
 from generation.loop.targets import Refused, Target, of_classes, of_scenario, split
 from recognition.catalogue.episodes import plain
-from recognition.catalogue.index import rows_of
+from recognition.catalogue.writing.index import rows_of
 from recognition.maneuvers.units import Samples
 from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas import check_many

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from generation.loop.settings import Bar
 from generation.loop.stages import Found
-from recognition.catalogue.index import rows_of
 from recognition.catalogue.pipeline import ByRules, Settings, build
+from recognition.catalogue.writing.index import rows_of
 from recognition.datasets import Source, cache_roads
 from recognition.maneuvers.units import Samples, extract_from
 from schemas.errors import ToolchainError
@@ -37,7 +37,7 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
     if model is None:
         summary = build(paths, folder, Settings(), ByRules(), along)
     else:
-        from recognition.catalogue.model import load
+        from recognition.catalogue.recognisers.model import load
 
         recogniser = load(model)
         summary = build(paths, folder, Settings(), recogniser, along)

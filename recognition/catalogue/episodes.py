@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from recognition.catalogue.findings import Finding
+from recognition.catalogue.recognisers.findings import Finding
 from recognition.catalogue.usable import passage
 from recognition.labels.classes import Label
 from runner.recording import Track

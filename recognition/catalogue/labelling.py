@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 
 import xosc
 from recognition import datasets
-from recognition.catalogue import findings
-from recognition.catalogue.catalogue import AUTHOR
-from recognition.catalogue.findings import Finding
 from recognition.catalogue.pipeline import Progress, Recogniser, Settings, look
-from recognition.catalogue.store import digests, write_unless_edited
-from recognition.datasets import Source, runs
+from recognition.catalogue.recognisers import findings
+from recognition.catalogue.recognisers.findings import Finding
+from recognition.catalogue.writing.catalogue import AUTHOR
+from recognition.catalogue.writing.store import digests, write_unless_edited
+from recognition.datasets import Source
+from recognition.datasets.formats import runs
 from schemas.errors import InvalidFile, Unsupported
 from schemas.storage import digest
 from xosc import tags

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from recognition import datasets
-from recognition.catalogue import findings, usable
-from recognition.catalogue.catalogue import Catalogue, Config
+from recognition.catalogue import usable
 from recognition.catalogue.episodes import Around, of_findings, of_vehicles
-from recognition.catalogue.findings import Moment, by_rules
-from recognition.catalogue.index import recordings_of
+from recognition.catalogue.recognisers import findings
+from recognition.catalogue.recognisers.findings import Moment, by_rules
+from recognition.catalogue.writing.catalogue import Catalogue, Config
+from recognition.catalogue.writing.index import recordings_of
 from recognition.datasets import Source, cache_roads
 from recognition.labels import Event, Rules, label
 from recognition.sites import Site, site_of

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from recognition.catalogue.declared import BEGIN, DELAY, EGO_SPEED, GAP, OTHER_SPEED, START_SPEED, passive, values
-from recognition.catalogue.scenes import EGO
+from recognition.catalogue.scenes.scenes import EGO
 from recognition.maneuvers import Maneuver
 from recognition.maneuvers.lanes import facing
 from runner.positions.lane import travel_s

@@ -24,8 +24,8 @@ from recognition.catalogue.declared import (
     declarations,
     values,
 )
-from recognition.catalogue.entities import entry
-from recognition.catalogue.scenes import EGO
+from recognition.catalogue.scenes.entities import entry
+from recognition.catalogue.scenes.scenes import EGO
 from recognition.catalogue.starting import Paths
 from recognition.maneuvers import Maneuver
 from xodr.network import RoadNetwork

@@ -10,7 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
-from recognition.datasets import commonroad, highd, interaction, ngsim, runs
+from recognition.datasets.formats import highd, interaction, ngsim, runs
+from recognition.datasets.formats.commonroad import files as commonroad
 from recognition.datasets.source import DataSet, Source
 from schemas.errors import InvalidFile
 from xodr.sumo_net.cache import folder as cache_folder

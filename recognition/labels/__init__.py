@@ -9,7 +9,7 @@ from recognition.labels import highway, junction, ramps, roundabout, urban
 from recognition.labels.classes import Event, Label, counts
 from recognition.labels.hits import events
 from recognition.labels.rules import Rules
-from recognition.labels.scene import prepare
+from recognition.labels.scene.scene import prepare
 from recognition.sites import Site
 from runner.recording import Recording
 

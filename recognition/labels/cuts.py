@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.labels.leads import NOBODY
-from recognition.labels.scene import Flags, Scene
-from recognition.labels.spans import ahead_of
+from recognition.labels.scene.leads import NOBODY
+from recognition.labels.scene.scene import Flags, Scene
+from recognition.labels.scene.spans import ahead_of
 from recognition.sites.lanes import Floats, Whole
 
 

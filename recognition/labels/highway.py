@@ -7,10 +7,10 @@ import numpy as np
 from recognition.labels import cuts
 from recognition.labels.classes import Label
 from recognition.labels.hits import Hits, alone
-from recognition.labels.leads import NOBODY
-from recognition.labels.motion import always, constant, deviation
-from recognition.labels.scene import Flags, Scene
-from recognition.labels.spans import spaced
+from recognition.labels.scene.leads import NOBODY
+from recognition.labels.scene.rolling import always, constant, deviation
+from recognition.labels.scene.scene import Flags, Scene
+from recognition.labels.scene.spans import spaced
 from recognition.sites import Role
 
 

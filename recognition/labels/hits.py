@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.labels.classes import Event, Label
-from recognition.labels.scene import Scene
+from recognition.labels.scene.scene import Scene
 from recognition.sites.lanes import Whole
 
 PRECEDENCE = (

@@ -10,7 +10,7 @@ import numpy as np
 from recognition.labels.classes import Label
 from recognition.labels.encounters import time_apart
 from recognition.labels.hits import NOBODY, Hits, alone
-from recognition.labels.scene import Flags, Scene
+from recognition.labels.scene.scene import Flags, Scene
 from recognition.sites.lanes import NOWHERE, Floats, Whole
 
 _OPPOSITE = -0.87

@@ -10,7 +10,7 @@ import numpy as np
 
 from recognition.labels.classes import Label
 from recognition.labels.hits import Hits, alone
-from recognition.labels.scene import Flags, Scene
+from recognition.labels.scene.scene import Flags, Scene
 from recognition.sites import Role
 from recognition.sites.lanes import Floats, Whole
 

@@ -7,10 +7,10 @@ import numpy as np
 from recognition.labels.classes import Label
 from recognition.labels.encounters import time_apart
 from recognition.labels.hits import Hits, alone
-from recognition.labels.motion import always
-from recognition.labels.scene import Flags, Scene
-from recognition.labels.spans import spaced
-from recognition.labels.stays import held, stays
+from recognition.labels.scene.rolling import always
+from recognition.labels.scene.scene import Flags, Scene
+from recognition.labels.scene.spans import spaced
+from recognition.labels.scene.stays import held, stays
 from recognition.sites import Role
 from recognition.sites.lanes import Whole
 from recognition.sites.roles import ROLES

@@ -7,7 +7,7 @@ import numpy as np
 from recognition.labels import cuts
 from recognition.labels.classes import Label
 from recognition.labels.hits import Hits
-from recognition.labels.scene import Scene
+from recognition.labels.scene.scene import Scene
 from recognition.sites import Role
 
 _ROUNDING = 0.01

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.catalogue.scenes import Scope, needed
-from recognition.datasets.rows import Floats
+from recognition.catalogue.scenes.scenes import Scope, needed
+from recognition.datasets.tables.rows import Floats
 from runner.recording import Track
 from xosc import maneuvers
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.datasets.rows import Floats
+from recognition.datasets.tables.rows import Floats
 from recognition.labels.classes import Label
 from recognition.maneuvers.courses import Course
 from recognition.maneuvers.record import EGO_ACTS, LONGEST, SHORTEST, Maneuver, Passage, Seven, Span

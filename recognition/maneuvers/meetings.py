@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from recognition.datasets.rows import Floats
+from recognition.datasets.tables.rows import Floats
 from recognition.maneuvers.courses import Course
 from recognition.maneuvers.record import Meeting
 from runner.recording import Recording, Track

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.labels.classes import Label
-from recognition.labels.stays import held, stays
+from recognition.labels.scene.stays import held, stays
 from recognition.maneuvers.courses import Course
 from recognition.maneuvers.meetings import meeting
 from recognition.maneuvers.record import LONGEST, SHORTEST, Maneuver, Meeting, Onwards, Passage, Seven, Span

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.datasets.rows import Floats
+from recognition.datasets.tables.rows import Floats
 from recognition.maneuvers.courses import Course
 from runner.recording import Track
 

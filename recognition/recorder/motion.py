@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from recognition.datasets.participants import REAR_AXLE
-from recognition.datasets.rows import Floats, Whole
+from recognition.datasets.tables.rows import Floats, Whole
 from recognition.recorder.simulation import STEPS, Fronts
 
 SMOOTHING = 0.3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.datasets.rows import Floats, Whole
+from recognition.datasets.tables.rows import Floats, Whole
 from recognition.recorder.motion import Motion
 
 

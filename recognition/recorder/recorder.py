@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from recognition.recorder import highd, interaction
 from recognition.recorder.demand import departures, parked
 from recognition.recorder.fleet import Vehicle
+from recognition.recorder.formats import highd, interaction
 from recognition.recorder.motion import Motion, motion
 from recognition.recorder.overlaps import overlaps
 from recognition.recorder.simulation import simulate

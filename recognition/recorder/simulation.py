@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.datasets.rows import Floats, Whole
+from recognition.datasets.tables.rows import Floats, Whole
 from recognition.recorder.demand import Departure, write_routes
 from schemas.errors import ToolchainError
 from xodr.sumo_net import SumoNet, sumo_home

@@ -7,9 +7,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from recognition.datasets import Source, commonroad, interaction, lanelets, ngsim, runs
-from recognition.datasets.elements import invalid
-from recognition.sites.straight import straight_road
+from recognition.datasets import Source
+from recognition.datasets.formats import interaction, ngsim, runs
+from recognition.datasets.formats.commonroad import files as commonroad
+from recognition.datasets.formats.commonroad import lanelets
+from recognition.datasets.formats.commonroad.elements import invalid
+from recognition.datasets.roads.straight import straight_road
 from runner.recording import Recording
 from schemas.errors import UsageError
 from schemas.storage import digest, keep, writing

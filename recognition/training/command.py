@@ -56,7 +56,7 @@ def train(
     """
     from recognition.grids import Grid
     from recognition.training.data import source_of, windows_at
-    from recognition.trfe.store import save
+    from recognition.trfe.storage import save
 
     chosen, grid = preset_of(preset), Grid()
     kept = (cache or out / "windows") / f"{source_of(path)}-{events_per_class}"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from recognition.trfe.buffer import Preprocessing
-from recognition.trfe.clustering import Clustering
-from recognition.trfe.promotion import Promotion
+from recognition.trfe.discovery.buffer import Preprocessing
+from recognition.trfe.discovery.clustering import Clustering
+from recognition.trfe.discovery.promotion import Promotion
+from recognition.trfe.forest.votes import TREES
 from recognition.trfe.prototypes import Metric
-from recognition.trfe.votes import TREES
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Config:
 
     Args:
         trees: T of the forest.
-        background: whether trees may vote for none of the classes, see `recognition.trfe.voters.grow`.
+        background: whether trees may vote for none of the classes, see `recognition.trfe.forest.voters.grow`.
         neighbours: whether trees see distances to the samples of each class, see there too.
         screening: reading A of votes and distances (`joint`), of votes for all classes together (`pooled`) or for each class
             (`deficit`), reading B (`weibull`), the plain `threshold` on votes, or `none`: what is beyond the margin of every

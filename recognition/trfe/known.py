@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from recognition.trfe.config import Config
+from recognition.trfe.forest.voters import Voters, grow
 from recognition.trfe.prototypes import Prototypes
 from recognition.trfe.samples import Features, Whole, class_labels, matrix
 from recognition.trfe.screening import EvtDeficit, EvtJoint, EvtPooled, Screening, VoteThreshold, WeibullVotes
 from recognition.trfe.screening.selection import FEWEST_CLASSES, choose_delta
-from recognition.trfe.voters import Voters, grow
 from schemas.errors import UsageError
 
 _DELTA = 0.05

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recognition.trfe.buffer import Buffer
 from recognition.trfe.config import Config
-from recognition.trfe.discovery import Discovery, discover
+from recognition.trfe.discovery.buffer import Buffer
+from recognition.trfe.discovery.discovery import Discovery, discover
 from recognition.trfe.known import Known, Labelled, labelled, learn
 from recognition.trfe.samples import UNKNOWN, Features, Floats, Whole, matrix
 from recognition.trfe.screening import EvtDeficit
@@ -153,15 +153,15 @@ class TRFE:
         self.buffer.remove(np.isin(self.buffer.keys, discovery.keys[promoted]))
 
     def save(self, folder: Path) -> None:
-        """Write the model into a folder, see `recognition.trfe.store`."""
-        from recognition.trfe.store import save
+        """Write the model into a folder, see `recognition.trfe.storage`."""
+        from recognition.trfe.storage import save
 
         save(self, folder)
 
     @classmethod
     def load(cls, folder: Path) -> TRFE:
-        """Read a model from a folder, see `recognition.trfe.store`; no code of the files is run."""
-        from recognition.trfe.store import load
+        """Read a model from a folder, see `recognition.trfe.storage`; no code of the files is run."""
+        from recognition.trfe.storage import load
 
         return load(folder)
 

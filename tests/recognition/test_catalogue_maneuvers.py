@@ -13,7 +13,7 @@ import runner
 import xosc
 from recognition import datasets
 from recognition.catalogue import variation
-from recognition.catalogue.entities import entry
+from recognition.catalogue.scenes.entities import entry
 from recognition.catalogue.starting import paths
 from recognition.labels.classes import Label
 from recognition.maneuvers import Maneuver, Span, maneuver

@@ -11,8 +11,8 @@ import pytest
 import runner
 import xosc
 from recognition.catalogue import variation
-from recognition.catalogue.entities import entry
-from recognition.catalogue.scenes import EGO
+from recognition.catalogue.scenes.entities import entry
+from recognition.catalogue.scenes.scenes import EGO
 from recognition.catalogue.starting import paths
 from recognition.labels.classes import Label
 from recognition.maneuvers import Maneuver, Span, maneuver

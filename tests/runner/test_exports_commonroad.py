@@ -9,8 +9,8 @@ import pytest
 
 import runner
 import xodr
-from recognition.datasets import commonroad as reader
-from recognition.datasets.lanelets import lanelets as read_lanelets
+from recognition.datasets.formats.commonroad import files as reader
+from recognition.datasets.formats.commonroad.lanelets import lanelets as read_lanelets
 from runner.exports import commonroad
 from runner.exports.lanelets import lanelets
 from runner.exports.moments import box_centre

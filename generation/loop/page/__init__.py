@@ -8,7 +8,7 @@ from typing import Any
 
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
 from generation.loop.stages import Found
-from recognition.catalogue.index import rows_of
+from recognition.catalogue.writing.index import rows_of
 from runner.replay.page import page, write_page
 from runner.replay.report import REPORT
 

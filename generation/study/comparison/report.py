@@ -12,7 +12,7 @@ from generation.search.method import ABLATIONS, METHODS
 from generation.study.comparison import trajectories
 from generation.study.comparison.measures import Measures, last_third, measure
 from generation.study.comparison.study import Key, Study
-from recognition.study.protocol.tables import Table, spread
+from recognition.study.report.tables import Table, spread
 from recognition.trfe.samples import Floats
 
 PUBLISHED = "Published figures of MCSG, on other data and another simulator, for orientation only: R_risk 0.779, CR 0.663."

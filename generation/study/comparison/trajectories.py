@@ -13,7 +13,7 @@ from generation.search.problem import History, Problem
 from generation.search.reward import Realism, Reward
 from generation.study.comparison.measures import last_third
 from generation.study.knots.motion import Nearest, Setting, knots_of, maneuvers_of
-from recognition.study.protocol.tables import Table, spread
+from recognition.study.report.tables import Table, spread
 from recognition.trfe.samples import Floats
 
 if TYPE_CHECKING:

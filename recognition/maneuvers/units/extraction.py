@@ -11,7 +11,7 @@ import numpy as np
 from recognition.datasets import Source
 from recognition.datasets import open as open_data
 from recognition.labels.rules import Rules
-from recognition.labels.scene import prepare
+from recognition.labels.scene.scene import prepare
 from recognition.maneuvers.speeds import EVERY, fitted_speeds, ways
 from recognition.maneuvers.units.motion import Motion, motion
 from recognition.maneuvers.units.reconstruction import errors

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.labels.scene import Scene
+from recognition.labels.scene.scene import Scene
 from recognition.sites.lanes import Floats, Whole
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from generation.parameters import SEVEN
 from recognition.labels import cuts
-from recognition.labels.leads import NOBODY
-from recognition.labels.stays import stays
+from recognition.labels.scene.leads import NOBODY
+from recognition.labels.scene.stays import stays
 from recognition.maneuvers.units.lane_change import Change, lane_changes
 from recognition.maneuvers.units.motion import Motion
 from recognition.maneuvers.units.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE, Unit

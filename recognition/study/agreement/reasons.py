@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.labels.junction import crosses
-from recognition.labels.scene import Scene
+from recognition.labels.scene.scene import Scene
 
 
 def reasons(scene: Scene) -> list[str]:

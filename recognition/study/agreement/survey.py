@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets import Source, commonroad, highd
+from recognition.datasets import Source
 from recognition.datasets import open as open_data
+from recognition.datasets.formats import highd
+from recognition.datasets.formats.commonroad import files as commonroad
 from recognition.labels import RULES, Event, Label, Rules
 from recognition.labels.hits import events
-from recognition.labels.scene import Flags, Scene, prepare
+from recognition.labels.scene.scene import Flags, Scene, prepare
 from recognition.sites import Role, Site, site_of
 from recognition.sites.lanes import Floats
 from recognition.study.agreement.geometry import net_turn, own_lane_changes

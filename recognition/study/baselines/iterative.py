@@ -13,10 +13,12 @@ from recognition.trfe.samples import Features, Whole
 
 
 class IterativeMethod(ClusteringMethod):
-    """Known-class and novel head trained together as in `recognition.trfe.clustering`; similarities are renewed in every epoch.
+    """Known-class and novel head trained together as in `recognition.trfe.discovery.clustering`.
+
+    Similarities are renewed in every epoch.
 
     Attributes:
-        targets: how similarities become targets of pairs, see `recognition.trfe.clustering.Clustering`.
+        targets: how similarities become targets of pairs, see `recognition.trfe.discovery.clustering.Clustering`.
     """
 
     targets: ClassVar[Literal["three-way", "soft"]]
@@ -28,7 +30,7 @@ class IterativeMethod(ClusteringMethod):
     def cluster(self, pool: Pool) -> Whole:
         """Cluster number of each sample (n,)."""
         from recognition.training.seeding import seeded
-        from recognition.trfe.clustering import Clustering, Projection, cluster
+        from recognition.trfe.discovery.clustering import Clustering, Projection, cluster
 
         unknown, known = pool.standardised()
         config = Clustering(targets=self.targets, refreshed=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from recognition.study.baselines.method import OpenSetMethod
+from recognition.trfe.forest.voters import Voters, grow
+from recognition.trfe.forest.votes import TREES
 from recognition.trfe.samples import Features, Floats, Whole
 from recognition.trfe.screening import Screening
-from recognition.trfe.voters import Voters, grow
-from recognition.trfe.votes import TREES
 
 
 class VotingMethod(OpenSetMethod):
@@ -20,7 +20,7 @@ class VotingMethod(OpenSetMethod):
         voters: grown from the training samples already; None grows them in `fit`.
 
     Attributes:
-        background, neighbours: of the forest, see `recognition.trfe.voters.grow`.
+        background, neighbours: of the forest, see `recognition.trfe.forest.voters.grow`.
     """
 
     background = False

@@ -81,11 +81,11 @@ def evaluate(
 
 
 def _write(evaluation: Evaluation, out: Path, figures: bool, quiet: bool) -> None:
-    from recognition.study.protocol.report import write_report
+    from recognition.study.report.report import write_report
 
     tables = write_report(evaluation, out)
     if figures:
-        from recognition.study.protocol.figures import write_figures
+        from recognition.study.report.figures import write_figures
 
         write_figures(evaluation, out / "figures")
     if not quiet:

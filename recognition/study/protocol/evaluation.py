@@ -11,7 +11,8 @@ import numpy as np
 
 from recognition.encoder.config import preset
 from recognition.grids import Grid
-from recognition.study.protocol import clusterings, openset, openworld, pixels, sensitivity
+from recognition.study.experiments import clusterings, openset, openworld, sensitivity
+from recognition.study.protocol import pixels
 from recognition.study.protocol.rounds import Round, rounds
 from recognition.study.protocol.stage import Laboratory, Stage
 from recognition.study.protocol.store import Key, Store

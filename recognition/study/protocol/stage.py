@@ -18,12 +18,12 @@ from recognition.study.protocol.pixels import pixel_features
 from recognition.study.protocol.rounds import STEP, Round
 from recognition.training.splits import Split
 from recognition.training.windows import Windows
-from recognition.trfe.buffer import Preprocessing
 from recognition.trfe.config import Config
+from recognition.trfe.discovery.buffer import Preprocessing
+from recognition.trfe.forest.voters import Voters, grow
+from recognition.trfe.forest.votes import TREES
 from recognition.trfe.samples import UNKNOWN, Features, Whole, drawn_of_each
 from recognition.trfe.trfe import TRFE
-from recognition.trfe.voters import Voters, grow
-from recognition.trfe.votes import TREES
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.metrics import macro_f1
+from recognition.study.metrics import macro_f1
+from recognition.trfe.forest.voters import grow
 from recognition.trfe.samples import UNKNOWN, class_labels, drawn_of_each, matrix
 from recognition.trfe.screening.evt_deficit import EvtDeficit
-from recognition.trfe.voters import grow
 
 DELTAS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
 FEWEST_CLASSES = 3
@@ -42,7 +42,7 @@ def choose_delta(
         features, labels: samples (n, d) to fit forests on, their classes (n,).
         calibration, calibration_labels: other samples (m, d) of the same classes.
         reading: of which δ is chosen.
-        background, neighbours: of the forests, see `recognition.trfe.voters.grow`.
+        background, neighbours: of the forests, see `recognition.trfe.forest.voters.grow`.
         trees: of each forest.
         deltas: candidates; of equally good ones the first is taken.
         seed: of forests, halves and jitter.

@@ -8,7 +8,7 @@ import runner
 from generation.logical.library import ROADS, SCENARIOS
 from generation.parameters import SEVEN, declared_name
 from recognition.labels.rules import Rules
-from recognition.labels.scene import prepare
+from recognition.labels.scene.scene import prepare
 from recognition.maneuvers.units import Motion, motion
 from recognition.sites import site_at
 

@@ -1,0 +1,131 @@
+"""Moments labelled by a TRFE model: at rules' events and at a regular stride; new classes are discovered among the unknown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, by_rules
+from recognition.grids import covered, rasterise
+from recognition.labels.classes import Event, Label
+from recognition.sites import Site
+from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
+from recognition.trfe.trfe import TRFE
+from runner.recording import Recording
+from schemas.errors import UsageError
+
+
+class ByModel:
+    """Labels moments by a model, which discovers classes and goes on with them as it sees more.
+
+    Args:
+        model: fitted, with its encoders.
+        stride: time between two moments of one vehicle, s; a rule's event takes the place of the moments about it.
+    """
+
+    def __init__(self, model: TRFE, stride: float = 1.0) -> None:
+        if not model.encoders:
+            raise UsageError("this model has no encoder: it can't recognise recordings")
+        self._model, self._grid, self._stride = model, model.encoders[0].grid, stride
+        self._first = int(model.buffer.keys.max()) + 1 if len(model.buffer) else 0
+        """key of the first moment in the buffer; smaller ones are of what waited there before"""
+        self._ranges: dict[str, range] = {}
+        self._seen: list[Moment] = []
+        self._labels: list[int] = []
+        self._waiting = 0
+        """unknown moments since classes were looked for the last time"""
+        self._finished = False
+
+    def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
+        """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
+        wanted = [*map(by_rules, events), *self._regular(recording, events)]
+        inside = covered(recording, [(moment.ego, moment.time) for moment in wanted], self._grid)
+        moments = [moment for moment, usable in zip(wanted, inside, strict=True) if usable]
+        self._ranges[name] = range(len(self._seen), len(self._seen) + len(moments))
+        part = max(self._model.buffer.capacity // 2, 1)
+        for start in range(0, len(moments), part):
+            self._recognise(recording, site, moments[start : start + part])
+
+    def moments(self, name: str) -> list[Moment]:
+        """The moments of a recording, as what they are known to be once all recordings were looked at."""
+        if not self._finished:
+            self._discover()
+            self._finished = True
+        return [_labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]]
+
+    def keep(self, folder: Path, *, waiting: bool = True) -> None:
+        """Write the model as it is now: discovered classes are known to it.
+
+        Args:
+            folder: of the model.
+            waiting: whether what is still unknown goes on waiting in its buffer, or is forgotten.
+
+        Raises:
+            UsageError: the folder can't be written.
+        """
+        if not waiting:
+            self._model.buffer.remove(np.ones(len(self._model.buffer), dtype=bool))
+        self._model.save(folder)
+
+    def _regular(self, recording: Recording, events: list[Event]) -> list[Moment]:
+        """Moments at the stride, away from the events."""
+        taken: dict[str, list[float]] = {}
+        for event in events:
+            taken.setdefault(event.ego, []).append(event.time)
+        found = []
+        for track in recording.tracks.values():
+            if track.kind == "vehicle":
+                time, half = track.columns["time"], 0.5 * self._grid.span
+                regular = np.arange(time[0] + half, time[-1] - half, self._stride)
+                busy = np.array(taken.get(track.name, []))
+                free = (np.abs(regular[:, None] - busy) >= 0.5 * self._stride).all(axis=1)
+                found += [Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN) for at in regular[free].tolist()]
+        return found
+
+    def _recognise(self, recording: Recording, site: Site, moments: list[Moment]) -> None:
+        grids = rasterise(recording, [(moment.ego, moment.time) for moment in moments], self._grid, site)
+        found = self._model.observe(grids, self._first + len(self._seen) + np.arange(len(moments)))
+        names = [title_of(int(label)) for label in found.closed]
+        shares = found.confidence.tolist()
+        self._seen += (
+            replace(one, model=name, confidence=round(share, 4)) for one, name, share in zip(moments, names, shares, strict=True)
+        )
+        self._labels += found.labels.tolist()
+        self._waiting += int((found.labels == Label.UNKNOWN).sum())
+        if self._waiting >= self._model.buffer.capacity // 2 and self._model.buffer.full:
+            self._discover()
+
+    def _discover(self) -> None:
+        """Look for new classes among what waits, as soon as there is enough of it, and take them for known from then on."""
+        self._waiting = 0
+        if len(self._model.buffer) <= self._model.config.preprocessing.neighbours:
+            return
+        found = self._model.discover()
+        ours = found.keys >= self._first
+        for key, label in zip(found.keys[ours].tolist(), found.labels[ours].tolist(), strict=True):
+            self._labels[key - self._first] = label
+        self._model.expand(found)
+
+
+def _labelled(moment: Moment, label: int) -> Moment:
+    state = UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
+    return replace(moment, title=title_of(label), state=state)
+
+
+def title_of(label: int) -> str:
+    """Name of a class of a model."""
+    return f"discovered {label - FIRST_DISCOVERED + 1:02d}" if label >= FIRST_DISCOVERED else Label(label).title
+
+
+def load(folder: Path) -> ByModel:
+    """A recogniser by the model in a folder.
+
+    Raises:
+        UsageError: there is no model, or it can't take recordings.
+        InvalidFile: it is not readable.
+    """
+    if not folder.is_dir():
+        raise UsageError("there is no model in this folder; --labels rules does without", path=folder)
+    return ByModel(TRFE.load(folder))

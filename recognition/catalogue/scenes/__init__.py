@@ -1,0 +1,1 @@
+"""Scenes cut from recordings, and the scenarios that replay them."""

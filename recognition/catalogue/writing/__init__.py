@@ -1,0 +1,1 @@
+"""Writing catalogues: the folder, its index and what each scenario says about itself."""

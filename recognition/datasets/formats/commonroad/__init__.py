@@ -1,0 +1,1 @@
+"""CommonRoad XML: files and archives, obstacles, lanelets."""

@@ -1,0 +1,72 @@
+"""Lanelets of CommonRoad scenarios: the map that a recording brings along."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from lxml import etree
+
+from recognition.datasets.formats.commonroad.elements import child, invalid, number
+from recognition.datasets.tables.rows import Floats
+
+
+class Neighbour(NamedTuple):
+    """A lanelet beside another one, and whether it leads the same way."""
+
+    id: str
+    same_direction: bool
+
+
+class Lanelet(NamedTuple):
+    """A piece of a lane, from its first to its last points.
+
+    left, right: its bounds, (n, 2), m. predecessors, successors: lanelets before and after it.
+    beside_left, beside_right: neighbours. types: as in `laneletType`, e.g. highway, onRamp.
+    """
+
+    id: str
+    left: Floats
+    right: Floats
+    predecessors: tuple[str, ...]
+    successors: tuple[str, ...]
+    beside_left: Neighbour | None
+    beside_right: Neighbour | None
+    types: tuple[str, ...]
+
+
+def lanelets(root: etree._Element) -> list[Lanelet]:
+    """The lanelets of a scenario (see `recognition.datasets.formats.commonroad.files.document`).
+
+    Raises:
+        InvalidFile: a bound has fewer than two points, or the bounds have unequally many; names line and element.
+    """
+    return [_lanelet(element) for element in root.iterchildren("lanelet")]
+
+
+def _lanelet(element: etree._Element) -> Lanelet:
+    left, right = _bound(element, "leftBound"), _bound(element, "rightBound")
+    if len(left) != len(right):
+        raise invalid(element, f"the left bound has {len(left)} points, the right one {len(right)}")
+    types = tuple((kind.text or "").strip() for kind in element.iterchildren("laneletType"))
+    return Lanelet(
+        element.get("id") or "", left, right, _refs(element, "predecessor"), _refs(element, "successor"),
+        _beside(element, "adjacentLeft"), _beside(element, "adjacentRight"), types,
+    )  # fmt: skip
+
+
+def _bound(element: etree._Element, name: str) -> Floats:
+    bound = child(element, name)
+    points = [(number(point, "x"), number(point, "y")) for point in bound.iterchildren("point")]
+    if len(points) < 2:
+        raise invalid(bound, "a bound has two points or more")
+    return np.array(points)
+
+
+def _refs(element: etree._Element, name: str) -> tuple[str, ...]:
+    return tuple(link.get("ref") or "" for link in element.iterchildren(name))
+
+
+def _beside(element: etree._Element, name: str) -> Neighbour | None:
+    link = element.find(name)
+    return Neighbour(link.get("ref") or "", link.get("drivingDir") == "same") if link is not None else None

@@ -1,0 +1,161 @@
+"""highD: three CSV files a recording, `NN_tracks.csv`, `NN_tracksMeta.csv`, `NN_recordingMeta.csv`.
+
+Source: Krajewski, Bock, Kloeker, Eckstein, "The highD Dataset" (ITSC 2018). Positions are upper left corners of boxes in an
+image whose y points downwards; `width` is the length of the vehicle along x, `height` its width. The frames count from 1,
+which is time 0. The data set's own lane ids, counted over all markings from above, stay in the column `source_lane`.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from recognition.datasets.participants import Participant, participant
+from recognition.datasets.roads.highway import Highway
+from recognition.datasets.source import Report, Source
+from recognition.datasets.tables.rows import Clock, Floats, Rows, Whole, in_order
+from recognition.datasets.tables.table import Table, read_table
+from recognition.datasets.tables.tracks import Columns, columns_of, cut
+from recognition.datasets.tables.values import GREATEST, Kind
+from runner.recording import Recording
+from xodr.reader import load
+
+FORMAT = "highD"
+_ENDING = "_tracks.csv"
+_TRACKS: dict[str, Kind] = {
+    "frame": "whole", "id": "whole", "x": "number", "y": "number", "width": "number", "height": "number",
+    "xVelocity": "number", "yVelocity": "number", "xAcceleration": "number", "yAcceleration": "number", "laneId": "whole",
+}  # fmt: skip
+_VEHICLES: dict[str, Kind] = {
+    "id": "whole", "width": "number", "height": "number", "class": "text", "drivingDirection": "whole",
+    "initialFrame": "whole", "finalFrame": "whole",
+}  # fmt: skip
+_RECORDING: dict[str, Kind] = {
+    "frameRate": "number", "speedLimit": "number", "upperLaneMarkings": "text", "lowerLaneMarkings": "text",
+}  # fmt: skip
+_CATEGORIES = {"car": "car", "truck": "truck"}
+_UPPER, _LOWER = 1, 2
+_STEADY = 5.0
+"""Below this speed (m/s) the boxes' lateral noise would turn slow vehicles: they head along the road ever more."""
+_ROUND = 10.0
+"""The road ends at multiples of this, m."""
+_FARTHEST = 10_000.0
+"""Distance of a vehicle from the middle one that the road is made for, m; the recordings show 420 m."""
+
+
+def claims(path: Path) -> bool:
+    """Whether a file is the track file of a recording; without its recordingMeta it is one if it is numbered."""
+    number = path.name.removesuffix(_ENDING)
+    return number != path.name and (number.isdecimal() or _meta(path, "recordingMeta").is_file())
+
+
+def sources(path: Path, roads: Path) -> list[Source]:
+    """The recording of a track file; its road is written into the folder `roads` when it is loaded."""
+    name = path.name.removesuffix(_ENDING)
+    return [Source(f"{path.parent.name}/{name}", name, FORMAT, path, partial(_read, path, roads))]
+
+
+def _meta(path: Path, kind: str) -> Path:
+    return path.with_name(f"{path.name.removesuffix(_ENDING)}_{kind}.csv")
+
+
+def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
+    recording = read_table(_meta(path, "recordingMeta"), _RECORDING)
+    rate = float(recording["frameRate"][0])
+    if rate < 1.0:
+        raise recording.fault(0, "frameRate", f"{rate:g} frames a second are too few")
+    vehicles = read_table(_meta(path, "tracksMeta"), _VEHICLES)
+    table = read_table(path, _TRACKS)
+    rows = in_order(table, table["id"], Clock("frame", table["frame"], rate, 1.0 / rate, zero=1))
+    index = _matched(table, rows, vehicles)
+    who = [_participant(vehicles, row) for row in index.tolist()]
+    columns = _columns(table, rows, who, vehicles["drivingDirection"][index])
+    far = np.abs(columns["x"] - np.median(columns["x"]))
+    if far.max() > _FARTHEST:
+        raise table.fault(int(rows.order[far.argmax()]), "x", f"the vehicle is {far.max():.0f} m away from the others")
+    highway = _highway(recording, columns["x"])
+    columns |= highway.places(columns["x"], columns["y"])
+    network = load(highway.write(f"highD_{path.name.removesuffix(_ENDING)}", roads))
+    return Recording(cut(rows, who, columns), 1.0 / rate, network), rows.report([one.name for one in who])
+
+
+def _columns(table: Table, rows: Rows, who: list[Participant], direction: Whole) -> Columns:
+    values = {name: table[name][rows.order] for name in _TRACKS}
+    x, y = values["x"] + 0.5 * values["width"], -(values["y"] + 0.5 * values["height"])
+    vx, vy, ax, ay = values["xVelocity"], -values["yVelocity"], values["xAcceleration"], -values["yAcceleration"]
+    h = _heading(vx, vy, rows.each(np.where(direction == _UPPER, -1.0, 1.0)))
+    speed, acceleration = (along * np.cos(h) + across * np.sin(h) for along, across in ((vx, vy), (ax, ay)))
+    columns = columns_of(rows, who, x, y, h, speed, acceleration)
+    return columns | {"source_lane": values["laneId"]}
+
+
+def _heading(vx: Floats, vy: Floats, ahead: Floats) -> Floats:
+    """Direction of motion within a right angle of the driving direction, `ahead` = ±1 along x; rad."""
+    onwards = np.maximum(ahead * vx, _STEADY)
+    return np.arctan2(vy, ahead * onwards)
+
+
+def _matched(table: Table, rows: Rows, vehicles: Table) -> Whole:
+    """Row of tracksMeta for each track.
+
+    Raises:
+        InvalidFile: the two files do not tell of the same vehicles, first and last frames, so one of them is incomplete.
+    """
+    order = np.argsort(vehicles["id"], kind="stable")
+    ids = vehicles["id"][order]
+    twice = np.flatnonzero(np.diff(ids) == 0)
+    if len(twice):
+        raise vehicles.fault(int(order[twice[0] + 1]), "id", f"vehicle {ids[twice[0]]} is there twice")
+    unknown = np.flatnonzero(~np.isin(rows.keys, ids))
+    if len(unknown):
+        row = int(rows.order[rows.starts[unknown[0]]])
+        raise table.fault(row, "id", f"vehicle {rows.keys[unknown[0]]} is not in {vehicles.path.name}")
+    absent = np.flatnonzero(~np.isin(ids, rows.keys))
+    if len(absent):
+        raise vehicles.fault(int(order[absent[0]]), "id", f"vehicle {ids[absent[0]]} is not in {table.path.name}")
+    frames = table["frame"][rows.order]
+    for name, ends in (("initialFrame", rows.starts[:-1]), ("finalFrame", rows.starts[1:] - 1)):
+        other = np.flatnonzero(frames[ends] != vehicles[name][order])
+        if len(other):
+            there = f"{table.path.name} has {frames[ends[other[0]]]}"
+            row = int(order[other[0]])
+            raise vehicles.fault(row, name, f"{vehicles[name][row]} of vehicle {ids[other[0]]}, but {there}")
+    return order
+
+
+def _participant(vehicles: Table, row: int) -> Participant:
+    kind = vehicles["class"][row]
+    category = _CATEGORIES.get(kind.strip().lower())
+    if category is None:
+        raise vehicles.fault(row, "class", f"{kind!r} is none of Car and Truck")
+    if vehicles["drivingDirection"][row] not in (_UPPER, _LOWER):
+        raise vehicles.fault(row, "drivingDirection", f"{vehicles['drivingDirection'][row]} is neither {_UPPER} nor {_LOWER}")
+    for name in ("width", "height"):
+        if vehicles[name][row] <= 0.0:
+            raise vehicles.fault(row, name, f"{vehicles[name][row]:g} m is no size")
+    return participant(str(vehicles["id"][row]), category, float(vehicles["width"][row]), float(vehicles["height"][row]))
+
+
+def _highway(recording: Table, x: Floats) -> Highway:
+    """The road that the markings describe, as long as the reference points need it."""
+    upper, lower = (_markings(recording, name) for name in ("upperLaneMarkings", "lowerLaneMarkings"))
+    if upper and lower and upper[-1] > lower[0]:
+        raise recording.fault(0, "lowerLaneMarkings", f"the lower carriageway begins at {lower[0]:g}, inside the upper one")
+    limit = float(recording["speedLimit"][0])
+    start, end = _ROUND * math.floor(x.min() / _ROUND), _ROUND * math.ceil(x.max() / _ROUND)
+    return Highway(upper, lower, start, max(end, start + _ROUND), limit if limit > 0.0 else math.inf)
+
+
+def _markings(recording: Table, name: str) -> tuple[float, ...]:
+    try:
+        markings = tuple(float(text) for text in recording[name][0].split(";") if text.strip())
+    except ValueError:
+        markings = ()
+    rising = all(-GREATEST <= a < b <= GREATEST for a, b in pairwise(markings))
+    if len(markings) < 2 or not rising:
+        raise recording.fault(0, name, f"{recording[name][0]!r} are not two or more rising numbers, separated by semicolons")
+    return markings

@@ -1,0 +1,186 @@
+"""INTERACTION: CSV files of tracks at 10 Hz, in both layouts, and data sets that follow them (TAF-BW).
+
+Source: Zhan et al., "INTERACTION Dataset" (arXiv:1910.03088). In the first layout a recording is `vehicle_tracks_NNN.csv` and
+perhaps `pedestrian_tracks_NNN.csv` in a folder named after the site. In the second, `<site>_train.csv` (or `_val`, `_test`)
+holds many cases, numbered in `case_id`: each is a scene of its own and becomes a source of its own. The site's Lanelet2 map is
+`<site>.osm`. Positions are centres; x, y, psi are those of the map. Pedestrians may lack psi, length and width. Time is
+`timestamp_ms`: frame numbers count frames of the camera, and need not be regular. Rows of a track at the same time as another
+one are excluded and reported.
+
+Velocities that contradict the positions are derived from them, and so are headings that then contradict them too: TAF-BW has
+a recording with all velocities backwards and headings folded into one half of the circle, and one at half the speed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container
+from functools import lru_cache, partial
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from recognition.datasets.participants import Participant, participant
+from recognition.datasets.source import Report, Source
+from recognition.datasets.tables.rates import believable, facing, heading_of_motion, rate
+from recognition.datasets.tables.rows import Clock, Floats, Rows, in_order
+from recognition.datasets.tables.table import Table, column_names, read_table
+from recognition.datasets.tables.tracks import Columns, columns_of, cut
+from recognition.datasets.tables.values import Kind
+from runner.recording import Recording, Track
+from schemas.errors import InvalidFile
+
+FORMAT = "INTERACTION"
+STEP = 0.1
+"""Time from frame to frame, s."""
+
+_FIRST_LAYOUT = re.compile(r"(vehicle|pedestrian)_tracks_(\w+)\.csv")
+_SPLIT = re.compile(r"_(train|val|test)\w*$")
+_COLUMNS: dict[str, Kind] = {
+    "track_id": "text", "timestamp_ms": "whole", "agent_type": "text",
+    "x": "number", "y": "number", "vx": "number", "vy": "number",
+}  # fmt: skip
+_BOX: dict[str, Kind] = {"psi_rad": "optional", "length": "optional", "width": "optional"}
+_CATEGORIES = {
+    "car": "car", "van": "van", "truck": "truck", "bus": "bus", "tram": "tram",
+    "motorcycle": "motorbike", "motorbike": "motorbike",
+    "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian", "pedestrian/bicycle": "pedestrian",
+}  # fmt: skip
+_LEVELS = 3
+"""How many folders up from the tracks the maps may be."""
+
+
+def claims(path: Path) -> bool:
+    """Whether a file is the (main) track file of recordings."""
+    if path.suffix != ".csv":
+        return False
+    named = _FIRST_LAYOUT.fullmatch(path.name)
+    if named:
+        return named[1] == "vehicle" or not path.with_name(f"vehicle_tracks_{named[2]}.csv").is_file()
+    names = column_names(path)
+    return "track_id" in names and ("timestamp_ms" in names or "agent_type" in names)
+
+
+def sources(path: Path, roads: Path) -> list[Source]:
+    """The recording of a track file, or its cases."""
+    named = _FIRST_LAYOUT.fullmatch(path.name)
+    site = path.parent.name if named else _SPLIT.sub("", path.stem)
+    lanelets = _map(path, site)
+    if _has_cases(path):
+        cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
+        names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
+        return [Source(name, site, FORMAT, path, partial(_read_case, path, case), lanelets) for case, name in names.items()]
+    number = named[2] if named else ""
+    name = f"{site}/{number}" if named else path.stem
+    return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, _origin(path, number))]
+
+
+def _has_cases(path: Path) -> bool:
+    """Whether a file holds many cases. One that can't be read says so when it is loaded, so that others beside it are read."""
+    try:
+        return "case_id" in column_names(path)
+    except InvalidFile:
+        return False
+
+
+def _map(path: Path, site: str) -> Path | None:
+    folders = [folder for parent in list(path.parents)[:_LEVELS] for folder in (parent, parent / "maps")]
+    return next((folder / f"{site}.osm" for folder in folders if (folder / f"{site}.osm").is_file()), None)
+
+
+def _origin(path: Path, number: str) -> tuple[float, float] | None:
+    """Latitude and longitude of the origin, from a meta_data.csv as TAF-BW has it."""
+    meta = path.with_name("meta_data.csv")
+    if not meta.is_file() or not {"id", "originLat", "originLon"} <= set(column_names(meta)):
+        return None
+    table = read_table(meta, {"id": "text", "originLat": "number", "originLon": "number"})
+    places = zip(table["id"], table["originLat"].tolist(), table["originLon"].tolist(), strict=True)
+    return next(((lat, lon) for name, lat, lon in places if name == number), None)
+
+
+def _read(path: Path) -> tuple[Recording, Report]:
+    tracks, report = _tracks(_table(path))
+    pedestrians = path.with_name(path.name.replace("vehicle_", "pedestrian_"))
+    if pedestrians != path and pedestrians.is_file():
+        taken = frozenset(track.name for track in tracks)
+        more, other = _tracks(_table(pedestrians), taken)
+        tracks += more
+        report.add(other)
+    return Recording(tracks, STEP, None), report
+
+
+def _read_case(path: Path, case: str) -> tuple[Recording, Report]:
+    table = _cases(path, path.stat().st_mtime_ns)
+    tracks, report = _tracks(table.where(table["case_id"] == case))
+    return Recording(tracks, STEP, None), report
+
+
+@lru_cache(maxsize=1)
+def _cases(path: Path, _version: int) -> Table:
+    """A file with cases, kept while its cases are read one after the other."""
+    return _table(path, {"case_id": "text"})
+
+
+def _table(path: Path, more: dict[str, Kind] | None = None) -> Table:
+    boxes = any(name in column_names(path) for name in _BOX) or not path.name.startswith("pedestrian")
+    return read_table(path, (more or {}) | _COLUMNS | (_BOX if boxes else {}))
+
+
+def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Track], Report]:
+    """Tracks of a table, with names unlike those `taken`."""
+    each = [name.removesuffix(".0") for name in table["track_id"]]
+    number = {name: index for index, name in enumerate(dict.fromkeys(each))}
+    track = np.fromiter((number[name] for name in each), np.int64, len(table))
+    clock = Clock("timestamp_ms", table["timestamp_ms"], 1000.0, STEP)
+    rows = in_order(table, track, clock, repeats=True)
+    names = [_free(name, taken, number) for name in number]
+    who = [_participant(table, row, name) for name, row in zip(names, rows.heads, strict=True)]
+    report = rows.report([one.name for one in who])
+    return cut(rows, who, _columns(table, rows, who, report)), report
+
+
+def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:
+    """A name, led by P where it is taken."""
+    if name not in taken:
+        return name
+    return next(free for n in count(1) if (free := "P" * n + name) not in taken and free not in others)
+
+
+def _participant(table: Table, row: int, name: str) -> Participant:
+    kind = table["agent_type"][row]
+    category = _CATEGORIES.get(kind.strip().lower())
+    if category is None:
+        raise table.fault(row, "agent_type", f"{kind!r} is none of {', '.join(_CATEGORIES)}")
+    length, width = (float(table[side][row]) if side in table.columns else np.nan for side in ("length", "width"))
+    if np.isnan(length + width) and category == "pedestrian":
+        return participant(name, category)
+    for side, value in (("length", length), ("width", width)):
+        if not value > 0.0:
+            raise table.fault(row, side, "a value is missing" if np.isnan(value) else f"{value:g} m is no size")
+    return participant(name, category, length, width)
+
+
+def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -> Columns:
+    x, y, vx, vy = (table[name][rows.order] for name in ("x", "y", "vx", "vy"))
+    credible = believable(x, y, vx, vy, rows)
+    if not credible:
+        report.remarks.append("the velocities contradict the positions: speeds are derived from the positions")
+        vx, vy = rate(x, rows), rate(y, rows)
+    h = _headings(table, rows, who, vx, vy)
+    if not credible and not facing(h, vx, vy):
+        h = heading_of_motion(vx, vy, rows)
+        report.remarks.append("the headings contradict the positions too: they are taken from the motion")
+    speed = vx * np.cos(h) + vy * np.sin(h)
+    report.remarks.append("accelerations are derived from the speeds")
+    return columns_of(rows, who, x, y, h, speed, rate(speed, rows))
+
+
+def _headings(table: Table, rows: Rows, who: list[Participant], vx: Floats, vy: Floats) -> Floats:
+    """The given headings; for pedestrians without, the direction of motion."""
+    given = table["psi_rad"][rows.order] if "psi_rad" in table.columns else np.full(len(rows), np.nan)
+    absent = np.isnan(given)
+    wrong = np.flatnonzero(absent & rows.each([one.kind != "pedestrian" for one in who]))
+    if len(wrong):
+        raise table.fault(int(rows.order[wrong[0]]), "psi_rad", "a value is missing")
+    return np.where(absent, heading_of_motion(vx, vy, rows), given)

@@ -1,0 +1,228 @@
+"""NGSIM tables, as CSV or Parquet, in two layouts.
+
+Public: the columns of the FHWA's files (Vehicle_ID, Frame_ID, Local_X, … in any case), in feet, or in metres where they are
+called Local_X(m) and so on. Local_Y runs along the road, Local_X to its right, and both are of the middle of the front bumper.
+The world has x along the road and y to its left. A vehicle id that appears in several periods of recording stands for several
+vehicles. Where there is a column Location, each location is a source.
+
+Metric: vehicle_id, sim_time, position_x, position_y, heading_rad, speed, lane_id, type, length, width; positions are taken as
+centres.
+
+Source: U.S. FHWA, "NGSIM Vehicle Trajectories and Supporting Data" (2016). The data set's own lane ids stay in `source_lane`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+
+from recognition.datasets.participants import Participant, participant
+from recognition.datasets.source import Report, Source
+from recognition.datasets.tables.rates import crowded, heading_of_motion, rate
+from recognition.datasets.tables.rows import Clock, Floats, Rows, Whole, in_order
+from recognition.datasets.tables.table import PARQUET, Table, column_names, read_table
+from recognition.datasets.tables.tracks import Columns, columns_of, cut
+from recognition.datasets.tables.values import Kind
+from runner.recording import Recording
+from schemas.errors import InvalidFile
+
+FORMAT = "NGSIM"
+STEP = 0.1
+FOOT = 0.3048
+_MISTAKEN_FOOT = 0.3084
+"""A slip of the pen in files that were converted to metres; they give it away, being whole hundredths of a foot only with it."""
+_MILLISECONDS, _FRAMES = 1000.0, 10.0
+_PERIOD = 60_000
+"""Clocks of two periods of recording differ by more than this, ms."""
+_CROWDED = 0.01
+"""Share of rows in each other's way from which a recording is suspected not to be one scene."""
+
+_PUBLIC: dict[str, Kind] = {
+    "vehicle_id": "whole", "frame_id": "whole", "local_x": "number", "local_y": "number", "v_vel": "number",
+}  # fmt: skip
+_PUBLIC_MORE: dict[str, Kind] = {
+    "global_time": "whole", "v_length": "number", "v_width": "number", "v_class": "whole", "v_acc": "number", "lane_id": "whole",
+    "location": "text",
+}  # fmt: skip
+_METRIC: dict[str, Kind] = {
+    "vehicle_id": "whole", "sim_time": "number", "position_x": "number", "position_y": "number", "heading_rad": "number",
+    "speed": "number", "lane_id": "whole", "type": "whole", "length": "number", "width": "number",
+}  # fmt: skip
+_CATEGORIES = {1: "motorbike", 2: "car", 3: "truck"}
+
+
+def claims(path: Path) -> bool:
+    """Whether a file is a table in one of the layouts."""
+    if path.suffix not in (".csv", PARQUET):
+        return False
+    names = {_plain(name) for name in column_names(path)}
+    return "vehicle_id" in names and ("frame_id" in names or "sim_time" in names)
+
+
+def sources(path: Path, roads: Path) -> list[Source]:
+    """The recording of a table, or one for each of its locations."""
+    spelling = _spelling(path)
+    if "sim_time" in spelling:
+        return [Source(path.stem, path.stem, FORMAT, path, partial(_read_metric, path))]
+    if "location" not in spelling:
+        return [Source(path.stem, path.stem, FORMAT, path, partial(_read_public, path, None))]
+    column = spelling["location"]
+    places = dict.fromkeys(read_table(path, {column: "text"})[column])
+    return [Source(f"{path.stem}/{place}", place, FORMAT, path, partial(_read_public, path, place)) for place in places]
+
+
+def _plain(name: str) -> str:
+    return name.lower().removesuffix("(m)")
+
+
+def _spelling(path: Path) -> dict[str, str]:
+    """How a file spells its columns, by their plain names.
+
+    Raises:
+        InvalidFile: two of its columns differ in spelling only.
+    """
+    spelling: dict[str, str] = {}
+    for name in column_names(path):
+        other = spelling.setdefault(_plain(name), name)
+        if other != name:
+            raise InvalidFile(f"this column is there as {other!r} too", path=path, element=f"column {name}")
+    return spelling
+
+
+def _renamed(path: Path, kinds: dict[str, Kind], more: dict[str, Kind] | None = None) -> Table:
+    """Columns by their plain names; those of `more` where the file has them."""
+    spelling = _spelling(path)
+    wanted = kinds | {name: kind for name, kind in (more or {}).items() if name in spelling}
+    table = read_table(path, {spelling.get(name, name): kind for name, kind in wanted.items()})
+    return Table(path, {_plain(name): values for name, values in table.columns.items()}, table.lines)
+
+
+@lru_cache(maxsize=1)
+def _public(path: Path, _version: int) -> Table:
+    """A public table, kept while its locations are read one after the other."""
+    return _renamed(path, _PUBLIC, _PUBLIC_MORE)
+
+
+def _read_public(path: Path, location: str | None) -> tuple[Recording, Report]:
+    if location is None:
+        table = _renamed(path, _PUBLIC, _PUBLIC_MORE)
+    else:
+        table = _public(path, path.stat().st_mtime_ns)
+        table = table.where(table["location"] == location)
+    remarks: list[str] = []
+    unit = _unit(table, any(name.endswith("(m)") for name in column_names(path)), remarks)
+    track, names = _vehicles(table)
+    rows = in_order(table, track, _clock(table), sort=True, repeats=True)
+    who = [
+        _participant(table, row, name, "v_class", "v_length", "v_width", unit)
+        for name, row in zip(names, rows.heads, strict=True)
+    ]
+    if "v_length" not in table.columns:
+        remarks.append("sizes are the usual ones of the category")
+    columns = _public_columns(table, rows, who, unit, remarks)
+    return _finished(rows, who, columns, remarks)
+
+
+def _public_columns(table: Table, rows: Rows, who: list[Participant], unit: float, remarks: list[str]) -> Columns:
+    x, y = unit * table["local_y"][rows.order], -unit * table["local_x"][rows.order]
+    h = heading_of_motion(rate(x, rows), rate(y, rows), rows)
+    remarks.append("headings are the directions of motion")
+    half = 0.5 * rows.each([one.box.length for one in who])
+    speed = unit * table["v_vel"][rows.order]
+    if "v_acc" in table.columns:
+        acceleration = unit * table["v_acc"][rows.order]
+    else:
+        acceleration = rate(speed, rows)
+        remarks.append("accelerations are derived from the speeds")
+    columns = columns_of(rows, who, x - half * np.cos(h), y - half * np.sin(h), h, speed, acceleration)
+    return columns | ({"source_lane": table["lane_id"][rows.order]} if "lane_id" in table.columns else {})
+
+
+def _unit(table: Table, metres: bool, remarks: list[str]) -> float:
+    """Metres in one unit of the table's lengths."""
+    if not metres:
+        return FOOT
+    speeds = table["v_vel"]
+    if _hundredths(speeds / _MISTAKEN_FOOT) and not _hundredths(speeds / FOOT):
+        remarks.append(f"lengths were converted at {_MISTAKEN_FOOT} m a foot: they are corrected to {FOOT}")
+        return FOOT / _MISTAKEN_FOOT
+    return 1.0
+
+
+def _hundredths(values: Floats) -> bool:
+    """Whether all values are whole hundredths."""
+    return bool((np.abs(100.0 * values - np.round(100.0 * values)) < 1e-6).all())
+
+
+def _clock(table: Table) -> Clock:
+    if "global_time" in table.columns:
+        return Clock("Global_Time", table["global_time"], _MILLISECONDS, STEP, zero=int(table["global_time"].min()))
+    return Clock("Frame_ID", table["frame_id"], _FRAMES, STEP, zero=int(table["frame_id"].min()))
+
+
+def _vehicles(table: Table) -> tuple[Whole, list[str]]:
+    """Key of each row's vehicle, and the name for each key in ascending order."""
+    period = np.zeros(len(table), np.int64)
+    if "global_time" in table.columns:
+        period = np.round((table["global_time"] - table["frame_id"] * STEP * _MILLISECONDS) / _PERIOD).astype(np.int64)
+    pairs, key = np.unique(np.stack([table["vehicle_id"], period]), axis=1, return_inverse=True)
+    ids = pairs[0].tolist()
+    count, seen = Counter(ids), Counter[int]()
+    names = []
+    for vehicle in ids:
+        seen[vehicle] += 1
+        names.append(f"{vehicle}.{seen[vehicle]}" if count[vehicle] > 1 else str(vehicle))
+    return key.reshape(-1), names
+
+
+def _participant(table: Table, row: int, name: str, kind: str, length: str, width: str, unit: float) -> Participant:
+    category = "car"
+    if kind in table.columns:
+        category = _CATEGORIES.get(int(table[kind][row]), "")
+        if not category:
+            raise table.fault(row, kind, f"{table[kind][row]} is none of 1 (motorcycle), 2 (car) and 3 (truck)")
+    if length not in table.columns or width not in table.columns:
+        return participant(name, category)
+    for side in (length, width):
+        if table[side][row] <= 0.0:
+            raise table.fault(row, side, f"{table[side][row]:g} is no size")
+    return participant(name, category, unit * float(table[length][row]), unit * float(table[width][row]))
+
+
+def _read_metric(path: Path) -> tuple[Recording, Report]:
+    table = _renamed(path, _METRIC)
+    remarks: list[str] = []
+    frame = np.round(table["sim_time"] / STEP).astype(np.int64)
+    keys, track = np.unique(table["vehicle_id"], return_inverse=True)
+    rows = in_order(table, track, Clock("sim_time", frame, _FRAMES, STEP), sort=True, repeats=True)
+    who = [
+        _participant(table, row, str(key), "type", "length", "width", 1.0)
+        for key, row in zip(keys.tolist(), rows.heads, strict=True)
+    ]
+    x, y, h, speed = (table[name][rows.order] for name in ("position_x", "position_y", "heading_rad", "speed"))
+    h = h + _turn(x, y, h, rows, remarks)
+    remarks.append("positions are taken as centres of the boxes; accelerations are derived from the speeds")
+    columns = columns_of(rows, who, x, y, h, speed, rate(speed, rows))
+    return _finished(rows, who, columns | {"source_lane": table["lane_id"][rows.order]}, remarks)
+
+
+def _turn(x: Floats, y: Floats, h: Floats, rows: Rows, remarks: list[str]) -> float:
+    """Quarter turns between the direction that headings count from and the x axis, told from the motion, rad."""
+    vx, vy = rate(x, rows), rate(y, rows)
+    ahead, aside = (vx * np.cos(h) + vy * np.sin(h)).sum(), (vy * np.cos(h) - vx * np.sin(h)).sum()
+    quarters = round(float(np.arctan2(aside, ahead)) / (0.5 * np.pi))
+    if quarters:
+        remarks.append(f"headings are turned by {90 * quarters} degrees, to count from the x axis")
+    return quarters * 0.5 * np.pi
+
+
+def _finished(rows: Rows, who: list[Participant], columns: Columns, remarks: list[str]) -> tuple[Recording, Report]:
+    report = rows.report([one.name for one in who])
+    count = crowded(columns["time"], columns["x"], columns["y"])
+    if count > _CROWDED * len(rows):
+        remarks.append(f"{count} rows are in each other's way: these vehicles may not have been there together")
+    report.remarks += remarks
+    return Recording(cut(rows, who, columns), STEP, None), report

@@ -1,0 +1,1 @@
+"""Roads made from what data sets have instead of OpenDRIVE."""

@@ -1,0 +1,1 @@
+"""Tables of recorded rows: reading and checking them, their order in time, rates of change, tracks."""

@@ -1,0 +1,134 @@
+"""Rows of a table in the order of tracks and time, cut where frames are missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.datasets.source import Exclusion, Gap, Report
+from recognition.datasets.tables.table import Table
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+_LATE = 1.5
+"""Steps after which a row comes late: frames are missing before it."""
+
+
+class Clock(NamedTuple):
+    """When each row of a table was recorded.
+
+    column: what the file calls it. counts: its value in each row. per_second: how much it counts in a second.
+    step: time from frame to frame, s. zero: its count at time 0.
+    """
+
+    column: str
+    counts: Whole
+    per_second: float
+    step: float
+    zero: int = 0
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows sorted by track, then time.
+
+    Attributes:
+        order: index of each row in the file.
+        keys: key of each track, ascending.
+        starts: first row of each track, and the number of rows.
+        time: s.
+        step: time from frame to frame, s.
+        first, last: the first and last row of the piece without missing frames that each row is in.
+        repeated: how many rows of each track were left out, because there is one of that time already.
+    """
+
+    order: Whole
+    keys: NDArray[Any]
+    starts: Whole
+    time: Floats
+    step: float
+    first: Whole
+    last: Whole
+    repeated: Whole
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+    @property
+    def sizes(self) -> Whole:
+        """Number of rows of each track."""
+        return np.diff(self.starts)
+
+    @property
+    def heads(self) -> list[int]:
+        """Index in the file of the first row of each track."""
+        return self.order[self.starts[:-1]].tolist()
+
+    def each(self, values: Any) -> NDArray[Any]:
+        """A value for each track, repeated for its rows."""
+        return np.repeat(values, self.sizes)
+
+    def totals(self, values: Floats) -> Floats:
+        """Sum over the rows of each track."""
+        return np.add.reduceat(values, self.starts[:-1])
+
+    def report(self, names: list[str]) -> Report:
+        """Counts, a gap for each stretch of missing frames, an exclusion for each track with repeated rows."""
+        late = np.flatnonzero(self.first[1:] > self.first[:-1]) + 1
+        late = late[~np.isin(late, self.starts)]
+        track = np.searchsorted(self.starts, late, side="right") - 1
+        before, after = self.time[late - 1], self.time[late]
+        missing = np.round((after - before) / self.step).astype(int) - 1
+        found = zip(track.tolist(), before.tolist(), after.tolist(), missing.tolist(), strict=True)
+        gaps = [Gap(names[index], *rest) for index, *rest in found]
+        reason = "several rows of the same time, of which the first counts"
+        exclusions = [Exclusion(names[i], int(self.repeated[i]), reason) for i in np.flatnonzero(self.repeated)]
+        return Report(len(self), len(self.keys), gaps, exclusions)
+
+
+def in_order(table: Table, track: NDArray[Any], clock: Clock, *, sort: bool = False, repeats: bool = False) -> Rows:
+    """Put the rows of a table in the order of tracks and time.
+
+    Args:
+        track: key of the track of each row.
+        sort: take rows in any order. Without it, a clock that goes back within a track is a defect.
+        repeats: of rows of a track at the same time take the first. Without it they are a defect.
+
+    Raises:
+        InvalidFile: there is such a defect.
+    """
+    order = np.lexsort((clock.counts, track)) if sort else np.argsort(track, kind="stable")
+    keys, starts = np.unique(track[order], return_index=True)
+    starts = np.append(starts, len(order))
+    passed = np.ones(len(order), np.int64)
+    passed[1:] = np.diff(clock.counts[order])
+    passed[starts[:-1]] = 1
+    wrong = np.flatnonzero(passed < 0 if repeats else passed <= 0)
+    if len(wrong):
+        place = wrong[np.argmin(order[wrong])]
+        raise _disordered(table, track, clock, int(order[place]), int(order[place - 1]))
+    repeated = np.add.reduceat(passed == 0, starts[:-1], dtype=np.int64)
+    starts = starts - np.concatenate([[0], np.cumsum(repeated)])
+    order = order[passed > 0]
+    time = (clock.counts[order] - clock.zero) / clock.per_second
+    return Rows(order, keys, starts, time, clock.step, *_pieces(time, starts, clock.step), repeated)
+
+
+def _disordered(table: Table, track: NDArray[Any], clock: Clock, row: int, before: int) -> Exception:
+    now, then = clock.counts[row], clock.counts[before]
+    fault = "is there twice" if now == then else f"comes after {then}"
+    return table.fault(row, clock.column, f"{now} of track {track[row]} {fault}")
+
+
+def _pieces(time: Floats, starts: Whole, step: float) -> tuple[Whole, Whole]:
+    """First and last row of the piece without missing frames that each row is in."""
+    begins = np.zeros(len(time), bool)
+    begins[1:] = np.diff(time) > _LATE * step
+    begins[starts[:-1]] = True
+    ends = np.append(np.flatnonzero(begins), len(time))
+    first, last = (np.repeat(limits, np.diff(ends)) for limits in (ends[:-1], ends[1:] - 1))
+    return first, last

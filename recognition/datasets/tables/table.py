@@ -1,0 +1,229 @@
+"""Strict reading of CSV and Parquet tables: the columns asked for, as numpy arrays, or an error that says where.
+
+The fast reader (Arrow) only decides whether a file is good; what is wrong with a bad one is found by a second, slow pass.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recognition.datasets.tables.values import BLANK, Kind, arrow_type, checked, complaint
+from schemas.errors import InvalidFile
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pyarrow as pa
+
+PARQUET = ".parquet"
+_SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
+_LONGEST_HEADER = 1 << 16
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of one file by name, equally long.
+
+    Attributes:
+        lines: whether its rows are lines of text.
+        index: number of each row in the file, from 0; None where all rows are here.
+    """
+
+    path: Path
+    columns: dict[str, np.ndarray]
+    lines: bool = True
+    index: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    def where(self, chosen: np.ndarray) -> Table:
+        """The rows for which `chosen` is true, of a table with all rows."""
+        return Table(self.path, {name: values[chosen] for name, values in self.columns.items()}, self.lines, chosen.nonzero()[0])
+
+    def fault(self, row: int, column: str, message: str) -> InvalidFile:
+        """The error for a value in a row counted from 0."""
+        row = row if self.index is None else int(self.index[row])
+        if not self.lines:
+            return _fault_of_row(self.path, row, column, message)
+        line = next((line for index, (line, _) in enumerate(_rows(self.path)) if index == row), None)
+        return InvalidFile(message, path=self.path, line=line, element=f"column {column}")
+
+
+def column_names(path: Path) -> list[str]:
+    """Names of the columns of a Parquet file, or in the first line of a CSV file ("" where one has none).
+
+    Raises:
+        InvalidFile: the file can't be read, is empty, or is not UTF-8 text.
+    """
+    return _parquet_names(path) if path.suffix == PARQUET else _csv_names(path)
+
+
+def read_table(path: Path, kinds: Mapping[str, Kind]) -> Table:
+    """Read the columns named in `kinds` from a CSV or Parquet file; others are ignored.
+
+    Whole columns come as int64, numbers as float64, text as arrays of str objects.
+
+    Raises:
+        InvalidFile: a column is missing or there twice, a line has too few or too many values, a value is not of its kind
+            or blank, or there are no rows; names line (or row) and column.
+    """
+    names = column_names(path)
+    _require(path, names, kinds)
+    return _read_parquet(path, kinds) if path.suffix == PARQUET else _read_csv(path, names, kinds)
+
+
+def _require(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None:
+    line = None if path.suffix == PARQUET else 1
+    for name in kinds:
+        if names.count(name) > 1:
+            raise InvalidFile("this column is there twice", path=path, line=line, element=f"column {name}")
+    missing = [name for name in kinds if name not in names]
+    if not missing:
+        return
+    wrong = next((word for mark, word in _SEPARATORS.items() if len(names) == 1 and mark in names[0]), None)
+    if wrong:
+        raise InvalidFile(f"columns are separated by {wrong}, commas are expected", path=path, line=line)
+    shown = ", ".join(name or "''" for name in names[:20])
+    raise InvalidFile(f"no column {', '.join(missing)}; columns: {shown}", path=path, line=line)
+
+
+# CSV ----------------------------------------------------------------------------------------
+
+
+def _csv_names(path: Path) -> list[str]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            first = file.readline(_LONGEST_HEADER)
+            names = [name.strip() for name in next(csv.reader([first]), [])]
+    except UnicodeDecodeError:
+        raise InvalidFile("this is not UTF-8 text", path=path, line=1) from None
+    except csv.Error as error:
+        raise InvalidFile(f"this is no CSV: {error}", path=path, line=1) from None
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    if not any(names):
+        raise InvalidFile("the file is empty" if not first else "the first line names no columns", path=path, line=1)
+    return names
+
+
+def _read_csv(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> Table:
+    import pyarrow as pa
+    import pyarrow.csv as pacsv
+
+    differing = [name if name in kinds else f"\0{index}" for index, name in enumerate(names)]
+    convert = pacsv.ConvertOptions(
+        column_types={name: arrow_type(kind) for name, kind in kinds.items()},
+        include_columns=list(kinds),
+        null_values=sorted({*BLANK, *map(str.upper, BLANK), "NaN", "Nan"}),
+    )
+    try:
+        found = pacsv.read_csv(path, pacsv.ReadOptions(skip_rows=1, column_names=differing), convert_options=convert)
+    except pa.ArrowInvalid as error:
+        _find_fault(path, names, kinds)
+        raise InvalidFile(f"this is no CSV table: {error}", path=path) from None
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    columns = checked(found, kinds)
+    if columns is None:
+        _find_fault(path, names, kinds)
+        raise InvalidFile("values are missing or out of range", path=path)
+    if not found.num_rows:
+        raise InvalidFile("there are no rows below the header", path=path, line=1)
+    return Table(path, columns)
+
+
+def _find_fault(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None:
+    """Raise the error for the first line that is not as it should be."""
+    places = [(name, names.index(name), kind) for name, kind in kinds.items()]
+    for line, values in _rows(path):
+        if len(values) != len(names):
+            raise InvalidFile(f"{len(values)} values in a table of {len(names)} columns", path=path, line=line)
+        for name, place, kind in places:
+            wrong = complaint(values[place], kind)
+            if wrong:
+                raise InvalidFile(wrong, path=path, line=line, element=f"column {name}")
+
+
+def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Line number and values of each row below the header; blank lines are no rows."""
+    line = 1
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            next(reader, None)
+            for values in reader:
+                line = reader.line_num
+                if values:
+                    yield line, values
+    except csv.Error as error:
+        raise InvalidFile(f"this is no CSV: {error}", path=path, line=line + 1) from None
+    except UnicodeDecodeError:
+        raise InvalidFile("this is not UTF-8 text", path=path) from None
+
+
+# Parquet ------------------------------------------------------------------------------------
+
+
+def _parquet_names(path: Path) -> list[str]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return list(pq.read_schema(path).names)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+
+
+def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        stored = pq.read_table(path, columns=list(kinds))
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    if not stored.num_rows:
+        raise InvalidFile("the table has no rows", path=path)
+    try:
+        columns = checked(pa.table({name: stored[name].cast(arrow_type(kind)) for name, kind in kinds.items()}), kinds)
+    except pa.ArrowException:
+        columns = None
+    if columns is None:
+        raise _parquet_fault(path, stored, kinds)
+    return Table(path, columns, lines=False)
+
+
+def _parquet_fault(path: Path, stored: pa.Table, kinds: Mapping[str, Kind]) -> InvalidFile:
+    for name, kind in kinds.items():
+        for row, value in enumerate(stored[name].to_pylist()):
+            wrong = complaint(_as_text(value), kind)
+            if wrong:
+                return _fault_of_row(path, row, name, wrong)
+    return InvalidFile("values are missing or out of range", path=path)
+
+
+def _as_text(value: Any) -> str:
+    """A value as it would be written in a CSV file."""
+    if value is None:
+        return ""
+    return f"{value:.0f}" if isinstance(value, float) and value.is_integer() else str(value)
+
+
+def _fault_of_row(path: Path, row: int, column: str, message: str) -> InvalidFile:
+    return InvalidFile(f"row {row + 1}: {message}", path=path, element=f"column {column}")
+
+
+def _unreadable(path: Path, error: Any) -> InvalidFile:
+    if isinstance(error, FileNotFoundError):
+        return InvalidFile("no such file", path=path)
+    if path.is_dir():
+        return InvalidFile("this is a folder, a file is expected", path=path)
+    reason = getattr(error, "strerror", None) or str(error)
+    return InvalidFile(f"the file cannot be read: {reason}", path=path)

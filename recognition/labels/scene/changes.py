@@ -1,0 +1,101 @@
+"""Changes of lane: when a track goes from one lane to the one beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from recognition.labels.scene.stays import held, stays
+from recognition.sites.lanes import NOWHERE, Floats, LaneGraph, Whole
+
+if TYPE_CHECKING:
+    from recognition.labels.scene.scene import Flags, Scene
+
+
+@dataclass(frozen=True, eq=False)
+class LaneChanges:
+    """All changes of lane that are held, and the lanes that they lead through.
+
+    Attributes:
+        lane: number of each row's lane within its course, counted to the left, short stays left out.
+        step: how many lanes to the left each row is of the one before, short stays included.
+        course: number of the course of each row: a part of a track that goes on along connected lanes without missing frames.
+        side: distance of each row to the left of where its course begins, m, following the lanes.
+        row: the first row in the new lane, one for each change; `row - 1` is the last one in the old lane.
+        left: whether the change is to the left.
+        shift: lateral displacement towards the new lane about the change, m.
+    """
+
+    lane: Whole
+    step: Whole
+    course: Whole
+    side: Floats
+    row: Whole
+    left: Flags
+    shift: Floats
+
+
+def lane_changes(scene: Scene) -> LaneChanges:
+    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`."""
+    steps, related = _steps(scene.site.lanes, scene.strip)
+    begins = np.ones(len(scene.track), bool)
+    begins[1:] = (scene.first[1:] != scene.first[:-1]) | ~related
+    course = np.cumsum(begins) - 1
+    steps = np.where(begins, 0, np.concatenate([[0], steps]))
+    raw = np.cumsum(steps)
+    lane = held(raw - raw[_first(begins)], course, scene.rows(scene.rules.hold))
+    side = _side(scene, steps, begins)
+    row = np.flatnonzero((lane[1:] != lane[:-1]) & ~begins[1:]) + 1
+    row = row[_is_held(lane, course, row, scene.rows(scene.rules.hold)) & (np.abs(lane[row] - lane[row - 1]) == 1)]
+    left = lane[row] > lane[row - 1]
+    return LaneChanges(lane, steps, course, side, row, left, _shifts(scene, lane, course, side, row, left))
+
+
+def _steps(lanes: LaneGraph, strip: Whole) -> tuple[Whole, Flags]:
+    """How many lanes to the left each row but the first is of the row before, and whether these lanes are connected."""
+    before, after = strip[:-1], strip[1:]
+    pairs, which = np.unique(np.stack([before, after], axis=1), axis=0, return_inverse=True)
+    found = [0 if a == b else lanes.lanes_left(a, b) if NOWHERE not in (a, b) else None for a, b in pairs.tolist()]
+    steps = np.array([step or 0 for step in found], np.int64)
+    related = np.array([step is not None for step in found], bool)
+    which = which.reshape(-1)
+    return steps[which] if len(which) else which, related[which] if len(which) else np.zeros(0, bool)
+
+
+def _first(begins: Flags) -> Whole:
+    """The first row of each row's course."""
+    return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
+
+
+def _is_held(lane: Whole, course: Whole, row: Whole, least: int) -> Flags:
+    """Whether the stays before and after each of the rows, with which a stay begins, are long enough."""
+    starts, sizes = stays(lane, course)
+    place = np.searchsorted(starts, row)
+    return (sizes[place] >= least) & (sizes[place - 1] >= least)
+
+
+def _side(scene: Scene, steps: Whole, begins: Flags) -> Floats:
+    """Lateral way to the left since each course began: changes of the lane offset, or of t where the lane changes."""
+    lanes, before, after = scene.site.lanes, scene.strip[:-1], scene.strip[1:]
+    to_road = np.diff(scene.offset) + steps[1:] * 0.5 * (lanes.width[before] + lanes.width[after])
+    to_lane = np.where(lanes.road[before] == lanes.road[after], np.diff(scene.aside), to_road)
+    moved = np.concatenate([[0.0], np.where(steps[1:] == 0, np.diff(scene.offset), to_lane)])
+    side = np.cumsum(np.where(begins, 0.0, moved))
+    return side - side[_first(begins)]
+
+
+def _shifts(scene: Scene, lane: Whole, course: Whole, side: Floats, rows: Whole, left: Flags) -> Floats:
+    """Displacement from the outermost place before to the outermost place after each change, within its two stays."""
+    reach = scene.rows(scene.rules.shift_time)
+    starts, sizes = stays(lane, course)
+    place = np.searchsorted(starts, rows)
+    earliest = np.maximum(rows - reach, starts[place - 1])
+    latest = np.minimum(rows + reach, rows + sizes[place])
+    towards = np.where(left, 1.0, -1.0)
+    shifts = [
+        (sign * side[row:end]).max() - (sign * side[start:row]).min()
+        for row, start, end, sign in zip(rows.tolist(), earliest.tolist(), latest.tolist(), towards.tolist(), strict=True)
+    ]
+    return np.array(shifts, np.float64)

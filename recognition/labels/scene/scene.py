@@ -1,0 +1,170 @@
+"""One recording as arrays with a row for each vehicle and frame, with what all rules ask for prepared once.
+
+Rows are in the order of tracks and time. "Left" is the left of the lane's traffic. Lanes are those of the reference point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.labels.rules import Rules
+from recognition.labels.scene.changes import LaneChanges, lane_changes
+from recognition.labels.scene.leads import Leads, leads
+from recognition.labels.scene.passages import Passages, passages
+from recognition.labels.scene.rolling import constant, smoothed
+from recognition.sites import Role, Site
+from recognition.sites.lanes import NOWHERE, Floats, Whole
+from recognition.sites.placing import place
+from recognition.sites.roles import ROLES
+from runner.recording import Recording, Track
+
+Flags = NDArray[np.bool_]
+EGOS = ("car", "van", "truck", "bus", "motorbike")
+"""Categories of vehicles that events are about; the others are only partners."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Rows of all vehicles.
+
+    Attributes:
+        names: of the tracks. egos: whether events may be about each of them.
+        track: index of each row's track. frame: number of its time step. time: s.
+        first, last: first and last row of the part without missing frames that each row is in.
+        x, y, h, speed, acceleration: as in the recording; the acceleration is smoothed.
+        strip: index of the lane strip. along: distance from its beginning, m. offset, aside: distance to the left of the
+            lane's centre and of the road's reference line, m.
+        role: index into `ROLES`. front, rear: distance of the box's ends ahead of the reference point, m. width: of the box, m.
+    """
+
+    recording: Recording
+    site: Site
+    rules: Rules
+    step: float
+    names: list[str]
+    egos: Flags
+    track: Whole
+    frame: Whole
+    time: Floats
+    first: Whole
+    last: Whole
+    x: Floats
+    y: Floats
+    h: Floats
+    speed: Floats
+    acceleration: Floats
+    strip: Whole
+    along: Floats
+    offset: Floats
+    aside: Floats
+    role: Whole
+    front: Floats
+    rear: Floats
+    width: Floats
+
+    @cached_property
+    def passages(self) -> Passages:
+        """Ways through junctions."""
+        return passages(self)
+
+    @cached_property
+    def vulnerable(self) -> tuple[Floats, Floats, Floats, Whole]:
+        """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0) and cyclists."""
+        cyclists = [name for name in self.names if self.recording.tracks[name].category == "bicycle"]
+        walkers = [track.name for track in self.recording.tracks.values() if track.kind == "pedestrian"]
+        tracks = [self.recording.tracks[name] for name in (*cyclists, *walkers)]
+        numbers = [*map(self.names.index, cyclists), *(-1 - number for number in range(len(walkers)))]
+        sizes = [len(track.columns["time"]) for track in tracks]
+        x, y, time = (_joined(tracks, name) for name in ("x", "y", "time"))
+        return x, y, time, np.repeat(np.array(numbers, np.int64), sizes)
+
+    def rows(self, seconds: float) -> int:
+        """Number of time steps in a time, at least 1."""
+        return max(1, round(seconds / self.step))
+
+    @cached_property
+    def complete(self) -> Flags:
+        """Rows of egos about which the whole window is there."""
+        half, here = self.rows(0.5 * self.rules.window), np.arange(len(self.track))
+        return self.egos[self.track] & (here - half >= self.first) & (here + half <= self.last)
+
+    @cached_property
+    def leads(self) -> Leads:
+        """Who drives ahead of whom."""
+        return leads(
+            self.site.lanes, self.track, self.frame, self.strip, self.along, self.speed, self.front, self.rear, self.rules.sight
+        )
+
+    @cached_property
+    def changes(self) -> LaneChanges:
+        """Changes of lane."""
+        return lane_changes(self)
+
+    def steady(self, seconds: float) -> Flags:
+        """Rows whose track keeps its lane, with all frames there, from so much before to so much after."""
+        half = self.rows(seconds)
+        kept = (constant(values, half, self.first, self.last) for values in (self.changes.lane, self.changes.course))
+        return np.logical_and(*kept)
+
+    def has_role(self, *roles: Role) -> Flags:
+        """Rows on lanes of these roles."""
+        return np.isin(self.role, [ROLES.index(role) for role in roles])
+
+
+def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
+    """Rows of all vehicles of a recording, which gets its road coordinates where it lacks them."""
+    place(recording, site.network)
+    tracks = [track for track in recording.tracks.values() if track.kind == "vehicle" and len(track.columns["time"])]
+    sizes = np.array([len(track.columns["time"]) for track in tracks], np.int64)
+    track = np.repeat(np.arange(len(tracks)), sizes)
+    time = _joined(tracks, "time")
+    frame = np.rint((time - (time.min() if len(time) else 0.0)) / recording.timestep).astype(np.int64)
+    first, last = _parts(track, frame)
+    lane_id, s, lanes = _joined(tracks, "lane_id").astype(np.int64), _joined(tracks, "s"), site.lanes
+    strip = lanes.find(_joined(tracks, "road_id"), lane_id, s)
+    left = np.where(lanes.forward[strip], 1.0, -1.0)
+    boxes = [track.box for track in tracks]
+    half = max(1, round(0.5 * rules.smoothing / recording.timestep))
+    return Scene(
+        recording=recording,
+        site=site,
+        rules=rules,
+        step=recording.timestep,
+        names=[track.name for track in tracks],
+        egos=np.array([track.category in EGOS for track in tracks], bool),
+        track=track,
+        frame=frame,
+        time=time,
+        first=first,
+        last=last,
+        x=_joined(tracks, "x"),
+        y=_joined(tracks, "y"),
+        h=_joined(tracks, "h"),
+        speed=_joined(tracks, "speed"),
+        acceleration=smoothed(_joined(tracks, "acceleration"), half, first, last),
+        strip=strip,
+        along=np.where(strip == NOWHERE, 0.0, lanes.along(strip, s)),
+        offset=_joined(tracks, "lane_offset") * left,
+        aside=_joined(tracks, "t") * left,
+        role=site.roles.codes(lanes, strip, s),
+        front=np.repeat([box.x + 0.5 * box.length for box in boxes], sizes),
+        rear=np.repeat([box.x - 0.5 * box.length for box in boxes], sizes),
+        width=np.repeat([box.width for box in boxes], sizes),
+    )
+
+
+def _joined(tracks: list[Track], name: str) -> NDArray:
+    return np.concatenate([track.columns[name] for track in tracks]) if tracks else np.zeros(0)
+
+
+def _parts(track: Whole, frame: Whole) -> tuple[Whole, Whole]:
+    """First and last row of the part without missing frames that each row is in."""
+    begins = np.ones(len(track), bool)
+    begins[1:] = (np.diff(track) != 0) | (np.diff(frame) != 1)
+    ends = np.append(np.flatnonzero(begins), len(track))
+    sizes = np.diff(ends)
+    return np.repeat(ends[:-1], sizes), np.repeat(ends[1:] - 1, sizes)

@@ -1,0 +1,1 @@
+"""Recordings of our own in the formats of public data sets."""

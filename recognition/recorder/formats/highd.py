@@ -1,0 +1,159 @@
+"""Writing highD recordings: three CSV files each, see `recognition.datasets.formats.highd` for the format.
+
+Besides what the reader needs, all other columns are filled as the data set has them: `dhw` is the gap to the vehicle ahead in
+the lane, from bumper to bumper (m), `thw` that over the own speed (s), `ttc` over the closing speed (s, negative while the
+gap grows); 0 where there is none, and -1 for their minima. Sight distances are those from the centre to the section's ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.datasets.tables.rows import Floats, Whole
+from recognition.recorder.fleet import Vehicle
+from recognition.recorder.formats.neighbours import NOBODY, Traffic
+from recognition.recorder.formats.tables import write_csv
+from recognition.recorder.motion import Motion
+from recognition.recorder.sites import View
+from xodr.network import RoadNetwork
+
+RATE = 25
+"""Frames a second."""
+_ENDLESS = 1000.0
+"""Times to collision or headways beyond this are none, s."""
+
+_Columns = dict[str, NDArray[Any]]
+
+
+class Sheet:
+    """A straight motorway as highD's image has it: x to the right, y downwards, from the view's upper left corner.
+
+    Attributes:
+        upper, lower: y of the lane markings of each carriageway, ascending, m. limit: m/s.
+    """
+
+    def __init__(self, network: RoadNetwork, view: View) -> None:
+        road = next(iter(network.roads.values()))
+        self.view = view
+        self.limit = road.speed_limit(0.0)
+        lanes = [road.lane(0.0, lane_id) for lane_id in road.lane_ids(0.0) if road.lane_type(0.0, lane_id) == "driving"]
+        self.upper, self.lower = (
+            sorted({round(view.top - t, 2) for lane in lanes if lane.id * side > 0 for t in (lane.inner(0.0), lane.outer(0.0))})
+            for side in (1, -1)
+        )
+
+    def lanes(self, y: Floats) -> Whole:
+        """highD's lane ids: 1 above the first marking, one more at each."""
+        return 1 + np.searchsorted([*self.upper, *self.lower], y)
+
+
+def write(
+    folder: Path, number: int, network: RoadNetwork, view: View, vehicles: Sequence[Vehicle], motion: Motion, frames: int
+) -> Path:
+    """Write a recording into a folder; the track file's path.
+
+    Args:
+        number: of the recording, from 1.
+        vehicles: by departure.
+        motion: what is in view, frames from 0.
+        frames: length of the recording.
+    """
+    sheet = Sheet(network, view)
+    index, chosen = np.unique(motion.vehicle, return_inverse=True)
+    seen = [vehicles[one] for one in index.tolist()]
+    tracks = _tracks(motion, chosen, seen, sheet)
+    path = folder / f"{number:02d}_tracks.csv"
+    meta = _vehicles(tracks, motion.y > 0.0, seen)
+    write_csv(path, tracks)
+    write_csv(folder / f"{number:02d}_tracksMeta.csv", meta)
+    write_csv(folder / f"{number:02d}_recordingMeta.csv", _recording(number, sheet, meta, frames))
+    return path
+
+
+def _tracks(motion: Motion, chosen: Whole, seen: Sequence[Vehicle], sheet: Sheet) -> _Columns:
+    length, width = (np.array([getattr(one, side) for one in seen])[chosen] for side in ("length", "width"))
+    x, y = motion.x - sheet.view.left, sheet.view.top - motion.y
+    upper = motion.y > 0.0
+    to_end, to_start = sheet.view.right - motion.x, motion.x - sheet.view.left
+    columns = {
+        "frame": motion.frame + 1, "id": chosen + 1,
+        "x": x - 0.5 * length, "y": y - 0.5 * width, "width": length, "height": width,
+        "xVelocity": motion.vx, "yVelocity": -motion.vy, "xAcceleration": motion.ax, "yAcceleration": -motion.ay,
+        "frontSightDistance": np.where(upper, to_start, to_end), "backSightDistance": np.where(upper, to_end, to_start),
+    }  # fmt: skip
+    columns |= _relations(columns, sheet.lanes(y), upper)
+    return {name: np.round(values, 2) + 0 for name, values in columns.items()}  # no negative zeros
+
+
+def _relations(columns: _Columns, lane: Whole, upper: NDArray[np.bool_]) -> _Columns:
+    """Neighbours and what follows from them."""
+    ahead = np.where(upper, -1.0, 1.0)
+    length, along = columns["width"], ahead * (columns["x"] + 0.5 * columns["width"])
+    rightwards = np.where(
+        upper, 2 * lane.max() + 2 - lane, lane
+    )  # drivers of the upper carriageway have the lane above on the right
+    traffic = Traffic(columns["frame"], rightwards, along, length)
+    lead, speed = traffic.ahead(), ahead * columns["xVelocity"]
+    led = lead != NOBODY
+    gap = np.where(led, along[lead] - along - 0.5 * (length[lead] + length), 0.0)
+    left, right = traffic.beside(-1), traffic.beside(1)
+    rows = {"precedingId": lead, "followingId": traffic.behind()}
+    rows |= {f"left{place}Id": found for place, found in zip(("Preceding", "Alongside", "Following"), left, strict=True)}
+    rows |= {f"right{place}Id": found for place, found in zip(("Preceding", "Alongside", "Following"), right, strict=True)}
+    return {
+        "dhw": gap, "thw": _over(gap, speed), "ttc": _over(gap, np.where(led, speed - speed[lead], 0.0)),
+        "precedingXVelocity": np.where(led, columns["xVelocity"][lead], 0.0),
+        **{name: np.where(row == NOBODY, 0, columns["id"][row]) for name, row in rows.items()},
+        "laneId": lane,
+    }  # fmt: skip
+
+
+def _over(gap: Floats, speed: Floats) -> Floats:
+    """A gap over a speed, s; 0 where that is no time."""
+    time = np.divide(gap, speed, out=np.zeros(len(gap)), where=speed != 0.0)
+    return np.where(np.abs(time) < _ENDLESS, time, 0.0)
+
+
+def _vehicles(tracks: _Columns, upper: NDArray[np.bool_], seen: Sequence[Vehicle]) -> _Columns:
+    starts = np.flatnonzero(np.diff(tracks["id"], prepend=0))
+    ends = np.append(starts[1:], len(tracks["id"])) - 1
+    first, last = tracks["frame"][starts], tracks["frame"][ends]
+    speed = np.abs(tracks["xVelocity"])
+    changes = np.diff(tracks["laneId"], prepend=0) != 0
+    changes[starts] = False
+    return {
+        "id": tracks["id"][starts], "width": tracks["width"][starts], "height": tracks["height"][starts],
+        "initialFrame": first, "finalFrame": last, "numFrames": last - first + 1,
+        "class": np.array(["Truck" if one.kind.agent == "truck" else "Car" for one in seen]),
+        "drivingDirection": np.where(upper[starts], 1, 2),
+        "traveledDistance": np.round(np.abs(tracks["x"][ends] - tracks["x"][starts]), 2),
+        "minXVelocity": np.minimum.reduceat(speed, starts), "maxXVelocity": np.maximum.reduceat(speed, starts),
+        "meanXVelocity": np.round(np.add.reduceat(speed, starts) / (ends - starts + 1), 2),
+        **{f"min{name.upper()}": _least(tracks[name], starts) for name in ("dhw", "thw", "ttc")},
+        "numLaneChanges": np.add.reduceat(changes.astype(np.int64), starts),
+    }  # fmt: skip
+
+
+def _least(values: Floats, starts: Whole) -> Floats:
+    """The least positive value of each track, -1 where there is none."""
+    least = np.minimum.reduceat(np.where(values > 0.0, values, np.inf), starts)
+    return np.where(np.isfinite(least), least, -1.0)
+
+
+def _recording(number: int, sheet: Sheet, meta: _Columns, frames: int) -> _Columns:
+    trucks = int((meta["class"] == "Truck").sum())
+    values = {
+        "id": number, "frameRate": RATE, "locationId": 1, "speedLimit": -1.0 if sheet.limit is None else round(sheet.limit, 2),
+        "month": "1.2025", "weekDay": "Wed", "startTime": "12:00", "duration": round(frames / RATE, 2),
+        "totalDrivenDistance": round(float(meta["traveledDistance"].sum()), 2),
+        "totalDrivenTime": round(float(meta["numFrames"].sum()) / RATE, 2),
+        "numVehicles": len(meta["id"]), "numCars": len(meta["id"]) - trucks, "numTrucks": trucks,
+        "upperLaneMarkings": ";".join(f"{y:.2f}" for y in sheet.upper),
+        "lowerLaneMarkings": ";".join(f"{y:.2f}" for y in sheet.lower),
+    }  # fmt: skip
+    return {name: np.array([value]) for name, value in values.items()}

@@ -1,0 +1,77 @@
+"""Who drives around whom on a straight motorway: the neighbours that highD names.
+
+Neighbours in a lane are those whose centres are in it. Beside the ego ("alongside") is who overlaps it along the road;
+preceding and following in the lanes beside is the nearest one that does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.datasets.tables.rows import Floats, Whole
+
+NOBODY = -1
+_SPAN = 1e6
+"""More than any position along the road, m."""
+
+
+class Traffic:
+    """Everybody in every frame.
+
+    Args:
+        frame: of each row. lane: number, counted from left to right as the driver sees them, equal in no two carriageways.
+        along: position in the direction of travel, m. length: m.
+    """
+
+    def __init__(self, frame: Whole, lane: Whole, along: Floats, length: Floats) -> None:
+        self._lane, self._along, self._length = lane, along, length
+        self._strip = frame * (int(lane.max()) + 3)
+        key = self._key(lane)
+        self._order = np.argsort(key, kind="stable")
+        self._sorted = key[self._order]
+        self._group = (self._strip + lane)[self._order]
+
+    def _key(self, lane: Whole) -> Floats:
+        return (self._strip + lane) * _SPAN + self._along
+
+    def ahead(self) -> Whole:
+        """Row of the nearest vehicle in front in the own lane, or `NOBODY`."""
+        return self._own(1)
+
+    def behind(self) -> Whole:
+        """Row of the nearest vehicle behind in the own lane, or `NOBODY`."""
+        return self._own(-1)
+
+    def _own(self, side: int) -> Whole:
+        place = np.empty_like(self._order)
+        place[self._order] = np.arange(len(place))
+        return self._at(place + side, self._strip + self._lane)
+
+    def beside(self, lanes: int) -> tuple[Whole, Whole, Whole]:
+        """Rows of preceding, alongside and following in the lane that lies `lanes` to the right (negative: left)."""
+        group = self._strip + self._lane + lanes
+        front = np.searchsorted(self._sorted, self._key(self._lane + lanes))
+        ahead, alongside_ahead = self._beyond(front, 1, group)
+        behind, alongside_behind = self._beyond(front - 1, -1, group)
+        both = np.stack((alongside_ahead, alongside_behind))
+        distance = np.where(both == NOBODY, np.inf, np.abs(self._along[both] - self._along))
+        return ahead, both[distance.argmin(axis=0), np.arange(len(front))], behind
+
+    def _beyond(self, place: Whole, side: int, group: Whole) -> tuple[Whole, Whole]:
+        """From places in the order on: the first that does not overlap, and the first where it does."""
+        first = found = self._at(place, group)
+        while (overlapping := self._overlaps(found)).any():
+            place = place + side * overlapping
+            found = self._at(place, group)
+        return found, np.where(self._overlaps(first), first, NOBODY)
+
+    def _overlaps(self, other: Whole) -> NDArray[np.bool_]:
+        near = np.abs(self._along[other] - self._along) < 0.5 * (self._length[other] + self._length)
+        return near & (other != NOBODY)
+
+    def _at(self, place: Whole, group: Whole) -> Whole:
+        """Rows at places in the order, where they are in the asked lane and frame."""
+        inside = np.clip(place, 0, len(self._order) - 1)
+        there = (place == inside) & (self._group[inside] == group)
+        return np.where(there, self._order[inside], NOBODY)

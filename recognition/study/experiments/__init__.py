@@ -1,0 +1,1 @@
+"""Experiments of the protocol: open-set recognition, clustering, the open world, sensitivity."""

@@ -1,0 +1,1 @@
+"""Discovery of new classes: the buffer, sifting, clustering and the promotion of clusters."""

@@ -1,0 +1,225 @@
+"""TRFE models in a folder: `model.safetensors` (settings, samples, screening, prototypes), `forest.skops`, the encoder's files.
+
+No file is trusted: reading runs no code of it, settings must be of the types of `Config`, arrays finite and of fitting shapes,
+and trees sound, since scikit-learn follows their node numbers without looking whether there are such nodes.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import asdict, fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import RandomForestClassifier
+from sklearn.tree import DecisionTreeClassifier
+
+from recognition.trfe.config import Config
+from recognition.trfe.forest.neighbours import Neighbours
+from recognition.trfe.forest.voters import Voters
+from recognition.trfe.known import Known, Labelled, bare_screening, labelled
+from recognition.trfe.prototypes import Prototypes
+from recognition.trfe.samples import UNKNOWN, Whole, matrix
+from schemas.errors import InvalidFile, ToolchainError, reason
+from schemas.storage import keep, writing
+
+if TYPE_CHECKING:
+    from recognition.encoder.model import Encoder
+    from recognition.trfe.trfe import TRFE
+
+Arrays = dict[str, NDArray[Any]]
+_MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
+_FORMAT = "xosc-toolchain TRFE 2"
+_ABOUT = "about"
+"""The one entry of the metadata: safetensors writes several in an order that differs from time to time"""
+_TREE = "sklearn.tree._tree.Tree"
+"""The one type beyond those that skops trusts of itself: the node tables, which `_check_tree` looks through."""
+LARGEST = 2**30
+"""Bytes that a forest may unpack to."""
+
+
+def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
+    """Write a fitted model.
+
+    Args:
+        model: the model.
+        folder: is made where it is absent.
+        samples: most labelled samples of each class to write, of those to fit and of those to calibrate, in half precision;
+            None writes all as they are. They matter where the model goes on to discover classes.
+
+    Raises:
+        UsageError: the model has not been fitted, or the folder can't be written.
+    """
+    import skops.io
+    from safetensors import numpy as safetensors
+
+    known = model.known
+    arrays = {
+        **_prefixed("fitted", _thinned(known.fitted, samples)._asdict()),
+        **_prefixed("calibrating", _thinned(known.calibrating, samples)._asdict()),
+        **_prefixed("neighbours", known.voters.neighbours._asdict() if known.voters.neighbours else {}),
+        **_prefixed("prototypes", {name: value for name, value in known.prototypes._asdict().items() if name != "metric"}),
+        **_prefixed("screening", known.screening.state() if known.screening else {}),
+    }
+    if model.buffer.inputs is not None:
+        arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
+    about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config)})}
+    with writing("the model", folder):
+        keep(safetensors.save({name: np.asarray(value, order="C") for name, value in arrays.items()}, about), folder / _MODEL)
+        skops.io.dump(known.voters.forest, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
+        for number, encoder in enumerate(model.encoders):
+            from recognition.encoder import storage
+
+            storage.save(encoder, folder / f"{_ENCODER}{number}")
+
+
+def load(folder: Path) -> TRFE:
+    """Read what `save` wrote.
+
+    Raises:
+        InvalidFile: a file is missing, truncated, not such a model's, or not to be trusted.
+    """
+    from recognition.trfe.trfe import TRFE
+
+    config, arrays = _read_model(folder / _MODEL)
+    forest = _read_forest(folder / _FOREST)
+    encoders = _read_encoders(folder)
+    try:
+        model = TRFE(config, encoders, _known(config, arrays, forest))
+        widths = sum(encoder.architecture.dim for encoder in encoders), model.known.fitted.features.shape[1]
+        if encoders and widths[0] != widths[1]:
+            raise ValueError(f"its encoders give {widths[0]} features, not {widths[1]}")
+        waiting = _part(arrays, "buffer")
+        if waiting:
+            model.buffer.add(matrix(waiting["inputs"], len(model.known.prototypes.mean)), waiting["keys"])
+        model.recognise(model.known.fitted.features[:1])
+    except (KeyError, ValueError, IndexError, TypeError, ToolchainError) as error:
+        raise InvalidFile(f"its parts do not fit together: {reason(error)}", path=folder / _MODEL) from None
+    return model
+
+
+def _read_encoders(folder: Path) -> list[Encoder]:
+    from recognition.encoder import storage
+
+    places = sorted(folder.glob(f"{_ENCODER}[0-9]"))
+    return [storage.load(place) for place in places]
+
+
+def _thinned(samples: Labelled, most: int | None) -> Labelled:
+    """The first samples of each class, in their order and in half precision; all as they are without a number."""
+    if most is None:
+        return samples
+    chosen = [np.flatnonzero(samples.labels == label)[:most] for label in np.unique(samples.labels)]
+    rows = np.sort(np.concatenate(chosen))
+    return Labelled(samples.features[rows].astype(np.float16), samples.labels[rows])
+
+
+def _prefixed(prefix: str, arrays: Arrays) -> Arrays:
+    return {f"{prefix}.{name}": value for name, value in arrays.items()}
+
+
+def _part(arrays: Arrays, prefix: str) -> Arrays:
+    return {name.removeprefix(f"{prefix}."): value for name, value in arrays.items() if name.startswith(f"{prefix}.")}
+
+
+def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Known:
+    fitted, calibrating = (labelled(**_part(arrays, name)) for name in ("fitted", "calibrating"))
+    prototypes = Prototypes(metric=config.metric, **_part(arrays, "prototypes"))
+    screening = bare_screening(config)
+    if screening:
+        screening.restore(_part(arrays, "screening"))
+    near = _part(arrays, "neighbours")
+    voters = Voters(forest, Neighbours(**near) if near else None)
+    classes = voters.classes
+    for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes if screening else classes):
+        if not np.array_equal(np.unique(of), classes):
+            raise ValueError("they are of different classes")
+    width = prototypes.centres.shape[1]
+    if not width == fitted.features.shape[1] == calibrating.features.shape[1] == len(prototypes.mean):
+        raise ValueError("they are of different dimensions")
+    return Known(fitted, calibrating, voters, screening, prototypes)
+
+
+def _read_model(path: Path) -> tuple[Config, Arrays]:
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, "numpy") as file:
+            about = json.loads((file.metadata() or {})[_ABOUT])
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        if about["format"] != _FORMAT:
+            raise ValueError(f"its format is {about['format']!r}, {_FORMAT!r} is expected")
+        config = _settings(Config, about["config"])
+    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
+        raise InvalidFile(f"this is no model: {reason(error)}", path=path) from None
+    for name, value in arrays.items():
+        if not np.issubdtype(value.dtype, np.number) or not np.isfinite(value).all():
+            raise InvalidFile(f"{name} is not made of finite numbers", path=path)
+    return config, arrays
+
+
+def _settings(kind: type, values: dict[str, Any]) -> Any:
+    """A dataclass of settings from JSON, each of the type that it is declared with."""
+    types = get_type_hints(kind)
+    if not isinstance(values, dict) or set(values) != {field.name for field in fields(kind)}:
+        raise ValueError(f"its settings are not those of {kind.__name__}")
+    return kind(**{name: _setting(name, types[name], value) for name, value in values.items()})
+
+
+def _setting(name: str, kind: Any, value: Any) -> Any:
+    if is_dataclass(kind) and isinstance(kind, type):
+        return _settings(kind, value)
+    allowed = get_args(kind) if get_origin(kind) is Literal else ()
+    if value in allowed or (not allowed and type(value) in (get_args(kind) or (kind,))):
+        return value
+    raise ValueError(f"its setting {name} can't be {value!r}")
+
+
+def _read_forest(path: Path) -> RandomForestClassifier:
+    import skops.io
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
+                raise ValueError("it is too large")
+        foreign = set(skops.io.get_untrusted_types(file=path)) - {_TREE}
+        if foreign:
+            raise ValueError(f"it holds types that are not trusted: {', '.join(sorted(foreign))}")
+        forest = skops.io.load(path, trusted=[_TREE])
+        _check_forest(forest)
+    except Exception as error:
+        raise InvalidFile(f"this is no forest: {reason(error)}", path=path) from None
+    return forest
+
+
+def _check_forest(forest: Any) -> None:
+    if type(forest) is not RandomForestClassifier or not forest.estimators_:
+        raise ValueError(f"it is a {type(forest).__name__}")
+    classes: Whole = forest.classes_
+    if not np.issubdtype(classes.dtype, np.integer) or classes.ndim != 1 or (np.diff(classes) <= 0).any() or classes[0] < UNKNOWN:
+        raise ValueError("its classes are no ascending numbers")
+    for tree in forest.estimators_:
+        if type(tree) is not DecisionTreeClassifier:
+            raise ValueError(f"one of its trees is a {type(tree).__name__}")
+        _check_tree(tree, len(classes), forest.n_features_in_)
+
+
+def _check_tree(tree: DecisionTreeClassifier, classes: int, width: int) -> None:
+    """Children come after their parents, so that every path ends, and features and classes are those of the forest."""
+    nodes = tree.tree_
+    number, left, right = np.arange(nodes.node_count), nodes.children_left, nodes.children_right
+    inner = left >= 0
+    sound = (
+        nodes.node_count > 0
+        and nodes.n_features == width
+        and nodes.value.shape == (nodes.node_count, 1, classes)
+        and (inner == (right >= 0)).all()
+        and all((child[inner] > number[inner]).all() and (child < nodes.node_count).all() for child in (left, right))
+        and ((nodes.feature[inner] >= 0) & (nodes.feature[inner] < width)).all()
+        and np.isfinite(nodes.value).all()
+    )
+    if not sound:
+        raise ValueError("one of its trees is broken")

@@ -1,0 +1,240 @@
+"""Catalogues of recordings: what is in them, that they are sound and the same each time, and that edited files stay."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import runner
+import xosc
+from recognition.catalogue import pipeline
+from recognition.catalogue.pipeline import ByRules, Settings, Summary
+from recognition.catalogue.usable import Usable, passage, vehicles
+from recognition.catalogue.writing import index
+from recognition.catalogue.writing.catalogue import Config
+from recognition.datasets import open as open_recordings
+from runner.recording import Recording
+from schemas import check_many
+from schemas.errors import InvalidFile, UsageError
+from schemas.files import expand
+from tests.recognition import motorway
+from tests.recognition.traffic import interaction_rows, write_csv
+from xosc import tags
+
+
+def build(recordings: Path, out: Path, **settings: object) -> Summary:
+    return pipeline.build([recordings], out, Settings(**settings), ByRules(), lambda sources, _: sources)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def rows(out: Path) -> list[dict]:
+    return json.loads((out / "index.json").read_text())["scenarios"]
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings")
+    motorway.write_motorway(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("catalogue")
+    build(recordings, out)
+    return out
+
+
+@pytest.fixture
+def catalogue(made: Path, tmp_path: Path) -> Path:
+    return copytree(made, tmp_path / "catalogue")
+
+
+def test_every_file_is_sound(made: Path) -> None:
+    assert [problem for _, problems in check_many(expand([str(made)])) for problem in problems] == []
+
+
+def test_each_class_has_its_folder_with_catalogues_that_its_scenarios_refer_to(made: Path) -> None:
+    cut_in = made / "highway_cut_in"
+    kinds = {path.parent.relative_to(cut_in / "catalogs").parts[0] for path in cut_in.glob("catalogs/**/*.xosc")}
+    assert kinds == {"vehicles", "trajectories", "maneuvers", "controllers"}
+    for path in cut_in.glob("*.xosc"):
+        assert xosc.resolve(xosc.load(path)).node.need("Entities").find("ScenarioObject"), "its references are resolved"
+
+
+def test_scenarios_run_and_cut_in(made: Path) -> None:
+    row = next(row for row in rows(made) if row["class"] == "highway cut in" and row["vehicle"] == motorway.EGO)
+    for name in (row["file"], row["maneuver"]):
+        result = runner.run(made / name, sut="none", world="kinematic")
+        assert (result.status, result.ego) == ("completed", "Ego")
+        cutter = result.recording.locate().tracks["car_2"].columns
+        assert cutter["lane_id"][0] == -2 and cutter["lane_id"][-1] == -3
+
+
+def test_the_index_tells_the_same_in_all_its_formats(made: Path) -> None:
+    told = rows(made)
+    assert {"highway cut in", "highway cut out", "right lane change"} <= {row["class"] for row in told}
+    table = pq.read_table(made / "index.parquet").to_pylist()
+    assert table == [{name: row[name] for name in index.COLUMNS} for row in told]
+    with (made / "index.csv").open(newline="") as file:
+        read = list(csv.DictReader(file))
+    assert [row["file"] for row in read] == [row["file"] for row in told] == sorted(row["file"] for row in told)
+    assert all((made / row[name]).is_file() for row in told for name in ("file", "openlabel", "road"))
+    assert all((row["maneuver"] is None) == bool(row["no_maneuver"]) for row in told)
+    assert all((made / row["maneuver"]).is_file() for row in told if row["maneuver"])
+
+
+def test_tags_are_openlabel_beside_the_scenario_and_properties_in_it(made: Path) -> None:
+    row = next(row for row in rows(made) if row["class"] == "highway cut in" and row["vehicle"] == motorway.EGO)
+    told = {tag.type: tag.value for tag in tags.read(made / row["openlabel"])}
+    expected = {"Class": "highway cut in", "State": "known", "RuleClass": "highway cut in", "Recording": row["recording"]}
+    assert expected.items() <= told.items()
+    assert {"MotionCutIn", "RoadTypeMotorway", "VehicleCar"} <= told.keys()
+    assert told["MinTimeHeadway"] == row["min_thw"] == pytest.approx(20.4 / 30.0, abs=0.02)
+    held = {each.get("name"): each.get("value") for each in xosc.load(made / row["file"]).root.iter("Property")}
+    assert held["openlabel.Class"] == "highway cut in" and held["openlabel.Vehicle"] == motorway.EGO
+
+
+@pytest.mark.parametrize("version", [(1, 0), (1, 2)])
+def test_older_versions_are_written_on_request(recordings: Path, tmp_path: Path, version: tuple[int, int]) -> None:
+    build(recordings, tmp_path, config=Config(version=version))
+    files = sorted(tmp_path.rglob("*.xosc"))
+    assert files and {xosc.load(file).version for file in files} == {version}
+    assert [problem for _, problems in check_many(files) for problem in problems] == []
+    reasons = {row["no_maneuver"] for row in rows(tmp_path) if row["class"] == "highway cut in"}
+    assert all("1.0" in reason for reason in reasons) if version == (1, 0) else reasons == {None}
+
+
+# the same again, and what people edit ----------------------------------------------------------
+
+
+def test_the_same_recordings_give_the_same_bytes(recordings: Path, made: Path, catalogue: Path, tmp_path: Path) -> None:
+    again = build(recordings, catalogue)
+    assert (again.edited, again.removed) == ([], [])
+    build(recordings, tmp_path / "elsewhere")
+    assert content(catalogue) == content(made) == content(tmp_path / "elsewhere")
+
+
+@pytest.mark.parametrize("name", ["scenario", "catalogue", "index.csv", "road"])
+def test_what_a_person_edited_stays_and_is_reported(recordings: Path, catalogue: Path, name: str) -> None:
+    row = rows(catalogue)[0]
+    vehicles = next(catalogue.glob("*/catalogs/vehicles/*/*.xosc")).relative_to(catalogue).as_posix()
+    edited = {"scenario": row["file"], "catalogue": vehicles, "road": row["road"]}.get(name, name)
+    before = content(catalogue)
+    (catalogue / edited).write_bytes(before[edited] + b"\n")
+    for _ in range(2):
+        assert build(recordings, catalogue).edited == [edited]
+    assert content(catalogue) == before | {edited: before[edited] + b"\n"}
+
+
+def test_a_persons_own_file_is_not_overwritten(recordings: Path, made: Path, tmp_path: Path) -> None:
+    row = rows(made)[0]
+    (tmp_path / row["file"]).parent.mkdir(parents=True)
+    (tmp_path / row["file"]).write_text("mine")
+    assert build(recordings, tmp_path).edited == [row["file"]]
+    assert (tmp_path / row["file"]).read_text() == "mine"
+
+
+def test_files_that_are_no_longer_part_of_it_go_unless_edited(recordings: Path, catalogue: Path) -> None:
+    kept, *others = [row["file"] for row in rows(catalogue)]
+    (catalogue / kept).write_text("mine")
+    summary = build(recordings, catalogue, scenes=pipeline.VEHICLES)
+    assert kept in summary.edited and set(others) <= set(summary.removed)
+    assert (catalogue / kept).read_text() == "mine" and not any((catalogue / name).exists() for name in others)
+    assert {path.parent.name for path in catalogue.glob("*/*.xosc")} == {"vehicles", Path(kept).parent.name}
+
+
+def test_a_catalogue_of_other_recordings_is_left_alone(catalogue: Path, tmp_path: Path) -> None:
+    before = content(catalogue)
+    motorway.write_motorway(tmp_path / "others", "02")
+    with pytest.raises(UsageError, match="this folder has a catalogue of other recordings"):
+        build(tmp_path / "others", catalogue)
+    assert content(catalogue) == before
+
+
+def test_a_manifest_that_names_files_elsewhere_is_refused(recordings: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "manifest.json").write_text('{"files": {"../victim": "0"}}')
+    with pytest.raises(InvalidFile, match="outside of the catalogue"):
+        build(recordings, tmp_path / "out")
+
+
+def test_a_damaged_index_is_refused(catalogue: Path, recordings: Path) -> None:
+    (catalogue / "index.json").write_text('{"recordings": 7, "scenarios": ["none"]}')
+    with pytest.raises(InvalidFile, match=r"index\.json: .* a list of objects 'recordings'"):
+        build(recordings, catalogue)
+    with pytest.raises(InvalidFile, match=r"index\.json: .* a list of objects 'scenarios'"):
+        index.rows_of(catalogue)
+
+
+# recordings ---------------------------------------------------------------------------------
+
+
+def test_a_bad_recording_is_reported_and_the_others_go_on(recordings: Path, tmp_path: Path) -> None:
+    copytree(recordings, tmp_path / "in")
+    track_file = motorway.write_motorway(tmp_path / "in", "02")
+    track_file.write_text(track_file.read_text().replace("30.0", "fast", 1))
+    summary = build(tmp_path / "in", tmp_path / "out")
+    assert [name.rpartition("/")[2] for name in summary.failures] == ["02"]
+    assert "02_tracks.csv:2" in str(next(iter(summary.failures.values())))
+    assert {row["recording"].rpartition("/")[2] for row in rows(tmp_path / "out")} == {"01"}
+
+
+def test_recordings_of_one_name_are_refused(recordings: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"has a recording called .* too"):
+        pipeline.build([recordings, recordings], tmp_path, Settings(), ByRules(), lambda sources, _: sources)
+
+
+# scenes of vehicles -------------------------------------------------------------------------
+
+
+def test_every_usable_vehicle_has_a_scene_and_the_others_a_reason(recordings: Path, tmp_path: Path) -> None:
+    summary = build(recordings, tmp_path, scenes=pipeline.VEHICLES)
+    told = rows(tmp_path)
+    assert {row["vehicle"] for row in told} == {"1", "2", "3", "4", "5", "6"}
+    assert [(each["what"], each["reason"]) for each in summary.exclusions] == [("7", "moves within 2.0 m only")]
+    assert summary.passages == {"straight": 6}
+    assert {row["vehicle"]: row["class"] for row in told}[motorway.EGO] == "highway cut in"
+
+
+def driven(tmp_path: Path, **tracks: list) -> Recording:
+    (source,) = open_recordings(
+        write_csv(tmp_path / "site/vehicle_tracks_000.csv", [row for rows in tracks.values() for row in rows])
+    ).sources
+    return source.load()
+
+
+@pytest.mark.parametrize(
+    ("turn", "name"), [(0.0, "straight"), (90.0, "left"), (-80.0, "right"), (170.0, "back"), (-40.0, "straight")]
+)
+def test_passages_are_told_by_the_change_of_direction(tmp_path: Path, turn: float, name: str) -> None:
+    share = np.clip((np.arange(120) - 40) / 40, 0.0, 1.0)
+    h = np.radians(20.0 + turn * share)
+    x, y = (np.cumsum(0.8 * f(h)) for f in (np.cos, np.sin))
+    track = interaction_rows(1, 0.0, 0.0, 8.0, 0.0, 0.0, n=120)
+    places = zip(track, x.tolist(), y.tolist(), h.tolist(), strict=True)
+    moved = [row | {"x": a, "y": b, "psi_rad": c, "vx": 8 * np.cos(c), "vy": 8 * np.sin(c)} for row, a, b, c in places]
+    assert passage(driven(tmp_path, one=moved).tracks["1"]) == name
+
+
+def test_reasons_against_a_vehicle(recordings: Path) -> None:
+    (source,) = open_recordings(recordings).sources
+    recording = source.load()
+    assert recording.network is not None
+    strict = Usable(duration=5.0, extent=200.0, gap=0.03, speed=25.0, on_road=1.1)
+    names, exclusions = vehicles(recording, recording.network, strict)
+    reasons = {each.what: each.reason for each in exclusions}
+    assert names == []
+    assert reasons["5"] == "recorded for 4.0 s only"
+    assert "jumps at 30 m/s" in reasons["1"] and "on a road for 100% of its rows only" in reasons["1"]
+    assert "not recorded for 0.0 s in between" in reasons["1"]
+    assert "moves within" in reasons["6"] and "jumps" not in reasons["6"]

@@ -1,0 +1,156 @@
+"""How labelled moments become findings, and what a model makes of moments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from recognition import datasets
+from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, joined
+from recognition.catalogue.recognisers.model import ByModel, title_of
+from recognition.encoder.config import Architecture
+from recognition.encoder.model import Encoder
+from recognition.grids import Grid
+from recognition.labels import Event, Label
+from recognition.sites import site_at
+from recognition.trfe.config import Config
+from recognition.trfe.discovery.buffer import Buffer
+from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
+from recognition.trfe.trfe import TRFE
+from schemas.errors import UsageError
+from tests.recognition import motorway
+from tests.recognition.clouds import clouds
+
+
+def moment(time: float, title: str = "a", ego: str = "1", **other: object) -> Moment:
+    return Moment(ego, time, title, KNOWN, **other)
+
+
+def test_close_moments_of_one_class_are_one_finding() -> None:
+    (one, two) = joined([moment(3.0), moment(1.0), moment(2.0), moment(9.0)], gap=1.0)
+    assert (one.start, one.end, one.moments, one.moment.time) == (0.25, 3.75, 3, 1.0)
+    assert (two.start, two.end, two.moments) == (8.25, 9.75, 1)
+
+
+def test_other_egos_classes_and_partners_are_other_findings() -> None:
+    cut = {"rule": Label.CUT_IN}
+    others = [
+        moment(1.0),
+        moment(1.0, ego="2"),
+        moment(1.0, "b"),
+        moment(1.2, "c", partner="5", **cut),
+        moment(1.2, "c", partner="6", **cut),
+    ]
+    assert len(joined(others, gap=1.0)) == 5
+
+
+def test_the_moment_of_a_rule_stands_for_a_finding_then_the_surest() -> None:
+    sure, rule = moment(2.0, confidence=0.9), moment(3.0, confidence=0.1, rule=Label.CUT_IN, partner="5")
+    assert joined([moment(1.0, confidence=0.2), sure], gap=1.0)[0].moment is sure
+    (finding,) = joined([moment(1.0, confidence=0.2), sure, rule, moment(4.0)], gap=1.0)
+    assert finding.moment is rule
+
+
+def test_names_of_classes() -> None:
+    assert [title_of(label) for label in (0, 3, FIRST_DISCOVERED, FIRST_DISCOVERED + 11)] == [
+        "unknown", "highway cut in", "discovered 01", "discovered 12"
+    ]  # fmt: skip
+
+
+class Oracle:
+    """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos 3 and 4 unknown, the rest free cruise."""
+
+    def __init__(self, promotes: bool = True, capacity: int = 20) -> None:
+        self.encoders = (SimpleNamespace(grid=Grid(channels=("others", "ego"), length=40.0, width=10.0)),)
+        self.config = SimpleNamespace(preprocessing=SimpleNamespace(neighbours=3))
+        self.buffer = Buffer(capacity)
+        self.promotes, self.seen, self.rounds = promotes, 0, 0
+
+    def observe(self, grids: np.ndarray, keys: np.ndarray) -> SimpleNamespace:
+        assert grids.shape[1:] == self.encoders[0].grid.shape
+        labels = np.where(keys % 2 == 0, int(Label.FREE_CRUISE), int(Label.UNKNOWN))
+        unknown = labels == Label.UNKNOWN
+        self.buffer.add(np.zeros((int(unknown.sum()), 4), np.float32), keys[unknown])
+        self.seen += len(keys)
+        return SimpleNamespace(labels=labels, closed=np.full(len(keys), int(Label.CUT_IN)), confidence=np.full(len(keys), 0.5))
+
+    def discover(self) -> SimpleNamespace:
+        self.rounds += 1
+        labels = np.where(np.arange(len(self.buffer)) % 2 == 0, FIRST_DISCOVERED if self.promotes else 0, 0)
+        return SimpleNamespace(keys=self.buffer.keys, labels=labels)
+
+    def expand(self, found: SimpleNamespace) -> None:
+        self.buffer.remove(found.labels > 0)
+
+
+def look(folder: Path, oracle: Oracle) -> ByModel:
+    """A motorway seen through an oracle."""
+    (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
+    recording = source.load()
+    assert recording.network is not None
+    events = [
+        Event("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
+        Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
+    ]
+    recogniser = ByModel(oracle, stride=1.0)
+    recogniser.look("01", recording, site_at(Path(recording.network.path)), events)
+    return recogniser
+
+
+@pytest.fixture(scope="module")
+def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
+    oracle = Oracle()
+    return oracle, look(tmp_path_factory.mktemp("motorway"), oracle)
+
+
+def test_a_model_sees_events_and_a_regular_stride(looked: tuple[Oracle, ByModel]) -> None:
+    moments = looked[1].moments("01")
+    (event,) = [each for each in moments if each.rule]
+    assert (event.time, event.rule, event.partner, event.tags) == (6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0})
+    own = sorted(each.time for each in moments if each.ego == motorway.EGO)
+    assert np.diff(own).min() >= 0.5 and np.diff(own).max() <= 1.5
+    assert own[0] >= 0.75 and own[-1] <= 11.96 - 0.75
+    assert {each.ego for each in moments} == {"1", "2", "3", "4", "5", "6", "7"}
+
+
+def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle, ByModel]) -> None:
+    oracle, recogniser = looked
+    moments = recogniser.moments("01")
+    assert oracle.seen == len(moments) and oracle.rounds >= 2
+    states = {each.state: each.title for each in moments}
+    assert states == {KNOWN: "highway free cruise", UNKNOWN: "unknown", DISCOVERED: "discovered 01"}
+    assert {(each.model, each.confidence) for each in moments} == {("highway cut in", 0.5)}
+    assert recogniser.moments("01") == moments, "asking again changes nothing"
+
+
+def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_path: Path) -> None:
+    oracle = Oracle(capacity=10_000)
+    oracle.buffer.add(np.zeros((6, 4), np.float32), np.arange(6))
+    moments = look(tmp_path, oracle).moments("01")
+    assert [each.state == KNOWN for each in moments] == [number % 2 == 0 for number in range(6, 6 + len(moments))]
+    assert DISCOVERED in {each.state for each in moments}
+
+
+def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
+    encoder = Encoder(Architecture(8, 1, 2, (4, 8, 8)), Grid(channels=("others", "ego"), length=40.0, width=10.0)).eval()
+    trfe = TRFE(Config(trees=20, delta=0.5), (encoder,))
+    samples = [clouds([1, 2, 9], 60, seed=seed, width=8, apart=20.0) for seed in range(3)]
+    known = [(features[truth < 9], truth[truth < 9]) for features, truth in samples]
+    trfe.fit(*known[0], *known[1])
+    new = samples[2][0][samples[2][1] == 9]
+    trfe.observe(new, np.arange(len(new)))
+    trfe.expand(trfe.discover())
+    trfe.buffer.add(100.0 * new[:3], np.arange(3))
+    for waiting, left in ((True, 3), (False, 0)):
+        ByModel(trfe).keep(tmp_path / "kept", waiting=waiting)
+        kept = TRFE.load(tmp_path / "kept")
+        assert set(kept.recognise(new).labels.tolist()) & {FIRST_DISCOVERED}
+        assert len(kept.buffer) == left
+
+
+def test_a_model_without_an_encoder_is_refused() -> None:
+    with pytest.raises(UsageError, match="no encoder"):
+        ByModel(SimpleNamespace(encoders=()))

@@ -1,0 +1,42 @@
+"""Catalogues of real recordings: TAF-BW, INTERACTION format with Lanelet2 maps."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from recognition import datasets
+from recognition.catalogue import pipeline
+from recognition.catalogue.pipeline import ByRules, Settings, Summary
+from recognition.labels import Rules
+from recognition.study import fidelity
+from schemas import check_many
+from schemas.files import expand
+
+TRACKS = "taf_bw/recorded_trackfiles"
+SETTINGS = Settings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
+
+
+def build(path: Path, out: Path) -> Summary:
+    return pipeline.build([path], out, SETTINGS, ByRules(), lambda sources, _: sources)
+
+
+def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(recordings: Path, tmp_path: Path) -> None:
+    path = recordings / TRACKS / "k729_2022-03-16" / "vehicle_tracks_004.csv"
+    summary = build(path, tmp_path)
+    assert summary.passages.total() == 17
+    assert [problem for _, problems in check_many(expand([str(tmp_path)])) for problem in problems] == []
+    runs = dict(fidelity.of_catalogue(tmp_path, datasets.open(path).sources, SETTINGS.config.scope, "kinematic"))
+    assert len(runs) == 17
+    assert max(each.greatest for found in runs.values() for each in found) < 0.03
+
+
+@pytest.mark.study
+def test_two_lanes_of_a_junction_do_not_bring_sumo_down(recordings: Path, tmp_path: Path) -> None:
+    """Vehicle 44 straddles two lanes that turn, when vehicle 60 comes up behind it: SUMO 1.28 did not survive that."""
+    build(recordings / TRACKS / "k733_2020-09-15", tmp_path)
+    command = [sys.executable, "-m", "runner.cli", "--sut", "none", str(tmp_path / "vehicles" / "k733_2020-09-15_000_41.xosc")]
+    assert subprocess.run(command, capture_output=True, timeout=120).returncode in (0, 1)

@@ -1,0 +1,150 @@
+"""Rules 14 to 17, on a crossing whose arms are 1 (east), 2 (north), 3 (west), 4 (south); connecting roads go counterclockwise.
+
+Roads inside: 101 to 103 from the east to north, west and south, 104 to 106 from the north to east, west and south, and so on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from recognition.labels import Event, Label, Rules
+from recognition.labels.scene.passages import passages
+from recognition.labels.scene.scene import prepare
+from recognition.sites import Site
+from runner.recording import Recording, Track
+from tests.recognition.driving import STEP, labels, of, route, site, track
+from xodr.builders import four_way_intersection, t_junction
+
+WAYS = {"EN": "101", "EW": "102", "ES": "103", "NE": "104", "NW": "105", "NS": "106", "WE": "107", "WN": "108", "WS": "109",
+        "SE": "110", "SN": "111", "SW": "112"}  # fmt: skip
+ARMS = {"E": "1", "N": "2", "W": "3", "S": "4"}
+INSIDE = 50.0 / 8.0
+"""When a car enters the junction, s."""
+
+
+@pytest.fixture(scope="module")
+def crossing(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    return site(four_way_intersection(), tmp_path_factory.mktemp("crossing"))
+
+
+def car(place: Site, way: str, *, start: float = 0.0, name: str | None = None, category: str = "car") -> Track:
+    """A car that enters the junction 6.25 s after its start, at 8 m/s."""
+    x, y = route(place.network, (ARMS[way[0]], 1, 50.0), 8.0, 16.0, (WAYS[way],))
+    return track(name or way, x, y, start=start, category=category)
+
+
+def first(events: list[Event], ego: str) -> Event:
+    return next(event for event in events if event.ego == ego)
+
+
+@pytest.mark.parametrize(
+    ("way", "expected"),
+    [
+        ("ES", Label.LEFT_TURN),
+        ("WN", Label.LEFT_TURN),
+        ("SW", Label.LEFT_TURN),
+        ("EN", Label.RIGHT_TURN),
+        ("NW", Label.RIGHT_TURN),
+    ],
+)
+def test_turns_are_told_by_the_change_of_heading(crossing: Site, way: str, expected: Label) -> None:
+    events = labels(crossing, car(crossing, way))
+    assert of(events, way) == [expected]
+    assert abs(float(events[0].tags["turn"])) == pytest.approx(90.0, abs=8.0)
+    assert events[0].time == pytest.approx(INSIDE + 1.0, abs=0.6)
+
+
+def test_straight_on_is_a_cross_only_where_somebody_crosses(crossing: Site) -> None:
+    assert of(labels(crossing, car(crossing, "WE")), "WE") == []
+    events = labels(crossing, car(crossing, "WE"), car(crossing, "SN", start=30.0))
+    assert of(events, "WE") == of(events, "SN") == [Label.STRAIGHT_CROSS]
+
+
+def test_ways_that_only_part_or_meet_do_not_cross(crossing: Site) -> None:
+    events = labels(crossing, car(crossing, "WE"), car(crossing, "WN", start=30.0), car(crossing, "SE", start=60.0))
+    assert of(events, "WE") == []
+
+
+def test_a_left_turn_before_oncoming_traffic_is_opposed(crossing: Site) -> None:
+    alone = labels(crossing, car(crossing, "ES"))
+    opposed = labels(crossing, car(crossing, "ES"), car(crossing, "WE", start=3.0))
+    later = labels(crossing, car(crossing, "ES"), car(crossing, "WE", start=8.0))
+    assert [first(events, "ES").tags["opposing"] for events in (alone, opposed, later)] == [False, True, False]
+
+
+@pytest.mark.parametrize(("after", "conflict"), [(2.0, True), (4.5, False)])
+def test_a_cyclist_or_pedestrian_on_the_way_is_a_conflict(crossing: Site, after: float, conflict: bool) -> None:
+    turn = car(crossing, "EN")
+    row = round(8.0 / STEP)
+    x, y = turn.columns["x"][row], turn.columns["y"][row]
+    walker = track(
+        "P", x + np.linspace(-10.0, 10.0, 101), y, start=8.0 + after - 5.0, category="pedestrian", length=0.5, width=0.5
+    )
+    events = labels(crossing, turn, walker)
+    assert first(events, "EN").tags["vru_conflict"] is conflict
+    assert of(events, "P") == []
+
+
+def test_cyclists_are_no_egos(crossing: Site) -> None:
+    assert labels(crossing, car(crossing, "ES", category="bicycle")) == []
+
+
+@pytest.mark.parametrize(("later", "expected"), [(2.0, Label.MERGING), (4.5, Label.RIGHT_TURN)])
+def test_arriving_in_one_lane_shortly_after_each_other_is_merging(crossing: Site, later: float, expected: Label) -> None:
+    events = labels(crossing, car(crossing, "WE"), car(crossing, "SE", start=later))
+    assert of(events, "SE") == [expected]
+    if expected is Label.MERGING:
+        event = first(events, "SE")
+        assert (event.partner, of(events, "WE")) == ("WE", [Label.MERGING])
+        assert float(event.tags["arrival_gap"]) < 3.0
+
+
+def test_a_turn_whose_arrival_is_cut_off_by_the_end_of_the_view_stays_a_turn(crossing: Site) -> None:
+    whole = car(crossing, "SE", start=2.0)
+    arrived = int(np.argmax(whole.columns["x"] > 11.5))  # the junction ends there
+    short = track("SE", whole.columns["x"][: arrived + 6], whole.columns["y"][: arrived + 6], start=2.0)
+    events = labels(crossing, car(crossing, "WE"), short)
+    assert of(events, "SE") == [Label.RIGHT_TURN]
+    assert of(events, "WE") == [Label.MERGING]
+
+
+def test_following_each_other_from_one_road_is_no_merging(crossing: Site) -> None:
+    events = labels(crossing, car(crossing, "SE", name="a"), car(crossing, "SE", start=2.0, name="b"))
+    assert {event.label for event in events} == {Label.RIGHT_TURN}
+
+
+def test_traffic_lights_rule_the_classes_out_unless_asked_for(tmp_path_factory: pytest.TempPathFactory) -> None:
+    place = site(four_way_intersection(signals=True), tmp_path_factory.mktemp("lights"))
+    ego = car(place, "ES")
+    assert labels(place, ego) == []
+    assert of(labels(place, ego, config=Rules(signalised=True)), "ES") == [Label.LEFT_TURN]
+
+
+def test_a_track_that_begins_and_ends_inside_is_a_passage_too(crossing: Site) -> None:
+    whole = car(crossing, "ES")
+    rows = slice(round((INSIDE + 0.1) / STEP), round((INSIDE + 2.1) / STEP))
+    part = track("ES", whole.columns["x"][rows], whole.columns["y"][rows])
+    assert of(labels(crossing, part), "ES") == [Label.LEFT_TURN]
+
+
+def test_passages_know_origin_and_target_from_the_map_where_the_track_does_not_reach_them(crossing: Site) -> None:
+    whole = car(crossing, "ES")
+    rows = slice(round((INSIDE + 0.1) / STEP), round((INSIDE + 2.1) / STEP))
+    part = track("part", whole.columns["x"][rows], whole.columns["y"][rows])
+    found = passages(prepare(Recording([whole, part], STEP, None), crossing, Rules()))
+    assert found.origin[0] == found.origin[1] and found.target[0] == found.target[1]
+    assert found.arrived.tolist() == [True, False]
+
+
+def test_standing_inside_is_no_passage(crossing: Site) -> None:
+    assert labels(crossing, track("ego", np.full(50, 1.0), -1.75, heading=0.0)) == []
+
+
+def test_a_t_junction_has_the_same_classes(tmp_path_factory: pytest.TempPathFactory) -> None:
+    place = site(t_junction(), tmp_path_factory.mktemp("t"))
+    x, y = route(place.network, ("4", 1, 50.0), 8.0, 16.0, ("106",))
+    across_x, across_y = route(place.network, ("3", 1, 50.0), 8.0, 16.0, ("103",))
+    events = labels(place, track("left", x, y), track("straight", across_x, across_y, start=20.0))
+    assert of(events, "left") == [Label.LEFT_TURN]
+    assert of(events, "straight") == [Label.STRAIGHT_CROSS]

@@ -1,0 +1,88 @@
+"""Clustering methods: their similarities by hand, and all of them on classes that lie apart."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+
+from recognition.study import metrics
+from recognition.study.baselines.iterative_autonovel import IterativeAutoNovel
+from recognition.study.baselines.iterative_euclidean import IterativeEuclidean
+from recognition.study.baselines.kmeans import ChanceClusters, KMeansFeatures
+from recognition.study.baselines.pool import ClusteringMethod, Pool
+from recognition.study.baselines.stae import CODE, Autoencoder
+from recognition.study.baselines.stae_kmeans import STAEKMeans
+from recognition.study.baselines.stae_linkage import STAELinkage
+from recognition.trfe.samples import Whole
+from tests.recognition.clouds import clouds
+
+METHODS: list[type[ClusteringMethod]] = [KMeansFeatures, IterativeEuclidean, STAEKMeans, STAELinkage]
+
+
+def drawn(truth: Whole) -> np.ndarray:
+    """Grids (n, 4, 2, 16, 20) in which a block drives along a lane that its class decides."""
+    grids = np.zeros((len(truth), 4, 2, 16, 20), dtype=np.uint8)
+    generator = np.random.default_rng(0)
+    for window, label in zip(grids, truth.tolist(), strict=True):
+        row, bright = 5 * (label % 3), generator.integers(150, 255)
+        for frame in range(4):
+            window[frame, 0, row : row + 2, 4 * frame : 4 * frame + 4] = bright
+    return grids
+
+
+@cache
+def pool() -> tuple[Pool, Whole]:
+    unknown, truth = clouds([6, 7, 8], 100, seed=1, apart=8.0)
+    return Pool(unknown, drawn(truth), *clouds([1, 2], 100, seed=2, apart=8.0), classes=3), truth
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_classes_that_lie_apart_become_clusters(method: type[ClusteringMethod]) -> None:
+    samples, truth = pool()
+    assert metrics.clustering(truth, method(seed=0).cluster(samples)).accuracy > 0.8
+
+
+@pytest.mark.parametrize("method", [IterativeEuclidean, IterativeAutoNovel, STAEKMeans, ChanceClusters])
+def test_same_seed_gives_the_same_clusters(method: type[ClusteringMethod]) -> None:
+    samples, _ = pool()
+    assert np.array_equal(method(seed=3).cluster(samples), method(seed=3).cluster(samples))
+
+
+def test_ranking_statistics_find_classes_with_strong_features_of_their_own() -> None:
+    truth = np.repeat([6, 7, 8], 60)
+    features = np.random.default_rng(0).standard_normal((180, 20)).astype(np.float32)
+    for label, row in zip(truth.tolist(), features, strict=True):
+        row[5 * (label - 6) : 5 * (label - 5)] += 12.0
+    samples = Pool(features, drawn(truth), *clouds([1, 2], 60, seed=2, width=20), classes=3)
+    assert metrics.clustering(truth, IterativeAutoNovel().cluster(samples)).accuracy > 0.8
+
+
+def test_chance_is_near_one_in_three() -> None:
+    samples, truth = pool()
+    assert metrics.clustering(truth, ChanceClusters(seed=0).cluster(samples)).accuracy < 0.5
+
+
+def test_euclidean_similarity_by_hand() -> None:
+    found = IterativeEuclidean().similarity(np.array([[0.0], [1.0], [3.0]], dtype=np.float32))
+    # squared distances 1, 9, 4, their median 4
+    expected = [[1, math.exp(-1 / 4), math.exp(-9 / 4)], [math.exp(-1 / 4), 1, math.exp(-1)], [math.exp(-9 / 4), math.exp(-1), 1]]
+    assert found == pytest.approx(np.array(expected))
+
+
+def test_ranking_statistics_compare_the_sets_of_the_five_strongest() -> None:
+    features = np.array(
+        [[9, 8, 7, 6, 5, 0, 1], [5, 6, 7, -8, 9, 1, 0], [9, 8, 7, 6, 0, 5, 1]],
+        dtype=np.float32,
+    )
+    assert IterativeAutoNovel().similarity(features).tolist() == [[1, 1, 0], [1, 1, 0], [0, 0, 1]]
+
+
+def test_odd_grids_are_reconstructed_in_their_size() -> None:
+    windows = torch.zeros(2, 3, 4, 13, 27)
+    model = Autoencoder(3, (4, 13, 27))
+    assert model.encoder(windows).shape == (2, CODE)
+    assert model(windows).shape == windows.shape

@@ -1,0 +1,147 @@
+"""The whole protocol on made-up features: resumed, repeated, refused, reported."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recognition.grids import Grid
+from recognition.study.protocol.command import evaluate
+from recognition.study.protocol.evaluation import Evaluation, Settings
+from recognition.study.protocol.processes import run_beside
+from recognition.study.protocol.rounds import Round
+from recognition.study.protocol.stage import Laboratory
+from recognition.study.report.report import write_report
+from recognition.training.splits import Split
+from recognition.training.windows import Windows
+from recognition.trfe.samples import Features, Whole
+from schemas.errors import UsageError
+
+GRID = Grid(length=8.0, width=4.0)
+CLASSES = [1, 2, 3, 4, 5, 7, 8, 9]
+KINDS = ["open-set", "clustering", "open-world", "chain", "sensitivity"]
+NAMES = ["trfe", "mls", "threshold", "random", "kmeans"]
+
+
+@pytest.fixture(scope="module")
+def windows(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Windows of twelve recordings, whose features would tell their classes."""
+    labels = np.tile(np.repeat(CLASSES, 8), 12)
+    recordings = np.repeat([f"recording {number:02}" for number in range(12)], 8 * len(CLASSES))
+    grids = np.zeros((len(labels), *GRID.shape), dtype=np.uint8)
+    folder = tmp_path_factory.mktemp("windows")
+    egos = np.arange(len(labels)).astype(np.str_)
+    Windows(grids, labels.astype(np.int64), recordings, egos, np.arange(len(labels), dtype=float)).save(folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def encoder(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Clouds in the place of the encoder's features; the rounds for which they were asked."""
+    asked: list[int] = []
+
+    def features(self: Laboratory, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+        asked.append(round_.number)
+        noise = np.random.default_rng([seed, round_.number]).standard_normal((len(rows), 12))
+        centres = np.stack([5.0 * np.random.default_rng(label).standard_normal(12) for label in range(20)])
+        return (centres[self.windows.labels[rows]] + noise).astype(np.float32)
+
+    monkeypatch.setattr(Laboratory, "_encode", features)
+    return asked
+
+
+def run(windows: Path, out: Path, seeds: int = 1, names: list[str] = NAMES) -> Evaluation:
+    evaluation = Evaluation(windows, out, Settings(None, grid=GRID))
+    for _ in evaluation.run(evaluation.pending(seeds, KINDS, names)):
+        pass
+    write_report(evaluation, out)
+    return evaluation
+
+
+def table(out: Path, name: str) -> list[list[str]]:
+    with (out / "tables" / f"{name}.csv").open(newline="") as file:
+        return list(csv.reader(file))
+
+
+def test_classes_that_lie_apart_are_recognised_and_found(windows: Path, tmp_path: Path) -> None:
+    run(windows, tmp_path)
+    open_set = {row[0]: float(row[1]) for row in table(tmp_path, "open-set")[1:]}
+    clustering = {row[0]: float(row[1]) for row in table(tmp_path, "clustering")[1:]}
+    chain = {row[0]: float(row[1]) for row in table(tmp_path, "chain")[1:]}
+    assert open_set["**TRFE**"] > 0.8 > 0.5 > open_set["random"]
+    assert clustering["k-means on features, given K"] > 0.95 > 0.8 > clustering["random"]
+    assert chain["**TRFE**"] > 0.6
+
+
+def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path, tmp_path: Path, encoder: list[int]) -> None:
+    names = ["threshold", "random", "kmeans"]
+    run(windows, tmp_path / "whole", 2, names)
+    asked = len(encoder)
+    evaluation = Evaluation(windows, tmp_path / "parts", Settings(None, grid=GRID))
+    pending = evaluation.pending(2, KINDS, names)
+    making = evaluation.run(pending)
+    for _ in range(3):
+        next(making)
+    making.close()
+    assert len(Evaluation(windows, tmp_path / "parts", Settings(None, grid=GRID)).pending(2, KINDS, names)) == len(pending) - 3
+    run(windows, tmp_path / "parts", 2, names)
+    for name in ("report.md", "results.csv", "tables/open-set.csv"):
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert len(encoder) == 2 * asked  # features of each round and seed are made once
+
+
+def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(windows: Path, tmp_path: Path) -> None:
+    names, settings, written = ["mls", "threshold", "kmeans"], Settings(None, grid=GRID), []
+    for processes in (1, 2):
+        out = tmp_path / str(processes)
+        evaluation = Evaluation(windows, out, settings)
+        pending = evaluation.pending(2, ["open-set", "clustering"], names)
+        assert list(run_beside(windows, out, settings, pending, processes))[-1] == len(pending)
+        written.append([(key, evaluation.store.read(key)) for key in pending])
+    assert written[0] == written[1]
+
+
+def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Laboratory, "_encode", lambda *_: os._exit(1))
+    settings = Settings(None, grid=GRID)
+    pending = Evaluation(windows, tmp_path, settings).pending(2, ["open-set"], ["random"])
+    with pytest.raises(UsageError, match="--jobs"):
+        list(run_beside(windows, tmp_path, settings, pending, 2))
+
+
+def test_other_settings_and_other_windows_are_refused_in_the_same_folder(windows: Path, tmp_path: Path) -> None:
+    run(windows, tmp_path / "out", names=["random"])
+    with pytest.raises(UsageError, match="another events_per_class"):
+        Evaluation(windows, tmp_path / "out", Settings(50, grid=GRID))
+    Windows.load(windows).select(slice(0, 400)).save(tmp_path / "fewer")
+    with pytest.raises(UsageError, match="another windows"):
+        Evaluation(tmp_path / "fewer", tmp_path / "out", Settings(None, grid=GRID))
+
+
+def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="not of the grid"):
+        Evaluation(windows, tmp_path, Settings(None))
+
+
+def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=re.escape(f"not of the grid {Grid(channels=('others', 'area')).shape}")):
+        evaluate(windows, tmp_path, channels=["area", "others"])
+
+
+@pytest.mark.parametrize(
+    ("option", "word"),
+    [
+        ({"scale": "huge"}, "scale"),
+        ({"methods": ["magic"]}, "method"),
+        ({"experiments": ["magic"]}, "experiment"),
+        ({"channels": ["magic"]}, "channel"),
+    ],
+)
+def test_unknown_choices_are_named_with_the_known_ones(tmp_path: Path, option: dict[str, object], word: str) -> None:
+    with pytest.raises(UsageError, match=f"there is no {word}"):
+        evaluate(tmp_path, tmp_path / "out", **option)  # type: ignore[arg-type]

@@ -1,0 +1,252 @@
+"""Models on disk: what is written is read, and whatever else is there is refused in one line."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import skops.io
+from safetensors import safe_open
+from safetensors.numpy import save_file
+from sklearn.ensemble import RandomForestClassifier
+from sklearn.linear_model import LogisticRegression
+
+from recognition.encoder.config import Architecture
+from recognition.encoder.model import Encoder
+from recognition.grids import Grid
+from recognition.trfe.config import Config
+from recognition.trfe.storage import load, save
+from recognition.trfe.trfe import TRFE
+from schemas.errors import InvalidFile, UsageError
+from tests.recognition.clouds import clouds
+
+CONFIG = Config(trees=40, delta=0.03, window=20)
+
+
+@pytest.fixture(scope="module")
+def model() -> TRFE:
+    fitted = TRFE(CONFIG).fit(*clouds([1, 2, 3], 40, seed=0), *clouds([1, 2, 3], 30, seed=1))
+    samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
+    fitted.observe(samples, np.arange(len(samples)))
+    return fitted
+
+
+@pytest.fixture
+def folder(model: TRFE, tmp_path: Path) -> Path:
+    save(model, tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "change", [{}, {"screening": "weibull"}, {"screening": "threshold"}, {"screening": "none", "metric": "cosine"}], ids=str
+)
+def test_a_model_is_read_as_it_was_written(change: dict[str, Any], tmp_path: Path) -> None:
+    fitted = TRFE(replace(CONFIG, **change)).fit(*clouds([1, 2, 3], 40, seed=0), *clouds([1, 2, 3], 30, seed=1))
+    samples, _ = clouds([1, 2, 3, 9, 10, 11], 40, seed=2)
+    fitted.observe(samples, np.arange(len(samples)))
+    fitted.save(tmp_path)
+    restored = TRFE.load(tmp_path)
+    assert restored.config == fitted.config
+    assert restored.buffer.keys.tolist() == fitted.buffer.keys.tolist()
+    for one, other in zip(fitted.recognise(samples), restored.recognise(samples), strict=True):
+        assert np.array_equal(one, other)
+    assert np.array_equal(fitted.discover().clusters, restored.discover().clusters)
+
+
+def test_the_same_model_is_the_same_bytes(model: TRFE, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        save(model, tmp_path / name)
+    first, second = ((tmp_path / name / "model.safetensors").read_bytes() for name in ("one", "two"))
+    assert first == second
+
+
+def test_a_model_can_be_read_by_whom_the_umask_lets(model: TRFE, tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    save(model, tmp_path)
+    os.umask(before)
+    assert {path.name: oct(path.stat().st_mode & 0o777) for path in tmp_path.iterdir()} == dict.fromkeys(
+        ("model.safetensors", "forest.skops"), "0o640"
+    )
+
+
+def test_samples_can_be_thinned(model: TRFE, tmp_path: Path) -> None:
+    save(model, tmp_path, samples=5)
+    thinned = load(tmp_path)
+    assert [np.count_nonzero(thinned.known.fitted.labels == label) for label in (1, 2, 3)] == [5, 5, 5]
+    samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
+    assert np.array_equal(thinned.recognise(samples).labels, model.recognise(samples).labels)
+    kept, before = (one.known.fitted.features[one.known.fitted.labels == 1][:5] for one in (thinned, model))
+    assert kept.dtype == np.float32 and np.allclose(kept, before, rtol=1e-3) and not np.array_equal(kept, before)
+
+
+def test_a_model_with_encoders_for_other_features_is_refused(model: TRFE, tmp_path: Path) -> None:
+    encoder = Encoder(Architecture(dim=8, depth=1, heads=2, patch=(4, 32, 20)), Grid())
+    save(TRFE(CONFIG, (encoder,), model.known), tmp_path)
+    with pytest.raises(InvalidFile, match=r"its encoders give 8 features, not \d+"):
+        load(tmp_path)
+
+
+def test_an_unfitted_model_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="has not been fitted yet"):
+        save(TRFE(), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_can_t_be_written_is_named(model: TRFE, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="can't be written"):
+        save(model, tmp_path / "file")
+
+
+class Attack:
+    """What pickle would run."""
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[str]]:
+        import os
+
+        return os.system, ("touch attacked",)
+
+
+def truncated(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def dumped(thing: Any) -> Callable[[Path], None]:
+    return lambda path: skops.io.dump(thing, path)
+
+
+def pickled(path: Path) -> None:
+    import pickle
+
+    path.write_bytes(pickle.dumps(Attack()))
+
+
+def calling(path: Path) -> None:
+    """A skops file whose schema asks for a call of os.system."""
+    schema = {
+        "__class__": "system", "__module__": "posix", "__loader__": "FunctionNode", "__id__": 1,
+        "content": {"module_path": "posix", "function": "system"}, "protocol": 2, "_skops_version": "0.11",
+    }  # fmt: skip
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("schema.json", json.dumps(schema))
+
+
+def broken_tree(path: Path) -> None:
+    """A forest whose first tree leads to a node that is not there."""
+    forest = skops.io.load(path, trusted=["sklearn.tree._tree.Tree"])
+    tree = forest.estimators_[0].tree_
+    state = tree.__getstate__()
+    state["nodes"]["left_child"][0] = 10**6
+    tree.__setstate__(state)
+    skops.io.dump(forest, path)
+
+
+def looping_tree(path: Path) -> None:
+    forest = skops.io.load(path, trusted=["sklearn.tree._tree.Tree"])
+    tree = forest.estimators_[0].tree_
+    state = tree.__getstate__()
+    state["nodes"]["left_child"][0] = 0
+    tree.__setstate__(state)
+    skops.io.dump(forest, path)
+
+
+def bomb(path: Path) -> None:
+    """Little to read, but much to unpack; the test lowers what is too much."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("schema.json", b"\0" * 2**24)
+
+
+def other_classes(path: Path) -> None:
+    features, labels = clouds([1, 2, 7], 20, seed=0)
+    skops.io.dump(RandomForestClassifier(10).fit(features, labels), path)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (Path.unlink, "No such file"),
+        (truncated, "not a zip file"),
+        (lambda path: path.write_bytes(b""), "not a zip file"),
+        (pickled, "not a zip file"),
+        (calling, "not trusted: posix.system"),
+        (dumped(Attack), "not trusted"),
+        (dumped(LogisticRegression().fit([[0.0], [1.0]], [0, 1])), "it is a LogisticRegression"),
+        (dumped({"a": 1}), "it is a dict"),
+        (dumped(RandomForestClassifier(3)), "this is no forest"),
+        (broken_tree, "one of its trees is broken"),
+        (looping_tree, "one of its trees is broken"),
+        (bomb, "it is too large"),
+    ],
+)
+def test_foreign_forests_are_refused(
+    folder: Path, spoil: Callable[[Path], Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("recognition.trfe.storage.LARGEST", 2**23)
+    monkeypatch.chdir(folder)
+    spoil(folder / "forest.skops")
+    with pytest.raises(InvalidFile, match=message) as caught:
+        load(folder)
+    assert "\n" not in str(caught.value)
+    assert "forest.skops" in str(caught.value)
+    assert not (folder / "attacked").exists()
+
+
+def test_a_forest_of_other_classes_is_refused(folder: Path) -> None:
+    other_classes(folder / "forest.skops")
+    with pytest.raises(InvalidFile, match="do not fit together: they are of different classes"):
+        load(folder)
+
+
+def rewritten(path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict[str, Any]], None]) -> None:
+    """Write the model's file anew after a change of its arrays, its settings and what it says of itself."""
+    with safe_open(path, "numpy") as file:
+        metadata = file.metadata()
+        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    about = json.loads(metadata["about"])
+    change(arrays, about["config"], about)
+    save_file(arrays, path, {"about": json.dumps(about)})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda arrays, settings, about: about.update(format="another 1"), "its format is 'another 1'"),
+        (lambda arrays, settings, about: settings.update(trees="many"), "its setting trees can't be 'many'"),
+        (lambda arrays, settings, about: settings.update(trees=True), "its setting trees can't be True"),
+        (lambda arrays, settings, about: settings.update(screening="guess"), "its setting screening can't be 'guess'"),
+        (lambda arrays, settings, about: settings.pop("metric"), "its settings are not those of Config"),
+        (lambda arrays, settings, about: settings["clustering"].update(extra=1), "its settings are not those of Clustering"),
+        (lambda arrays, settings, about: settings.update(promotion=3), "its settings are not those of Promotion"),
+        (lambda arrays, settings, about: arrays.pop("prototypes.radii"), "do not fit together"),
+        (lambda arrays, settings, about: arrays.pop("screening.limits"), "do not fit together: there is no 'limits'"),
+        (lambda arrays, settings, about: arrays["fitted.features"].fill(np.nan), "fitted.features is not made of finite"),
+        (
+            lambda arrays, settings, about: arrays.update({"fitted.features": arrays["fitted.features"][:, 1:]}),
+            "they are of different dimensions",
+        ),
+        (
+            lambda arrays, settings, about: arrays.update({"screening.limits": arrays["screening.limits"][:0]}),
+            "do not fit together",
+        ),
+    ],
+)
+def test_models_that_do_not_fit_are_refused(folder: Path, change: Callable[..., Any], message: str) -> None:
+    rewritten(folder / "model.safetensors", change)
+    with pytest.raises(InvalidFile, match=message) as caught:
+        load(folder)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("spoil", [Path.unlink, truncated, lambda path: path.write_bytes(b""), pickled])
+def test_truncated_and_missing_models_are_refused(folder: Path, spoil: Callable[[Path], Any]) -> None:
+    spoil(folder / "model.safetensors")
+    with pytest.raises(InvalidFile, match="this is no model") as caught:
+        load(folder)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,213 @@
+"""TRFE as a whole, on made-up features: known classes recognised, planted ones set aside, discovered and known from then on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from recognition.trfe.config import Config
+from recognition.trfe.discovery.buffer import Buffer
+from recognition.trfe.discovery.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
+from recognition.trfe.samples import Features, Whole
+from recognition.trfe.screening import EvtDeficit
+from recognition.trfe.trfe import TRFE
+from schemas.errors import UsageError
+from tests.recognition.clouds import clouds
+
+KNOWN, NEW = [1, 2, 3, 4], [11, 12, 13]
+APART = 6.0
+CONFIG = Config(trees=80, delta=0.05, forest="unsupervised")
+
+
+def model(config: Config = CONFIG) -> TRFE:
+    return TRFE(config).fit(*clouds(KNOWN, 150, seed=0, apart=APART), *clouds(KNOWN, 100, seed=1, apart=APART))
+
+
+def stream(seed: int = 2) -> tuple[Features, Whole]:
+    return clouds(KNOWN + NEW, 70, seed=seed, apart=APART)
+
+
+class Round(NamedTuple):
+    """A model that has discovered among a stream and expanded, what it discovered, and the stream's true labels."""
+
+    model: TRFE
+    discovery: Discovery
+    truth: Whole
+
+
+@pytest.fixture(scope="module")
+def round_() -> Round:
+    after = model()
+    samples, truth = stream()
+    after.observe(samples, np.arange(len(truth)))
+    discovery = after.discover()
+    after.expand(discovery)
+    return Round(after, discovery, truth)
+
+
+def test_known_classes_are_recognised_and_new_ones_rejected() -> None:
+    samples, truth = stream()
+    found, known = model().recognise(samples), np.isin(truth, KNOWN)
+    assert np.mean(found.labels[~known] == 0) > 0.95
+    assert np.mean(found.labels[known] == 0) < 0.1
+    assert np.mean(found.closed[known] == truth[known]) > 0.98
+    assert ((found.confidence > 0.0) & (found.confidence <= 1.0)).all()
+    assert found.score[~known].min() > np.median(found.score[known])
+
+
+def test_unknown_samples_wait_in_the_buffer_under_their_keys() -> None:
+    watching = model()
+    samples, truth = stream()
+    found = watching.observe(samples, 1000 + np.arange(len(truth)))
+    assert watching.buffer.keys.tolist() == (1000 + np.flatnonzero(found.labels == 0)).tolist()
+    assert np.array_equal(watching.buffer.inputs, samples[found.labels == 0])
+
+
+def test_planted_classes_are_discovered(round_: Round) -> None:
+    discovery, truth = round_.discovery, round_.truth[round_.discovery.keys]
+    promoted = [one for one in discovery.candidates if one.promoted]
+    assert len(promoted) == len(NEW)
+    assert sorted(set(discovery.labels[discovery.labels > 0].tolist())) == [FIRST_DISCOVERED + place for place in range(3)]
+    for one in promoted:
+        values, counts = np.unique(truth[one.members], return_counts=True)
+        assert values[counts.argmax()] in NEW
+        assert counts.max() > 0.95 * counts.sum()
+    assert np.mean(discovery.labels[np.isin(truth, NEW)] > 0) > 0.85
+    assert np.array_equal(discovery.clusters == SET_ASIDE, ~discovery.sifted.kept)
+
+
+def test_discovered_classes_are_known_from_then_on(round_: Round) -> None:
+    samples, truth = stream(seed=3)
+    found = round_.model.recognise(samples).labels
+    assert round_.model.known.classes.tolist() == [*KNOWN, 101, 102, 103]
+    known = np.isin(truth, KNOWN)
+    assert np.mean(found[known] == truth[known]) > 0.85
+    assert np.mean(found[~known] >= FIRST_DISCOVERED) > 0.8
+
+
+def test_promoted_samples_leave_the_buffer_and_the_rest_stays(round_: Round) -> None:
+    left = round_.discovery.keys[round_.discovery.labels == 0]
+    assert round_.model.buffer.keys.tolist() == left.tolist()
+
+
+def test_promoted_samples_are_either_fitted_on_or_calibrated_on(round_: Round) -> None:
+    known = round_.model.known
+    for label in (101, 102, 103):
+        parts = [np.count_nonzero(part.labels == label) for part in (known.fitted, known.calibrating)]
+        assert sum(parts) == np.count_nonzero(round_.discovery.labels == label)
+        assert parts[1] == pytest.approx(0.3 * sum(parts), abs=1)
+
+
+def test_discovery_changes_nothing_and_a_seed_decides_it(round_: Round) -> None:
+    again = model()
+    samples, truth = stream()
+    again.observe(samples, np.arange(len(truth)))
+    first, second = again.discover(), again.discover()
+    for discovery in (first, second):
+        assert np.array_equal(discovery.clusters, round_.discovery.clusters)
+        assert np.array_equal(discovery.labels, round_.discovery.labels)
+        assert discovery.reference == round_.discovery.reference
+    assert again.known.classes.tolist() == KNOWN
+
+
+def test_nothing_is_expanded_where_nothing_is_promoted(round_: Round) -> None:
+    still = model(replace(CONFIG, promotion=replace(CONFIG.promotion, least_samples=1000)))
+    still.observe(*stream())
+    known = still.known
+    discovery = still.discover()
+    still.expand(discovery)
+    assert (discovery.candidates, still.known) == ([], known)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"screening": "weibull"},
+        {"screening": "threshold"},
+        {"screening": "none"},
+        {"clusterer": "linkage"},
+        {"sifted": False},
+        {"metric": "cosine"},
+    ],
+    ids=str,
+)
+def test_variants_discover_too(change: dict[str, Any]) -> None:
+    varied = model(replace(CONFIG, **change))
+    samples, truth = stream()
+    found = varied.observe(samples, np.arange(len(truth)))
+    assert np.mean(found.labels[np.isin(truth, NEW)] == 0) > 0.9
+    promoted = varied.discover().labels > 0
+    assert np.isin(truth[varied.buffer.keys[promoted]], NEW).mean() > 0.9
+    assert promoted.sum() > 100
+
+
+def test_delta_is_chosen_where_classes_allow_it() -> None:
+    chosen = model(replace(CONFIG, delta=None, trees=20)).known.screening
+    assert isinstance(chosen, EvtDeficit)
+    few = TRFE(replace(CONFIG, delta=None, trees=20)).fit(*clouds([1, 2], 50, seed=0), *clouds([1, 2], 50, seed=1))
+    assert few.known.screening is not None
+    assert few.known.screening.threshold == 0.95, "of two classes none can be left out"
+
+
+def test_delta_stays_when_classes_are_added() -> None:
+    growing = model(replace(CONFIG, delta=None, trees=40))
+    before = growing.known.screening
+    samples, truth = stream()
+    growing.observe(samples, np.arange(len(truth)))
+    growing.expand(growing.discover())
+    after = growing.known.screening
+    assert len(growing.known.classes) > len(KNOWN)
+    assert before and after and after is not before
+    assert after.threshold == before.threshold
+
+
+def test_a_class_is_found_among_samples_of_none() -> None:
+    """Two clusters are likeliest there, and hold everything."""
+    fitted = TRFE(CONFIG).fit(*clouds(KNOWN, 60, seed=0, apart=APART), *clouds(KNOWN, 60, seed=1, apart=APART))
+    stray = 12.0 * np.random.default_rng(0).standard_normal((150, 16)).astype(np.float32)
+    samples = np.concatenate([clouds([9], 60, seed=2, apart=2.0 * APART)[0], stray])
+    buffer = Buffer(len(samples))
+    buffer.add(samples, np.arange(len(samples)))
+    found = discover(fitted.known, buffer, replace(CONFIG, sifted=False))
+    (label,) = set(found.labels[:60].tolist())
+    assert label >= FIRST_DISCOVERED
+    assert np.mean(found.labels[60:] == label) < 0.3
+
+
+def test_a_window_has_the_screening_follow_a_shift() -> None:
+    still, following = model(), model(replace(CONFIG, window=100))
+    for seed in range(10, 16):
+        samples, truth = clouds(KNOWN, 50, seed=seed, apart=APART)
+        worse = samples + np.random.default_rng(seed).standard_normal(samples.shape).astype(np.float32)
+        rejected = [np.mean(one.observe(worse, np.arange(len(truth))).labels == 0) for one in (still, following)]
+    assert rejected[1] < 0.6 * rejected[0]
+
+
+def nan(samples: Features) -> Features:
+    samples[3, 0] = np.nan
+    return samples
+
+
+def test_bad_input_is_refused() -> None:
+    features, labels = clouds([1, 2, 3], 30, seed=0)
+    with pytest.raises(UsageError, match="has not been fitted yet"):
+        TRFE().recognise(features)
+    with pytest.raises(UsageError, match="sample 3 are not finite"):
+        TRFE(CONFIG).fit(nan(features.copy()), labels, features, labels)
+    with pytest.raises(UsageError, match="1 known classes are too few"):
+        TRFE(CONFIG).fit(features, np.ones_like(labels), features, np.ones_like(labels))
+    with pytest.raises(UsageError, match="must be of the same classes"):
+        TRFE(CONFIG).fit(features, labels, features[labels < 3], labels[labels < 3])
+    fitted = TRFE(CONFIG).fit(features, labels, features, labels)
+    with pytest.raises(UsageError, match="takes features, not grids"):
+        fitted.recognise(np.zeros((2, 4, 4, 40, 100), np.uint8))
+    with pytest.raises(UsageError, match="15 dimensions, the model was fitted on 16"):
+        fitted.recognise(features[:, 1:])
+    with pytest.raises(UsageError, match="the buffer is empty"):
+        fitted.discover()
+    fitted.buffer.add(features[:5], np.arange(5))
+    with pytest.raises(UsageError, match="5 buffered samples have no 10 neighbours each"):
+        fitted.discover()
