@@ -24,6 +24,7 @@ from runner.interpreter import execution
 from runner.interpreter.recorder import Recorder
 from runner.interpreter.simulation import Simulation
 from runner.measures import criticality
+from runner.settings import RunSettings
 from runner.worlds.sumo import SumoWorld
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc"
@@ -63,7 +64,7 @@ class Clock:
 def whole(scenario: Path, space: Space, theta: np.ndarray, timestep: float, processes: int) -> None:
     """Run all episodes as a search does."""
     start = perf_counter()
-    with Evaluator(scenario, space, timestep=timestep, processes=processes) as evaluator:
+    with Evaluator(scenario, space, run=RunSettings(timestep=timestep), processes=processes) as evaluator:
         found = evaluator(theta)
     seconds = perf_counter() - start
     rate = len(theta) / seconds

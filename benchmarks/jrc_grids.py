@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.batch.batch import Options
 from runner.batch.jobs import Job, Outcome, failure
 from runner.batch.pool import Pool
 from runner.interpreter.execution import run
+from runner.settings import RunSettings
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "r157_cut_in.xosc"
 TIMESTEP = 0.1
@@ -78,7 +78,7 @@ def jobs(grid: Grid, driver: str) -> Iterator[Job]:
                     yield Job("_".join(map(str, values.values())), SCENARIO, SCENARIO, parameters)
 
 
-def drive(job: Job, options: Options) -> Outcome:
+def drive(job: Job, options: RunSettings) -> Outcome:
     """One run; whether a collision is a rear-end one is its measure."""
     try:
         result = run(job.scenario, parameters=job.parameters, sut=options.sut, timestep=options.timestep, world=options.world)
@@ -127,7 +127,7 @@ def main() -> None:
     arguments.add_argument("--world", default="sumo")
     options = arguments.parse_args()
     for driver in options.drivers:
-        with Pool(options.processes, partial(drive, options=Options(TIMESTEP, driver, world=options.world)), died) as pool:
+        with Pool(options.processes, partial(drive, options=RunSettings(TIMESTEP, driver, world=options.world)), died) as pool:
             for name in GRIDS:
                 compare(pool, name, driver, options.every)
 

@@ -22,9 +22,10 @@ from typing import NamedTuple
 import libsumo
 
 import xosc
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
 from runner.interpreter.execution import prepare
+from runner.settings import RunSettings
 from xodr import sumo_net
 
 _OK = (0, 1)
@@ -53,7 +54,7 @@ def main() -> None:
     if not files:
         raise SystemExit("no parameter value distribution there")
     for sut in ("none", "cas"):
-        settings = Options(timestep=options.timestep, sut=sut)
+        settings = RunSettings(timestep=options.timestep, sut=sut)
         outcomes = list(run_batch(jobs_of(files, {}, True), settings, processes=options.jobs))  # fills the cache of networks
         failed = [outcome for outcome in outcomes if outcome.exit_code not in _OK]
         loads = [_load(outcome, settings) for outcome in outcomes if outcome.exit_code in _OK]
@@ -68,9 +69,9 @@ def main() -> None:
         print(f"    ratio {ours / theirs:.2f}", flush=True)
 
 
-def _load(outcome: Outcome, settings: Options) -> Load:
+def _load(outcome: Outcome, settings: RunSettings) -> Load:
     """What a run asked of SUMO."""
-    scenario, _ = prepare(outcome.job.scenario, outcome.job.parameters, settings.ego, settings.enforce_constraints)
+    scenario, _ = prepare(outcome.job.scenario, outcome.job.parameters, settings)
     assert scenario.network is not None
     net = sumo_net.build(scenario.network.path)
     begin = max(scenario.network.roads.values(), key=lambda road: road.length).pose(0.0)
@@ -78,7 +79,7 @@ def _load(outcome: Outcome, settings: Options) -> Load:
     return Load(str(net.path), steps, len(scenario.entities), settings.timestep, begin.x, begin.y, begin.h)
 
 
-def _command(files: list[Path], settings: Options, jobs: int) -> float:
+def _command(files: list[Path], settings: RunSettings, jobs: int) -> float:
     """Seconds of the command, start-up included."""
     command = [sys.executable, "-m", "runner.cli", *map(str, files), "--sut", str(settings.sut), "--quiet"]
     start = perf_counter()

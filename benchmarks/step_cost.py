@@ -23,6 +23,7 @@ import libsumo
 
 from runner.interpreter.execution import prepare
 from runner.interpreter.simulation import Simulation
+from runner.settings import RunSettings
 from runner.worlds.sumo import SumoWorld
 from xodr.builders import four_way_intersection, straight_highway
 
@@ -142,7 +143,7 @@ Moves = list[list[tuple[str, float, float, float]]]
 
 def simulation(path: Path, timestep: float) -> Simulation:
     """A simulation that has begun."""
-    scenario, _ = prepare(path, None, None, False)
+    scenario, _ = prepare(path, None, RunSettings(enforce_constraints=False))
     sim = Simulation(scenario, SumoWorld(), timestep, 0)
     sim.begin()
     return sim

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
-from runner.command_line import guarded, interruptible, parameters_of, progress_bar
-from schemas.command_line import Verbose, Version, new_app, out_folder
+from runner.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def xosc_generate(
         typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A logical scenario, or a catalogue's folder from xosc-recognize."),
     ],
     out: Annotated[Path, out_folder("Folder for the files; nothing in it is overwritten.")],
-    sut: Sut = "cas",
+    sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
     kind: Kind = None,
     method: Annotated[
@@ -67,7 +67,7 @@ def xosc_generate(
     apart: Annotated[float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")] = 0.05,
     concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
     rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = "ad-rss",
-    timestep: Timestep = 0.05,
+    timestep: Timestep = RunSettings.timestep,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
     quiet: Quiet = False,
@@ -82,7 +82,7 @@ def xosc_generate(
     from generation.pipeline import Settings
 
     settings = Settings(
-        sut, method, budget, seed, density, weight, rss, timestep, jobs,
+        RunSettings(sut=sut, timestep=timestep), method, budget, seed, density, weight, rss, jobs,
         parameters_of(pin or [], "--pin"), tuple(free or ()), Choice(most, apart), concrete,
     )  # fmt: skip
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
@@ -129,7 +129,7 @@ def _report(scenario: Path, generated: Generated, settings: Settings) -> Iterato
     """What was found, in lines."""
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
-    yield f"{scenario.name}: {settings.method} against {settings.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
+    yield f"{scenario.name}: {settings.method} against {settings.run.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
     failed = len(outcomes) - int(outcomes.executed.sum())
     if failed:
         yield f"  {failed} runs failed, the first with: {_first_error(outcomes)}"

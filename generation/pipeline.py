@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from generation.density.base import Density
@@ -17,6 +17,8 @@ from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
 from generation.variations import Evidence, Writer
 from recognition.trfe.samples import Floats
+from runner.settings import RunSettings
+from runner.sut import system_name
 from schemas.errors import UsageError
 from schemas.storage import digest
 
@@ -29,14 +31,13 @@ class Settings:
     """What to search for, and how.
 
     Attributes:
-        sut: name of the system under test.
+        run: how scenarios are run, with the system under test; `seed` is that of the search.
         method: name of the search method (`generation.search.method`).
         budget: simulator calls.
         seed: of the search.
         density: name of the density model (`generation.density.fitting`).
         weight: of realism in the reward; None for the one of `Reward`.
         rss: name of the RSS parameter set.
-        timestep: s.
         processes: how many runs at a time.
         pinned: values of parameters that are not searched.
         free: names of parameters to search besides the default ones.
@@ -44,14 +45,13 @@ class Settings:
         concrete: whether each case becomes a scenario of its own as well.
     """
 
-    sut: str = "cas"
+    run: RunSettings = field(default_factory=RunSettings)
     method: str = "mcsg"
     budget: int = 3000
     seed: int = 0
     density: str = "kde"
     weight: float | None = None
     rss: str = "ad-rss"
-    timestep: float = 0.05
     processes: int = 2
     pinned: Mapping[str, str] = field(default_factory=dict)
     free: Sequence[str] = ()
@@ -110,12 +110,12 @@ def generate(
     space = Space.of(scenario, settings.pinned, settings.free)
     real = recorded(space).within(space)
     realism = _prior(real, settings.density, scenario)
-    with _evaluator(scenario, space, settings, settings.sut) as evaluator:
+    with _evaluator(scenario, space, settings, settings.run) as evaluator:
         evaluate = counted(Memory(evaluator, _runs_file(scenario, space, out, settings)), progress)
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
         problem = Problem(space, evaluate, reward, real.theta, found)
         history = search(problem, settings.budget, settings.seed)
-    with _evaluator(scenario, space, settings, CAREFUL) as careful:
+    with _evaluator(scenario, space, settings, replace(settings.run, sut=CAREFUL)) as careful:
         cases = choose(space, history, realism.density, careful, settings.choice, found)
     files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
     return Generated(space, len(real.theta), history, cases, files)
@@ -135,7 +135,8 @@ def _runs_file(scenario: Path, space: Space, out: Path, settings: Settings) -> P
     Raises:
         UsageError: the folder can't be made.
     """
-    deciding = (scenario.read_bytes(), settings.sut, settings.rss, settings.timestep, space.names, sorted(space.pinned.items()))
+    run = settings.run
+    deciding = (scenario.read_bytes(), run.sut, settings.rss, run.timestep, space.names, sorted(space.pinned.items()))
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -143,12 +144,13 @@ def _runs_file(scenario: Path, space: Space, out: Path, settings: Settings) -> P
     return out / f"{scenario.stem}_runs_{digest(repr(deciding).encode())}.jsonl"
 
 
-def _evaluator(scenario: Path, space: Space, settings: Settings, sut: str) -> Evaluator:
-    return Evaluator(scenario, space, sut=sut, rss=settings.rss, timestep=settings.timestep, processes=settings.processes)
+def _evaluator(scenario: Path, space: Space, settings: Settings, run: RunSettings) -> Evaluator:
+    return Evaluator(scenario, space, run=run, rss=settings.rss, processes=settings.processes)
 
 
 def _write(scenario: Path, space: Space, out: Path, settings: Settings, cases: Cases, density: Density) -> list[Path]:
-    evidence = Evidence(settings.sut, settings.method, settings.rss, settings.seed, settings.budget, settings.timestep)
+    run = settings.run
+    evidence = Evidence(system_name(run.sut), settings.method, settings.rss, settings.seed, settings.budget, run.timestep)
     writer = Writer(scenario, space, out)
     files = [writer.cases(cases, evidence), writer.density(density, settings.seed)]
     return files + (writer.concrete(cases, evidence) if settings.concrete else [])

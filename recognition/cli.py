@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from runner.command_line import guarded, interruptible
-from schemas.command_line import Verbose, Version, new_app, out_folder
+from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from runner.interpreter.execution import run as run
     from runner.interpreter.result import RunResult as RunResult
+    from runner.settings import RunSettings as RunSettings
 
-__all__ = ["RunResult", "run"]
+_HOMES = {"RunResult": "runner.interpreter.result", "RunSettings": "runner.settings", "run": "runner.interpreter.execution"}
+
+__all__ = ["RunResult", "RunSettings", "run"]
 
 
 def __getattr__(name: str) -> Any:
     """Import on first use: the command line must answer `--help` at once."""
-    if name == "run":
-        from runner.interpreter.execution import run
+    if name not in _HOMES:
+        raise AttributeError(f"module 'runner' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
 
-        return run
-    if name == "RunResult":
-        from runner.interpreter.result import RunResult
 
-        return RunResult
-    raise AttributeError(f"module 'runner' has no attribute {name!r}")
+def __dir__() -> list[str]:
+    """The public names, also before they are used."""
+    return [*globals(), *__all__]

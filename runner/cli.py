@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.command_line import guarded, interruptible, parameters_of
-from runner.run_options import Ego, MaxTime, Param, Seed, Sut, Timestep, World
-from schemas.command_line import Verbose, Version, new_app, out_folder
+from runner.run_options import Param, with_run_settings
+from runner.settings import RunSettings
+from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,24 +32,13 @@ app = new_app()
 
 
 @app.command(epilog=_EPILOG)
+@with_run_settings
 def xosc_run(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Scenarios, and distributions: every parameter set is run.")
     ],
+    settings: RunSettings,
     param: Param = None,
-    sut: Sut = "cas",
-    ego: Ego = None,
-    timestep: Timestep = 0.05,
-    seed: Seed = 0,
-    max_time: MaxTime = None,
-    world: World = "sumo",
-    constraints: Annotated[
-        bool,
-        typer.Option(
-            "--constraints/--no-constraints",
-            help="Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
-        ),
-    ] = True,
     out: Annotated[Path | None, out_folder("Folder for trajectories, event log and result of each run.")] = None,
     osi: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
@@ -73,27 +62,25 @@ def xosc_run(
     _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
-    from runner.batch.batch import Options, rehearse_batch, run_batch
+    from runner.batch.batch import rehearse_batch, run_batch
     from runner.batch.jobs import jobs_of
     from runner.outputs.terminal import Table
 
-    options = Options(timestep, sut, ego, seed, max_time, world, constraints)
-    options.verify()
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
     if junit is not None:
         junit.parent.mkdir(parents=True, exist_ok=True)
         junit.open("a").close()  # what can't be written is better known before the runs than after them
-    source = jobs_of(files, parameters_of(param or []), constraints)
+    source = jobs_of(files, parameters_of(param or []), settings.enforce_constraints)
     if osi is not None:
         from runner.exports.osi import alone
 
         source = alone(source, osi)
     also = list(_also(osi, replay, gui, out))
     if dry_run:
-        outcomes = rehearse_batch(source, options)
+        outcomes = rehearse_batch(source, settings)
     else:
-        outcomes = run_batch(source, options, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
+        outcomes = run_batch(source, settings, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
     kept: list[Outcome] | None = [] if junit is not None else None
     try:
         code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)

@@ -1,18 +1,24 @@
-"""What all commands share: their app, the options that each of them has, output of any characters."""
+"""What all commands share: their app and common options, errors as one line and an exit code, interruptions, progress bars."""
 
 from __future__ import annotations
 
 import io
 import os
 import sys
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer.models import OptionInfo
 
-from schemas.errors import UsageError
+from schemas.errors import ToolchainError, UsageError, describe
 from schemas.version import version
+
+INTERRUPTED, PIPE_CLOSED = 130, 141
+"""Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
 
 
 def new_app() -> typer.Typer:
@@ -52,3 +58,60 @@ def print_anything() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+
+
+def guarded(name: str, app: Callable[[], object]) -> None:
+    """Run a command's app: errors become one line and an exit code, after a traceback with -v, or where nobody expects them."""
+    print_anything()
+    try:
+        app()
+    except Exception as error:
+        expected = isinstance(error, ToolchainError | OSError)
+        if not expected or "-v" in sys.argv or "--verbose" in sys.argv:
+            traceback.print_exc()
+        message, code = describe(error)
+        print(f"{name}: {message}", file=sys.stderr)
+        raise SystemExit(code) from None
+
+
+@contextmanager
+def interruptible(name: str, hint: str = "") -> Iterator[None]:
+    """End the command in good order when it is interrupted (with a hint what to do then), or nobody reads its output."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter complains when it ends
+        raise typer.Exit(PIPE_CLOSED) from None
+
+
+@contextmanager
+def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """A bar on standard error, where that is a terminal; yields what tells it how many more are done."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(doing, total=total)
+        yield lambda count: bar.advance(task, count)
+
+
+def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
+    """Values of parameters by name, from the texts of an option.
+
+    Raises:
+        UsageError: one is not of the form NAME=VALUE.
+    """
+    values: dict[str, str] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not (name and equals):
+            raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
+        values[name] = value
+    return values

@@ -66,3 +66,19 @@ def reason(error: Exception) -> str:
     if isinstance(error, KeyError):
         return f"there is no {error}"
     return next(iter(str(error).strip().splitlines()), type(error).__name__)
+
+
+def describe(error: Exception) -> tuple[str, int]:
+    """An error in one line, and the exit code that stands for it."""
+    if isinstance(error, ToolchainError):
+        message, code = str(error), error.exit_code
+    elif isinstance(error, OSError):
+        message, code = ": ".join(str(part) for part in (error.strerror or error, error.filename) if part), 2
+    else:
+        message, code = f"internal error: {type(error).__name__}: {error}", 5
+    return one_line(message), code
+
+
+def one_line(text: str) -> str:
+    """Text from files and plug-ins as a terminal may see it: no line breaks, no control characters."""
+    return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in text)

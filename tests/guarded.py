@@ -156,10 +156,11 @@ def _run(sources: Sequence[Source], seed: int, number: int, scratch: Path, writt
 
 def _execute(path: Path, world: str, out: Path) -> tuple[int, str, str]:
     """Exit code, message and traceback of the gravest outcome, as the command line has them."""
-    from runner.batch.batch import Options, execute
+    from runner.batch.batch import execute
     from runner.batch.jobs import Outcome, jobs_of
+    from runner.settings import RunSettings
 
-    options = Options(timestep=0.05, max_time=_SIMULATED, world=world)
+    options = RunSettings(timestep=0.05, max_time=_SIMULATED, world=world)
     jobs = islice(jobs_of([path], {}, True), _JOBS_OF_A_DISTRIBUTION)
     outcomes = [job if isinstance(job, Outcome) else execute(job, options, out) for job in jobs]
     if not outcomes:  # a distribution without a run

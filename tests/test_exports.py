@@ -10,10 +10,10 @@ import pytest
 import runner
 import schemas
 import xosc
-from runner.batch.batch import Options
 from runner.batch.jobs import Job, jobs_of
 from runner.exports import TARGETS, Target
 from runner.exports.exporting import export_documents, export_runs
+from runner.settings import RunSettings
 from schemas.errors import ToolchainError
 from xosc.exports.folder import Folder
 
@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 LIBRARY = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))
 KINDS = {path: xosc.load(path).kind for path in LIBRARY}
 VERSIONS = ("1.0", "1.1", "1.2", "1.3")
-QUICK = Options(timestep=0.1, sut="none", world="kinematic")
+QUICK = RunSettings(timestep=0.1, sut="none", world="kinematic")
 
 
 def motion(job: Job) -> dict[str, np.ndarray]:

@@ -9,8 +9,9 @@ import pytest
 import schemas
 import xodr
 import xosc
-from runner.batch.batch import Options, execute
+from runner.batch.batch import execute
 from runner.batch.jobs import Job, jobs_of
+from runner.settings import RunSettings
 
 ROOT = Path(__file__).parents[1]
 SCENARIOS = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))
@@ -37,7 +38,7 @@ def test_a_shipped_road_loads(path: Path) -> None:
 def test_a_shipped_scenario_runs_to_its_own_end(path: Path, sut: str) -> None:
     for job in jobs_of([path], {}, True):
         assert isinstance(job, Job), job
-        outcome = execute(job, Options(sut=sut))
+        outcome = execute(job, RunSettings(sut=sut))
         assert (outcome.state in ("passed", "failed"), outcome.status) == (True, "completed"), outcome.message
 
 

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from generation.options import Jobs, Quiet, Sut
-from runner.command_line import guarded, interruptible, progress_bar
-from schemas.command_line import Verbose, Version, new_app, out_folder
+from runner.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, progress_bar
 from schemas.errors import UsageError
 
 NAME = "xosc-loop"
@@ -30,7 +30,7 @@ def xosc_loop(
         Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
     ],
     out: Annotated[Path, out_folder("Folder for all that comes of it; index.html in it is the page.")],
-    sut: Sut = "cas",
+    sut: Sut = DEFAULT_SYSTEM,
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search: one a class and round.")] = 300,
     rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")] = 2,
     most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = 6,
@@ -54,7 +54,7 @@ def xosc_loop(
     from generation.loop.settings import Settings
     from generation.loop.words import closing
 
-    settings = Settings(sut, _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
+    settings = Settings(RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
     _refuse_wrong(settings)
     with interruptible(NAME, "the same command goes on where it was"):
         found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
@@ -79,10 +79,8 @@ def _model(labels: str, model: Path | None) -> Path | None:
 def _refuse_wrong(settings: Any) -> None:
     """What can't be is better known at once than after the recognition."""
     from generation.search.method import method
-    from runner.sut import find_system
 
     method(settings.method)
-    find_system(settings.sut)
 
 
 def _told(quiet: bool, stage: str, found: dict[str, Any], seconds: float | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -19,6 +20,7 @@ from recognition.catalogue.episodes import plain
 from recognition.catalogue.writing.index import rows_of
 from recognition.maneuvers.units import Samples
 from runner.batch.jobs import Job, Outcome, jobs_of
+from runner.settings import RunSettings
 from schemas import check_many
 from schemas.errors import UsageError
 from schemas.files import expand
@@ -104,7 +106,7 @@ class _Loop:
         if files:
             folder = self._out / f"round_{number}"
             jobs = list(jobs_of(files, {}, True))
-            told["runs"] = self._once(f"round_{number}_run", partial(self._run, jobs, self._settings.sut, folder / RUNS))
+            told["runs"] = self._once(f"round_{number}_run", partial(self._run, jobs, self._settings.run, folder / RUNS))
             told["recognised"] = self._once(f"round_{number}_label", partial(self._label, folder))
         return told
 
@@ -115,12 +117,13 @@ class _Loop:
             for row in chosen(rows_of(self._out / CATALOGUE), self._settings.shown)
             for path in [self._out / CATALOGUE / row["file"]]
         ]
-        return self._once("play", partial(self._run, jobs, None, self._out / "played"))
+        as_recorded = replace(self._settings.run, sut=None)
+        return self._once("play", partial(self._run, jobs, as_recorded, self._out / "played"))
 
     def run_scenarios(self) -> Found:
         """Run the user's own scenarios against the system under test."""
         jobs = list(jobs_of(self._inputs.scenarios, {}, True))
-        return self._once("run_scenarios", partial(self._run, jobs, self._settings.sut, self._out / "scenarios"))
+        return self._once("run_scenarios", partial(self._run, jobs, self._settings.run, self._out / "scenarios"))
 
     def check(self) -> Found:
         """Check everything that was written, and the user's scenarios."""
@@ -137,9 +140,9 @@ class _Loop:
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
             return search(target, number, self._out, self._settings, known, advance)
 
-    def _run(self, jobs: Sequence[Job | Outcome], sut: str | None, folder: Path) -> Found:
+    def _run(self, jobs: Sequence[Job | Outcome], settings: RunSettings, folder: Path) -> Found:
         with self._bar("running", len(jobs)) as advance:
-            return run_all(jobs, sut, folder, self._out, self._settings.processes, advance)
+            return run_all(jobs, settings, folder, self._out, self._settings.processes, advance)
 
     def _label(self, folder: Path) -> Found:
         """The classes that are recognised about the ego in each run; by the run's name."""

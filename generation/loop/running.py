@@ -7,19 +7,20 @@ from functools import partial
 from pathlib import Path
 
 from generation.loop.stages import Found
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import Job, Outcome
 from runner.replay.player import keep_replay
 from runner.replay.report import report, write_report
+from runner.settings import RunSettings
 
 
 def run_all(
-    jobs: Iterable[Job | Outcome], sut: str | None, folder: Path, out: Path, processes: int, progress: Callable[[int], None]
+    jobs: Iterable[Job | Outcome], settings: RunSettings, folder: Path, out: Path, processes: int, progress: Callable[[int], None]
 ) -> Found:
     """Run jobs into a folder, with a replay page of each run and a report of all; goes on where it was interrupted.
 
     Args:
-        sut: system under test; None for none, what was recorded is replayed.
+        settings: how they are run.
         folder: for the results, below `out`.
         out: output folder of the loop.
 
@@ -27,9 +28,7 @@ def run_all(
         By the name of its file (relative to `out` where it is there) what `runner.replay.report` tells of each run; of several
         runs of one file, a list.
     """
-    outcomes = run_batch(
-        jobs, Options(sut=sut), out=folder, processes=processes, resume=True, also=[partial(keep_replay, out=folder)]
-    )
+    outcomes = run_batch(jobs, settings, out=folder, processes=processes, resume=True, also=[partial(keep_replay, out=folder)])
     files = {}
     for outcome in outcomes:
         files[outcome.job.name] = outcome.job.source

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from generation.outcomes.cases import Choice
 from generation.pipeline import Settings as Search
+from runner.settings import RunSettings
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
 """Shows progress: takes what is being done and how much of it there is, gives what has to be told how many more are done."""
@@ -20,7 +21,7 @@ class Settings:
     """What a loop does.
 
     Attributes:
-        sut: name of the system under test.
+        run: how scenarios are run, with the system under test; `seed` is that of the searches.
         model: folder of the model that recognises; None for the rules alone.
         rounds: how often is searched; each round after the first starts from the failures of those before.
         budget: simulator calls of each search: one for each class or scenario and round.
@@ -31,7 +32,7 @@ class Settings:
         processes: how many runs at a time.
     """
 
-    sut: str = "cas"
+    run: RunSettings = field(default_factory=RunSettings)
     model: Path | None = None
     rounds: int = 2
     budget: int = 300
@@ -43,12 +44,13 @@ class Settings:
 
     def deciding(self) -> dict[str, Any]:
         """Those that decide what is found."""
-        return {name: str(value) for name, value in asdict(self).items() if name != "processes"}
+        own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes")}
+        return {name: str(value) for name, value in (self.run.as_json() | own).items()}
 
     def search(self, number: int) -> Search:
         """The settings of the searches of a round, whose number counts from 1."""
         seed = self.seed + 1000 * (number - 1)
         return Search(
-            sut=self.sut, method=self.method, budget=self.budget, seed=seed, processes=self.processes,
+            run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes,
             choice=Choice(self.most), concrete=True,
         )  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, asdict, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.trfe.samples import Floats
-from runner.batch.batch import Options
 from runner.batch.jobs import Job, Outcome, failure
 from runner.batch.pool import Pool
 from runner.measures.rss import parameter_set
+from runner.settings import RunSettings
 
 if TYPE_CHECKING:
     from generation.parameters import Space
@@ -68,32 +68,25 @@ class Runs:
     The outcomes are the same whatever the number of processes; a run that fails, or takes its process down, says so in them.
 
     Args:
-        sut: name of the system under test.
+        run: the settings of the runs. Their defaults are those of `xosc-run`, so that a generated file gives the same
+            verdict there.
         rss: the RSS parameter set of R_risk.
-        timestep: s. The default is that of `xosc-run`, so that a generated file gives the same verdict there.
-        max_time: limit of simulated time for scenarios that may not end by themselves, s.
         processes: how many run at a time.
-        seed: of everything random in a run, the same for all.
 
     Raises:
         UsageError: a setting is wrong.
     """
 
     _: KW_ONLY
-    sut: str = "cas"
+    run: RunSettings = field(default_factory=RunSettings)
     rss: str = "ad-rss"
-    timestep: float = 0.05
-    max_time: float | None = None
     processes: int = 2
-    seed: int = 0
     calls: int = field(default=0, init=False)
     """Runs so far: what a budget of simulator calls counts"""
 
     def __post_init__(self) -> None:
-        options = Options(self.timestep, self.sut, seed=self.seed, max_time=self.max_time)
-        options.verify()
         parameter_set(self.rss)
-        self._pool = Pool(self.processes, partial(_episode, options=options, rss=self.rss), _lost)
+        self._pool = Pool(self.processes, partial(_episode, settings=self.run, rss=self.rss), _lost)
 
     def __enter__(self) -> Self:
         return self
@@ -140,11 +133,11 @@ def _measures(criticality: Criticality, rss: str) -> dict[str, Any]:
     return {"r_risk": criticality.risk(rss) or 0.0, "min_ttc": float(ttc.min(initial=math.inf))}
 
 
-def _episode(job: Job, options: Options, rss: str) -> Outcome:
+def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
     from runner.interpreter.execution import run
 
     try:
-        result = run(job.scenario, parameters=job.parameters, **asdict(options))
+        result = run(job.scenario, settings, parameters=job.parameters)
         measures = _measures(result.criticality, rss) if result.criticality is not None else {}
     except Exception as error:  # whatever it is, the search goes on
         return failure(job, error)

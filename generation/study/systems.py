@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from generation.outcomes.cases import CAREFUL
 from generation.outcomes.evaluator import Outcomes, Runs
 from runner.batch.jobs import Job, Outcome
+from runner.settings import RunSettings
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -131,7 +132,7 @@ def compare(
     """
     outcomes: dict[str, Outcomes] = {}
     for system in dict.fromkeys((*systems, CAREFUL)):
-        with Runs(sut=system, timestep=timestep, processes=processes) as runs:
+        with Runs(run=RunSettings(sut=system, timestep=timestep), processes=processes) as runs:
             progress(system)
             outcomes[system] = runs.of(cases)
     return Comparison(list(cases), outcomes)

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from runner.command_line import interruptible
-from schemas.command_line import Verbose, Version, writable_folder
+from schemas.command_line import Verbose, Version, interruptible, writable_folder
 
 
 @interruptible("xosc-recognize record")

@@ -6,17 +6,17 @@ import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.batch import journal
-from runner.batch.jobs import Job, Outcome, failure, one_line
+from runner.batch.jobs import Job, Outcome, failure
 from runner.batch.pool import Pool
 from runner.outputs import report
 from runner.outputs.runs import write_runs
-from schemas.errors import UsageError
+from runner.settings import RunSettings
+from schemas.errors import UsageError, one_line
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
@@ -24,32 +24,7 @@ if TYPE_CHECKING:
 Also = Callable[["RunResult"], None]
 
 
-@dataclass(frozen=True)
-class Options:
-    """Settings shared by all runs of a batch; see `runner.run`."""
-
-    timestep: float = 0.05
-    sut: str | None = "cas"
-    ego: str | None = None
-    seed: int = 0
-    max_time: float | None = None
-    world: str = "sumo"
-    enforce_constraints: bool = True
-
-    def verify(self) -> None:
-        """Refuse settings that no run can have.
-
-        Raises:
-            UsageError: one of them is wrong.
-        """
-        from runner.interpreter.execution import check_settings
-        from runner.sut import find_system
-
-        check_settings(self.timestep, self.max_time, self.world)
-        find_system(self.sut)
-
-
-def rehearse_batch(jobs: Iterable[Job | Outcome], options: Options) -> Generator[Outcome]:
+def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Generator[Outcome]:
     """Load, resolve and compile what is to be run, without running it."""
     from runner.interpreter.execution import prepare
 
@@ -58,17 +33,17 @@ def rehearse_batch(jobs: Iterable[Job | Outcome], options: Options) -> Generator
             yield job
             continue
         try:
-            prepare(job.scenario, job.parameters, options.ego, options.enforce_constraints)
+            prepare(job.scenario, job.parameters, settings)
             outcome = Outcome(job, "passed", 0, status="compiled")
         except Exception as error:  # a defect of ours is an outcome too, the other files go on
             outcome = failure(job, error)
         yield outcome
 
 
-def execute(job: Job, options: Options, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
+def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
     """Do one run, write its results and enter it in the journal; errors become outcomes."""
     try:
-        outcome = _run(job, options, out, plot, also)
+        outcome = _run(job, settings, out, plot, also)
         if out is not None:
             journal.enter(out, outcome)
         return outcome
@@ -76,11 +51,11 @@ def execute(job: Job, options: Options, out: Path | None = None, plot: bool = Fa
         return failure(job, error)
 
 
-def _run(job: Job, options: Options, out: Path | None, plot: bool, also: Sequence[Also]) -> Outcome:
+def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Sequence[Also]) -> Outcome:
     from runner.interpreter.execution import run
 
     try:
-        result = run(job.scenario, parameters=job.parameters, **asdict(options))
+        result = run(job.scenario, settings, parameters=job.parameters)
         result.name = job.name
         measures = _write(result, out / job.name, plot) if out is not None else {}
         for act in also:
@@ -128,7 +103,7 @@ def _replace(folder: Path, draft: Path) -> None:
 
 def run_batch(
     jobs: Iterable[Job | Outcome],
-    options: Options,
+    settings: RunSettings,
     *,
     out: Path | None = None,
     plot: bool = False,
@@ -150,12 +125,12 @@ def run_batch(
         UsageError: the folder holds results already (and `resume` is not set), or those of another batch; there is no such
             cluster.
     """
-    done = journal.begin(out, asdict(options), resume) if out is not None else {}
+    done = journal.begin(out, settings.as_json(), resume) if out is not None else {}
     known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
-    settings: dict[str, Any] = {"options": options, "out": out, "plot": plot, "also": also}
+    how: dict[str, Any] = {"settings": settings, "out": out, "plot": plot, "also": also}
     errors: dict[str, Outcome] = {}
     try:
-        with closing(_outcomes(known, settings, processes, ray)) as outcomes:
+        with closing(_outcomes(known, how, processes, ray)) as outcomes:
             for outcome in outcomes:
                 if outcome.state == "error":
                     errors[outcome.job.name] = outcome
@@ -166,21 +141,21 @@ def run_batch(
             write_runs((errors | journal.finished(out)).values(), out / "runs.parquet")
 
 
-def _outcomes(jobs: Iterator[Job | Outcome], settings: dict[str, Any], processes: int, ray: str | None) -> Generator[Outcome]:
-    """Do the runs in this process, in several or on a cluster; settings as `execute` takes them."""
-    out: Path | None = settings["out"]
+def _outcomes(jobs: Iterator[Job | Outcome], how: dict[str, Any], processes: int, ray: str | None) -> Generator[Outcome]:
+    """Do the runs in this process, in several or on a cluster; `how` has the arguments of `execute` but the job."""
+    out: Path | None = how["out"]
     if ray is not None:
         from runner.batch.ray_pool import RayPool
 
         enter = partial(journal.enter, out) if out is not None else None
-        with RayPool(ray, processes, partial(_run, **settings), _lost, enter) as cluster:
+        with RayPool(ray, processes, partial(_run, **how), _lost, enter) as cluster:
             yield from cluster.execute(jobs)
     elif processes > 1:
-        with Pool(processes, partial(execute, **settings), partial(_died, out=out)) as pool:
+        with Pool(processes, partial(execute, **how), partial(_died, out=out)) as pool:
             yield from pool.execute(jobs)
     else:
         for job in jobs:
-            yield job if isinstance(job, Outcome) else execute(job, **settings)
+            yield job if isinstance(job, Outcome) else execute(job, **how)
 
 
 def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.errors import InvalidFile, Unsupported, UsageError, describe
 
 _LONGEST = 100
 """Characters of a job's name that come from its file's name."""
@@ -102,19 +102,3 @@ def failure(job: Job, error: Exception) -> Outcome:
         error.path = str(job.scenario)
     message, code = describe(error)
     return Outcome(job, "error", code, message, trace=traceback.format_exc())
-
-
-def describe(error: Exception) -> tuple[str, int]:
-    """An error in one line, and the exit code that stands for it."""
-    if isinstance(error, ToolchainError):
-        message, code = str(error), error.exit_code
-    elif isinstance(error, OSError):
-        message, code = ": ".join(str(part) for part in (error.strerror or error, error.filename) if part), 2
-    else:
-        message, code = f"internal error: {type(error).__name__}: {error}", 5
-    return one_line(message), code
-
-
-def one_line(text: str) -> str:
-    """Text from files and plug-ins as a terminal may see it: no line breaks, no control characters."""
-    return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in text)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.command_line import guarded, interruptible, parameters_of
 from runner.exports import TARGETS
-from runner.run_options import Ego, MaxTime, Param, Seed, Sut, Timestep, World
-from schemas.command_line import Verbose, Version, new_app, out_folder
+from runner.run_options import Param, with_run_settings
+from runner.settings import RunSettings
+from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -35,17 +35,13 @@ def _print_targets(wanted: bool) -> None:
 
 
 @app.command(epilog=_EPILOG)
+@with_run_settings
 def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
     out: Annotated[Path, out_folder("Folder to write into; nothing in it is overwritten.")],
+    settings: RunSettings,
     param: Param = None,
-    sut: Sut = "cas",
-    ego: Ego = None,
-    timestep: Timestep = 0.05,
-    seed: Seed = 0,
-    max_time: MaxTime = None,
-    world: World = "sumo",
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print what is not exported only.")] = False,
     _targets: Annotated[
@@ -54,7 +50,6 @@ def xosc_export(
     _version: Version = False,
 ) -> None:
     """Export OpenSCENARIO files, or runs of them, to what other tools read."""
-    from runner.batch.batch import Options
     from runner.exports.exporting import export_documents, export_runs
     from xosc.exports.folder import Folder
 
@@ -63,9 +58,7 @@ def xosc_export(
         raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
     sources = _sources(paths)
     if target.of_run:
-        options = Options(timestep, sut, ego, seed, max_time, world)
-        options.verify()
-        exports = export_runs(sources, target, Folder(out), options, parameters_of(param or []))
+        exports = export_runs(sources, target, Folder(out), settings, parameters_of(param or []))
     elif param:
         raise UsageError(f"--param is for runs, and {to} is written without one")
     else:

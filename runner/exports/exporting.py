@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.batch.jobs import Outcome, describe, jobs_of
-from schemas.errors import ToolchainError
+from runner.batch.jobs import Outcome, jobs_of
+from schemas.errors import ToolchainError, describe
 from xosc.document import load
 
 if TYPE_CHECKING:
-    from runner.batch.batch import Options
     from runner.exports import Target
+    from runner.settings import RunSettings
     from xosc.exports.folder import Folder
 
 
@@ -41,18 +40,18 @@ def export_documents(sources: Sequence[Path], target: Target, folder: Folder) ->
 
 
 def export_runs(
-    sources: Sequence[Path], target: Target, folder: Folder, options: Options, parameters: Mapping[str, str]
+    sources: Sequence[Path], target: Target, folder: Folder, settings: RunSettings, parameters: Mapping[str, str]
 ) -> Iterator[Exported]:
     """Run files, a distribution with every set of its parameters, and export the runs. Failed verdicts are runs as well."""
     from runner.interpreter.execution import run
 
     module = import_module(target.module)
-    for job in jobs_of(_runnable(sources), dict(parameters), options.enforce_constraints):
+    for job in jobs_of(_runnable(sources), dict(parameters), settings.enforce_constraints):
         if isinstance(job, Outcome):
             yield Exported(job.job.name, job.exit_code, [job.message])
             continue
         try:
-            result = run(job.scenario, parameters=job.parameters, **asdict(options))
+            result = run(job.scenario, settings, parameters=job.parameters)
             yield Exported(job.name, 0, module.export(result, job.name, folder))
         except (ToolchainError, OSError) as error:
             yield _refused(job.name, error)

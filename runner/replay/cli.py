@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.command_line import guarded, interruptible
-from schemas.command_line import Verbose, Version, new_app
+from schemas.command_line import Verbose, Version, guarded, interruptible, new_app
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

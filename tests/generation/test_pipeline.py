@@ -11,10 +11,11 @@ from generation.logical.library import SCENARIOS
 from generation.parameters import Space
 from generation.pipeline import LEAST, Settings, generate
 from generation.recorded import Recorded
+from runner.settings import RunSettings
 from schemas.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-QUICK = Settings(method="random", budget=60, density="gaussian", processes=1, timestep=0.1)
+QUICK = Settings(method="random", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))
 
 
 def drawn(n: int) -> Recorded:

@@ -19,6 +19,7 @@ from generation.outcomes.evaluator import Evaluator
 from generation.parameters import Space
 from generation.search.problem import Episodes
 from generation.variations import Evidence, Writer
+from runner.settings import RunSettings
 from schemas.errors import UsageError
 from xosc.tags import read
 
@@ -35,7 +36,10 @@ def density() -> Gaussian:
 @pytest.fixture(scope="module")
 def cases(density: Gaussian) -> Cases:
     theta = SPACE.draw(40, np.random.default_rng(3))
-    with Evaluator(CUT_IN, SPACE, processes=1) as evaluate, Evaluator(CUT_IN, SPACE, sut=CAREFUL, processes=1) as careful:
+    with (
+        Evaluator(CUT_IN, SPACE, processes=1) as evaluate,
+        Evaluator(CUT_IN, SPACE, run=RunSettings(sut=CAREFUL), processes=1) as careful,
+    ):
         outcomes = evaluate(theta)
         episodes = Episodes(theta, outcomes, outcomes.r_risk + outcomes.collision)
         return choose(SPACE, episodes, density, careful, Choice(6, 0.1))

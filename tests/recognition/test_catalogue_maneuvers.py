@@ -123,7 +123,7 @@ def test_the_manoeuvre_happens_as_its_parameters_say(
     found = measured(recording, label, ego, partner)
     path = write(tmp_path, recording, found)
     assert [problem for file in tmp_path.rglob("*.xosc") for problem in check(file)] == []
-    result = runner.run(path, sut="none", world="kinematic", enforce_constraints=True)
+    result = runner.run(path, sut="none", world="kinematic")
     values, tracks = found.values, result.recording.locate().tracks
     assert result.status == "completed"
     assert result.end_time == pytest.approx(values.start_delay + values.duration + values.end_delay, abs=0.25)

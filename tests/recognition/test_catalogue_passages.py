@@ -125,7 +125,7 @@ def test_a_passage_happens_as_it_was_recorded(
     assert (found.other is not None) == (other is not None)
     path = write(tmp_path, crossing, found, version)
     assert [problem for file in tmp_path.rglob("*.xosc") for problem in check(file)] == []
-    result = runner.run(path, sut="none", world="kinematic", enforce_constraints=True)
+    result = runner.run(path, sut="none", world="kinematic")
     assert result.status == "completed"
     for track_, name in zip(tracks, (EGO, "Other"), strict=False):
         driven, was = result.recording.tracks[name].columns, track_.columns
@@ -141,7 +141,7 @@ def test_a_passage_happens_as_it_was_recorded(
 def test_parameters_that_the_ways_are_too_short_for_shorten_the_delay(tmp_path: Path, crossing: Site) -> None:
     path = write(tmp_path, crossing, measured(crossing, car(crossing, "left"), car(crossing, "oncoming", start=2.0)))
     values = {"StartSpeed_mps": "15", "StartDelay_s": "10", "Gap_m": "20"}
-    result = runner.run(path, sut="none", world="kinematic", parameters=values, enforce_constraints=True)
+    result = runner.run(path, sut="none", world="kinematic", parameters=values)
     begun = next(event.time for event in result.events if event.kind == "startTransition" and event.subject.endswith("::change"))
     assert begun < 5.0
 

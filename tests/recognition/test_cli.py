@@ -12,8 +12,9 @@ from typing import NamedTuple
 import pytest
 
 from recognition import cli
-from runner.batch.batch import Options, execute
+from runner.batch.batch import execute
 from runner.batch.jobs import Job
+from runner.settings import RunSettings
 from schemas.version import version
 from tests.recognition import motorway
 from tests.recognition.traffic import Car, write_highd
@@ -150,7 +151,7 @@ def test_runs_are_labelled(recognize: Command, tmp_path: Path, recordings: Path)
     scenario = next((tmp_path / "in" / "highway_cut_in").glob("*1_0*_maneuver.xosc"))
     (tmp_path / "runs").mkdir()
     job = Job("run", scenario, scenario)
-    assert execute(job, Options(sut="none", world="kinematic"), tmp_path / "runs").status == "completed"
+    assert execute(job, RunSettings(sut="none", world="kinematic"), tmp_path / "runs").status == "completed"
     answer = recognize("label", tmp_path / "runs", "--labels", "rules")
     assert (answer.code, answer.err) == (0, "")
     assert "run: highway cut in of Ego at " in answer.out

@@ -15,15 +15,16 @@ from pathlib import Path
 
 import pytest
 
-from runner.batch.batch import Options, rehearse_batch, run_batch
+from runner.batch.batch import rehearse_batch, run_batch
 from runner.batch.jobs import Job, Outcome, jobs_of
+from runner.settings import RunSettings
 from schemas.errors import UsageError
 from tests.runner.files import SLOW_SYSTEM, distribution, place, scenario
 
-QUICK = Options(sut="none", world="kinematic")
+QUICK = RunSettings(sut="none", world="kinematic")
 
 
-def batch(paths: list[Path], options: Options = QUICK, **settings: object) -> list[Outcome]:
+def batch(paths: list[Path], options: RunSettings = QUICK, **settings: object) -> list[Outcome]:
     return list(run_batch(jobs_of(paths, {}, True), options, **settings))  # type: ignore[arg-type]
 
 
@@ -56,7 +57,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def test_results_are_the_same_bytes_in_one_process_in_two_and_again(tmp_path: Path, variation: Path) -> None:
-    options = Options(world="kinematic", seed=3)
+    options = RunSettings(world="kinematic", seed=3)
     for name, processes in (("serial", 1), ("parallel", 2), ("again", 1)):
         batch([variation], options, out=tmp_path / name, processes=processes)
     serial = files(tmp_path / "serial")
@@ -240,7 +241,7 @@ def test_resuming_with_other_settings_or_parameters_is_refused(tmp_path: Path, v
     out = tmp_path / "out"
     batch([variation], out=out)
     with pytest.raises(UsageError, match=r"other settings \(timestep, seed\)"):
-        batch([variation], Options(0.1, "none", seed=1, world="kinematic"), out=out, resume=True)
+        batch([variation], RunSettings(0.1, "none", seed=1, world="kinematic"), out=out, resume=True)
     with pytest.raises(UsageError, match="other parameters"):
         list(run_batch(jobs_of([variation], {"Ego_Speed": "9"}, True), QUICK, out=out, resume=True))
 
@@ -319,7 +320,7 @@ def test_a_run_that_kills_its_process_is_named_and_the_others_complete(
     first = 60 - 20 * culprit  # so that the lead is 30 m ahead in the culprit's place
     path = distribution(tmp_path, "variation", {"Gap": (first, first + 100, 20)})
     out = tmp_path / "out"
-    outcomes = batch([path], Options(sut="deadly:Deadly", world="kinematic"), processes=2, out=out)
+    outcomes = batch([path], RunSettings(sut="deadly:Deadly", world="kinematic"), processes=2, out=out)
     assert [o.state for o in outcomes] == ["error" if n == culprit else "passed" for n in range(6)]
     assert outcomes[culprit].exit_code == 5
     assert "died" in outcomes[culprit].message

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 import runner
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.outputs.report import summary
+from runner.settings import RunSettings
 from runner.sut import Control
 from runner.sut.scripted import Scripted
 from tests.conformance.support import events
@@ -48,6 +49,6 @@ def test_end_of_the_road_is_a_remark(tmp_path: Path) -> None:
 
 def test_remarks_are_in_the_outcome_of_a_batch(tmp_path: Path) -> None:
     path = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 980, 20), stories=" ", stop=3.0)
-    (outcome,) = run_batch(jobs_of([path], {}, True), Options(world="kinematic"))
+    (outcome,) = run_batch(jobs_of([path], {}, True), RunSettings(world="kinematic"))
     assert (outcome.state, outcome.exit_code) == ("passed", 0)
     assert outcome.message == "Ego has come to the end of the road at 1.05 s"

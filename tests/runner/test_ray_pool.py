@@ -14,8 +14,9 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
+from runner.settings import RunSettings
 from schemas.errors import UsageError
 from tests.runner.files import SLOW_SYSTEM, distribution, scenario
 
@@ -53,7 +54,7 @@ def variation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def batch(path: Path, sut: str = "none", **settings: object) -> list[Outcome]:
-    options = Options(sut=sut, world="kinematic")
+    options = RunSettings(sut=sut, world="kinematic")
     return list(run_batch(jobs_of([path], {}, True), options, **settings))  # type: ignore[arg-type]
 
 
@@ -73,7 +74,7 @@ def test_results_are_those_of_local_processes(variation: Path) -> None:
 def test_a_killed_worker_is_replaced_and_its_run_repeated(variation: Path) -> None:
     outcomes: list[Outcome] = []
     running = run_batch(
-        jobs_of([variation], {}, True), Options(sut="ray_systems:Slow", world="kinematic"), out=Path("out"), ray="auto"
+        jobs_of([variation], {}, True), RunSettings(sut="ray_systems:Slow", world="kinematic"), out=Path("out"), ray="auto"
     )
     outcomes.append(next(running))
     attempts = Path("attempts.txt")
@@ -96,7 +97,7 @@ def test_a_run_that_kills_every_worker_is_named_and_the_others_complete(variatio
 
 
 def test_an_interrupted_batch_goes_on_where_it_was(variation: Path) -> None:
-    options = Options(sut="ray_systems:Slow", world="kinematic")
+    options = RunSettings(sut="ray_systems:Slow", world="kinematic")
     running = run_batch(jobs_of([variation], {}, True), options, out=Path("out"), ray="auto")
     first = list(islice(running, 2))
     running.close()
@@ -112,7 +113,7 @@ def test_an_interrupted_batch_goes_on_where_it_was(variation: Path) -> None:
 
 def test_what_can_not_be_written_is_said_and_not_entered(variation: Path) -> None:
     out = Path("out")
-    list(islice(run_batch(jobs_of([variation], {}, True), Options(sut="none", world="kinematic"), out=out), 1))
+    list(islice(run_batch(jobs_of([variation], {}, True), RunSettings(sut="none", world="kinematic"), out=out), 1))
     (out / "variation~000002").write_text("in the way")
     outcomes = batch(variation, out=out, ray="auto", resume=True)
     assert [o.state for o in outcomes] == ["passed", "passed", "error", "passed", "passed", "passed"]

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
+from runner.settings import RunSettings
 from tests.commands import Command
 from tests.runner.files import distribution, scenario
 
@@ -20,7 +21,7 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario(folder, stop=0.5)
     path = distribution(folder, "gaps", {"Gap": (20, 40, 10)})
     out = folder / "out"
-    assert len(list(run_batch(jobs_of([path], {}, True), Options(sut=None, world="kinematic"), out=out))) == 3
+    assert len(list(run_batch(jobs_of([path], {}, True), RunSettings(sut=None, world="kinematic"), out=out))) == 3
     return out
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.replay.report import report, varied, write_report
+from runner.settings import RunSettings
 from schemas.errors import UsageError
 from tests.runner.chromium import Browser
 from tests.runner.files import distribution, scenario
@@ -22,7 +23,7 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario(folder, stop=2.0)
     (folder / "bad<b>.xosc").write_text("<OpenSCENARIO/>")
     paths = [distribution(folder, "gaps", {"Gap": (10, 40, 10)}), folder / "bad<b>.xosc"]
-    list(run_batch(jobs_of(paths, {}, True), Options(sut=None, world="kinematic"), out=folder / "out"))
+    list(run_batch(jobs_of(paths, {}, True), RunSettings(sut=None, world="kinematic"), out=folder / "out"))
     (folder / "out" / "gaps~000000" / "replay.html").write_text("")
     write_report(folder / "out")
     return folder / "out"

@@ -10,12 +10,13 @@ import pyarrow.parquet as pq
 import pytest
 
 import runner
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.outputs.runs import EXTREMES, SHARES
+from runner.settings import RunSettings
 from tests.runner.files import distribution, scenario
 
-FAST = Options(sut="none", world="kinematic")
+FAST = RunSettings(sut="none", world="kinematic")
 
 
 @pytest.fixture

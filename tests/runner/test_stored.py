@@ -13,10 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import runner
-from runner.batch.batch import Options, execute
+from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.outputs.report import summary
 from runner.outputs.stored import EVENTS, RESULT, TRAJECTORIES, load_run
+from runner.settings import RunSettings
 from schemas.errors import InvalidFile
 from tests.runner.files import place, scenario, speed_action, story
 
@@ -28,7 +29,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = scenario(
         out / "files", init=place("Ego", 100, 20) + place("Lead", 110, 5), stories=story("Ego", [(0.5, speed_action(5))])
     )
-    assert execute(Job("run", path, path), Options(sut=None, world="kinematic"), out).state == "failed"
+    assert execute(Job("run", path, path), RunSettings(sut=None, world="kinematic"), out).state == "failed"
     return out / "run"
 
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
-from runner.command_line import guarded, interruptible, parameters_of, progress_bar
-from schemas.command_line import Verbose, Version, new_app, out_folder
+from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

@@ -28,6 +28,7 @@ from generation.study.knots.scenario import setting_of, write
 from recognition.study.protocol.store import Key as Place
 from recognition.study.protocol.store import Store
 from recognition.trfe.samples import Floats
+from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.errors import UsageError
 
 
@@ -44,13 +45,13 @@ class Settings:
         pinned: values of parameters that are not searched.
     """
 
-    sut: str = "cas"
+    sut: str = DEFAULT_SYSTEM
     budget: int = 3000
     density: str = "kde"
     weight: float = Reward.weight
     form: Form = Reward.form
     rss: str = "ad-rss"
-    timestep: float = 0.05
+    timestep: float = RunSettings.timestep
     pinned: dict[str, str] = field(default_factory=dict)
 
 
@@ -175,7 +176,8 @@ class Study:
 
     def _simulator(self, sut: str, scenario: Path, space: Space) -> Evaluate:
         settings = self.settings
-        evaluator = Evaluator(scenario, space, sut=sut, rss=settings.rss, timestep=settings.timestep, processes=self._processes)
+        run = RunSettings(sut=sut, timestep=settings.timestep)
+        evaluator = Evaluator(scenario, space, run=run, rss=settings.rss, processes=self._processes)
         return self._stack.enter_context(evaluator)
 
     def _path(self, key: Key) -> Path:

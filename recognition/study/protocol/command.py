@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from recognition.training.splits import Unit
-from runner.command_line import interruptible
-from schemas.command_line import Verbose, Version, out_folder
+from schemas.command_line import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

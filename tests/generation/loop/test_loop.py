@@ -15,8 +15,8 @@ from generation.logical.library import SCENARIOS
 from generation.loop.loop import chosen, run_loop
 from generation.loop.page import PAGE, write
 from generation.loop.settings import Settings
-from runner.command_line import progress_bar
 from schemas import check_many
+from schemas.command_line import progress_bar
 from schemas.files import expand
 from tests.recognition.traffic import Car, write_highd
 from tests.runner.chromium import Browser

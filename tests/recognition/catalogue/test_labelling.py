@@ -11,8 +11,9 @@ import pytest
 import xosc
 from recognition.catalogue.labelling import Labelled, label_runs
 from recognition.catalogue.pipeline import ByRules, Settings
-from runner.batch.batch import Options, execute
+from runner.batch.batch import execute
 from runner.batch.jobs import Job
+from runner.settings import RunSettings
 from schemas import check
 from schemas.errors import InvalidFile
 from xosc import tags
@@ -32,7 +33,7 @@ def run(scenario: Path, out: Path, *names: str) -> Path:
     out.mkdir(exist_ok=True)
     for name in names or ("run",):
         job = Job(name, scenario, scenario)
-        assert execute(job, Options(sut="none", world="kinematic"), out).status == "completed"
+        assert execute(job, RunSettings(sut="none", world="kinematic"), out).status == "completed"
     return out
 
 

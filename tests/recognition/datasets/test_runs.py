@@ -14,9 +14,10 @@ import pytest
 import runner
 from recognition import datasets
 from recognition.datasets.formats import runs
-from runner.batch.batch import Options, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.recording import COLUMNS
+from runner.settings import RunSettings
 from schemas.errors import InvalidFile
 from tests.recognition.traffic import read, total_rows
 
@@ -27,7 +28,7 @@ SCENARIO = Path(runner.__file__).parents[1] / "xosc" / "library" / "highway_cut_
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The results of a shipped scenario, as `xosc-run --out` leaves them."""
     out = tmp_path_factory.mktemp("out")
-    (outcome,) = run_batch(jobs_of([SCENARIO], {}, True), Options(), out=out)
+    (outcome,) = run_batch(jobs_of([SCENARIO], {}, True), RunSettings(), out=out)
     assert outcome.state == "passed"
     return out
 

@@ -1,0 +1,65 @@
+"""The settings of a run: everything that is chosen besides the scenario and the values of its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from runner.sut import System
+
+DEFAULT_SYSTEM = "cas"
+"""The system under test that drives the ego unless another one is chosen."""
+WORLDS = ("sumo", "kinematic")
+"""The worlds by name: SUMO, or scripted motion without a simulator."""
+_TIMESTEPS = 0.001, 1.0
+_LONGEST = 1e6
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """How scenarios are run, the same for one run, a batch, an export or a search.
+
+    Args:
+        timestep: s.
+        sut: the system under test that drives the ego: a name of the entry-point group `xosc.sut`, `module:Class`,
+            an instance, or None (as `none`) for what the scenario scripts alone.
+        ego: name of the ego entity; found by `runner.interpreter.ego.find_ego` where it is None.
+        seed: of everything random in a run.
+        max_time: limit of simulated time, s: scenarios without a StopTrigger have no end of their own.
+        world: one of `WORLDS`.
+        enforce_constraints: refuse parameter values that violate their constraint groups, and leave such sets of a
+            distribution out; otherwise violations are noted in the event log.
+
+    Raises:
+        UsageError: a value is out of its range, or there is no such world or system under test.
+    """
+
+    timestep: float = 0.05
+    sut: str | System | None = DEFAULT_SYSTEM
+    ego: str | None = None
+    seed: int = 0
+    max_time: float = 300.0
+    world: str = "sumo"
+    enforce_constraints: bool = True
+
+    def __post_init__(self) -> None:
+        shortest, longest = _TIMESTEPS
+        if not shortest <= self.timestep <= longest:
+            raise UsageError(f"the time step must be from {shortest:g} s to {longest:g} s, not {self.timestep}")
+        if not 0.0 <= self.max_time <= _LONGEST:
+            raise UsageError(f"the time limit must be from 0 s to {_LONGEST:g} s, not {self.max_time}")
+        if self.world not in WORLDS:
+            raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
+        if isinstance(self.sut, str):
+            from runner.sut import find_system
+
+            find_system(self.sut)
+
+    def as_json(self) -> dict[str, Any]:
+        """The values by name, for files; a system under test by its name."""
+        from runner.sut import system_name
+
+        return {each.name: getattr(self, each.name) for each in fields(self)} | {"sut": system_name(self.sut)}
