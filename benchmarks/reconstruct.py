@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.parameters import SEVEN
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Samples, extract
 
-LOW, HIGH = (np.array([getattr(each, side) for each in SEVEN.values()]) for side in ("low", "high"))
+LOW, HIGH = (np.array([getattr(each, side) for each in PARAMETERS.values()]) for side in ("low", "high"))
 SIDEWAYS = (LANE_CHANGE, CUT_IN, CUT_OUT)
 
 

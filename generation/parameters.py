@@ -14,6 +14,7 @@ from os import PathLike
 import numpy as np
 
 import xosc
+from recognition.maneuvers.parameters import PARAMETERS, Parameter
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 from xosc.node import Node
@@ -22,41 +23,6 @@ from xosc.parameters import Assignment, Scope, nearest
 DIGITS = 6
 """Decimal digits of values in files."""
 _STEP = 10.0**-DIGITS
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A side of the box.
-
-    Attributes:
-        name: of its ParameterDeclaration; in `SEVEN` without the participant's name in front.
-        low, high: least and greatest value, both allowed.
-        unit: m, mps, s, ...; empty where the name does not say.
-        meaning: one line for people; empty where it is not one of the seven.
-    """
-
-    name: str
-    low: float
-    high: float
-    unit: str = ""
-    meaning: str = ""
-
-
-SEVEN: Mapping[str, Parameter] = {
-    "gap": Parameter("Gap_m", 5.0, 80.0, "m", "gap to the lead when the manoeuvre begins"),
-    "start_speed": Parameter("StartSpeed_mps", 10.0, 40.0, "mps", "speed when the manoeuvre begins"),
-    "start_time": Parameter("StartTime_s", 0.0, 10.0, "s", "from the scene's start to the manoeuvre's"),
-    "end_speed": Parameter("EndSpeed_mps", 10.0, 40.0, "mps", "speed when the manoeuvre ends"),
-    "duration": Parameter("Duration_s", 1.0, 8.0, "s", "of the manoeuvre"),
-    "final_speed": Parameter("FinalSpeed_mps", 10.0, 40.0, "mps", "speed when the scene ends"),
-    "rest": Parameter("RestTime_s", 0.0, 10.0, "s", "from the manoeuvre's end to the scene's"),
-}
-"""The parameters of a manoeuvre by role (Table 1). A declaration's name is the participant's name, `_` and the name here."""
-
-
-def declared_name(participant: str, role: str) -> str:
-    """Name of the declaration of one of the seven, `CutIn_Gap_m` for example."""
-    return f"{participant}_{SEVEN[role].name}"
 
 
 @dataclass(frozen=True)
@@ -165,7 +131,7 @@ def _declarations(root: Node) -> list[Node]:
 
 def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
     """Names of the actors' parameters, or of all but the ego's where there is no actor."""
-    seven = {each.name for each in SEVEN.values()}
+    seven = {each.name for each in PARAMETERS.values()}
     actors = tuple(f"{prefix}_" for prefix, _, rest in (name.partition("_") for name in bounded) if rest in seven)
     if actors:
         return {name for name in bounded if name.startswith(actors)}
@@ -198,5 +164,5 @@ def _parameter(declaration: Node, scope: Scope) -> Parameter:
     if not low < high:
         raise declaration.invalid(f"no value of the parameter {name} keeps its constraints")
     short = name.partition("_")[2]
-    meaning = next((each.meaning for each in SEVEN.values() if each.name == short), "")
+    meaning = next((each.meaning for each in PARAMETERS.values() if each.name == short), "")
     return Parameter(name, low, high, name.rpartition("_")[2] if "_" in name else "", meaning)

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 import xosc
 from generation.logical.maneuvers import EGO, MANEUVERS
-from generation.parameters import SEVEN, Space
+from generation.parameters import Space
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import KINDS, OWN, Samples, extract
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 from xosc.node import Node
 from xosc.tags import PREFIX
 
-_ROLES = tuple(SEVEN.values())
+_ROLES = tuple(PARAMETERS.values())
 _RECORDING = f"{PREFIX}Recording"
 
 

@@ -15,7 +15,7 @@ from generation.logical import catalogs
 from generation.logical.geometries import Geometry, Limits
 from generation.logical.header import header, scenario_tags
 from generation.logical.maneuvers import EGO, Maneuver
-from generation.parameters import SEVEN, declared_name
+from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from schemas.errors import UsageError
 from xosc import maneuvers
 from xosc.document import Document
@@ -88,7 +88,7 @@ class Plot:
         start = self._kept if self.maneuver.actor != EGO else place.ego_speed
         end = braking[0] if braking else round(0.95 * start, 1)
         values = (place.gap, start, 3.0, end, 4.0, end, 5.0)
-        return {declared_name(self.maneuver.actor, role): value for role, value in zip(SEVEN, values, strict=True)}
+        return {declared_name(self.maneuver.actor, role): value for role, value in zip(PARAMETERS, values, strict=True)}
 
     @property
     def _kept(self) -> float:
@@ -101,7 +101,7 @@ class Plot:
 
     def _parameters(self) -> list[Any]:
         """The seven of the actor, and the speeds of those who keep theirs."""
-        limits: dict[str, Limits] = {each.name: (each.low, each.high) for each in SEVEN.values()}
+        limits: dict[str, Limits] = {each.name: (each.low, each.high) for each in PARAMETERS.values()}
         slow, place = self.maneuver.braking or self.geometry.speeds, self.geometry
         limits |= {"Gap_m": place.gaps, "StartSpeed_mps": place.speeds, "EndSpeed_mps": slow, "FinalSpeed_mps": slow}
         actor = self.maneuver.actor
@@ -180,7 +180,7 @@ class Plot:
         change = [maneuvers.speed(self._role("end_speed"), over_time)]
         if lanes:
             change.append(maneuvers.lane_change(lanes, over_time._replace(shape=SHAPE), relative_to=actor))
-        settle = maneuvers.speed(self._role("final_speed"), over_time._replace(value=self._role("rest")))
+        settle = maneuvers.speed(self._role("final_speed"), over_time._replace(value=self._role("rest_time")))
         changed = maneuvers.element_state("event", f"{actor} changes", "completeState")
         events = [
             maneuvers.event(f"{actor} changes", change, self._start()),
@@ -207,7 +207,7 @@ class Plot:
     def _stop(self) -> Conditions:
         """At a collision of the ego, at the scene's end, or when the gap never came."""
         done = maneuvers.element_state("event", f"{self.maneuver.actor} changes", "completeState")
-        times = " + ".join(self._role(role) for role in ("start_time", "duration", "rest"))
+        times = " + ".join(self._role(role) for role in ("start_time", "duration", "rest_time"))
         limit = f"${{{times} + {_PATIENCE}}}"
         collisions = [[maneuvers.collision(EGO, name)] for name in self._others()]
-        return [*collisions, [replace(done, delay=self._role("rest"))], [maneuvers.simulation_time(limit)]]
+        return [*collisions, [replace(done, delay=self._role("rest_time"))], [maneuvers.simulation_time(limit)]]

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from generation.outcomes.evaluator import Outcomes
-from generation.parameters import SEVEN, Space
+from generation.parameters import Space
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.trfe.samples import Floats
 from runner.measures.rss import lateral_distance, longitudinal_distance, parameter_set
 
 STEP, LENGTH, WIDTH, LANE, EGO, SENSOR, BRAKE = 0.1, 4.5, 1.8, 3.5, 30.0, 10.0, 8.0
-SPACE = Space(tuple(SEVEN.values()))
+SPACE = Space(tuple(PARAMETERS.values()))
 
 
 @dataclass

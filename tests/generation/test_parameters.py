@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.parameters import SEVEN, Parameter, Space, declared_name
+from generation.parameters import Space
+from recognition.maneuvers.parameters import PARAMETERS, Parameter, declared_name
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from xosc import maneuvers
 from xosc.exports.concrete import copied
@@ -31,11 +32,11 @@ def declaring(path: Path, *parameters: object) -> Path:
 
 def test_the_box_of_the_cut_in_is_table_1() -> None:
     space = Space.of(CUT_IN)
-    assert space.names == tuple(declared_name("CutIn", role) for role in SEVEN)
+    assert space.names == tuple(declared_name("CutIn", role) for role in PARAMETERS)
     assert space.low.tolist() == [5, 10, 0, 10, 1, 10, 0]
     assert space.high.tolist() == [80, 40, 10, 40, 8, 40, 10]
-    assert [each.meaning for each in space.parameters] == [each.meaning for each in SEVEN.values()]
-    assert [each.unit for each in space.parameters] == [each.unit for each in SEVEN.values()]
+    assert [each.meaning for each in space.parameters] == [each.meaning for each in PARAMETERS.values()]
+    assert [each.unit for each in space.parameters] == [each.unit for each in PARAMETERS.values()]
     assert space.pinned == {"Ego_Speed_mps": "30.0"}
 
 

@@ -14,12 +14,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from generation.parameters import SEVEN
 from generation.search.method import ABLATIONS, METHODS
 from generation.search.problem import Episodes
 from generation.study.comparison.measures import curves, last_third
 from generation.study.comparison.report import FIGURES, results
 from generation.study.comparison.study import Key, Study
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units.reconstruction import reconstruct
 from recognition.trfe.samples import Floats
 
@@ -172,7 +172,7 @@ def _trajectories(study: Study, generated: Episodes) -> Figure:
 
 def _is_manoeuvre(study: Study) -> bool:
     """Whether the space is that of the seven parameters, in their order."""
-    return [name.partition("_")[2] for name in study.space.names] == [each.name for each in SEVEN.values()]
+    return [name.partition("_")[2] for name in study.space.names] == [each.name for each in PARAMETERS.values()]
 
 
 def _short(name: str) -> str:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.parameters import SEVEN, Space
+from generation.parameters import Space
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.speeds import fitted_speeds, ways
 from recognition.maneuvers.units.reconstruction import progress, reconstruct
 from recognition.trfe.samples import Floats
@@ -103,7 +104,7 @@ def _nearest(row: Floats, setting: Setting) -> tuple[Floats, tuple[float, float]
 
 def _times(total: float) -> tuple[Floats, Floats]:
     """Beginnings and durations (m,) that the parameters allow in a scene of that time, s."""
-    before, lasts, after = (SEVEN[role] for role in ("start_time", "duration", "rest"))
+    before, lasts, after = (PARAMETERS[role] for role in ("start_time", "duration", "rest_time"))
     starts = np.arange(before.low, before.high + 1e-9, _EVERY)
     durations = np.arange(lasts.low, lasts.high + 1e-9, _EVERY)
     start, duration = (each.ravel() for each in np.meshgrid(starts, durations, indexing="ij"))

@@ -13,9 +13,10 @@ import xodr
 from generation.logical.geometries import GEOMETRIES
 from generation.logical.library import ROADS, SCENARIOS
 from generation.logical.maneuvers import EGO, MANEUVERS
-from generation.parameters import SEVEN, Space, declared_name
+from generation.parameters import Space
 from generation.study.knots.motion import NUMBER, Setting, box, knots_of, weights
 from generation.variations import AUTHOR
+from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 from xosc import maneuvers
@@ -44,7 +45,7 @@ def setting_of(scenario: Path, space: Space) -> Setting:
     Raises:
         UsageError: there are none beside this scenario, or beside a part of its parameters.
     """
-    seven = tuple(declared_name(_ACTOR, role) for role in SEVEN)
+    seven = tuple(declared_name(_ACTOR, role) for role in PARAMETERS)
     if scenario.stem != LOGICAL or space.names != seven:
         raise UsageError(f"No-Maneuver has trajectories in the place of all seven parameters of {LOGICAL} only", path=scenario)
     road = xodr.load(ROADS / f"{_PLACE.file}.xodr").roads[_PLACE.road]

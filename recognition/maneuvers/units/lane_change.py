@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.parameters import SEVEN
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units.motion import Motion
 from recognition.maneuvers.units.reconstruction import progress
 
 EVERY = 0.2
 """Resolution (s) of beginnings, durations and the motion that is compared."""
-_SCENE = SEVEN["start_time"].high
+_SCENE = PARAMETERS["start_time"].high
 """Time (s) before and after the border is crossed in which the motion is compared, as far as it is this lane change's"""
 
 
@@ -42,7 +42,7 @@ def lane_changes(motion: Motion) -> list[Change]:
 def _fitted(motion: Motion, row: int, first: int, last: int) -> Change | None:
     """The lane change across the border at a row within two other rows; None where there is no room for one."""
     scene, every = motion.scene, motion.scene.rows(EVERY)
-    low, high = (SEVEN["duration"].low, SEVEN["duration"].high)
+    low, high = (PARAMETERS["duration"].low, PARAMETERS["duration"].high)
     compared = np.arange(max(first, row - scene.rows(_SCENE)), min(last, row + scene.rows(_SCENE)) + 1, every)
     starts = np.arange(max(first, row - scene.rows(high)), row, every)
     sizes = np.arange(scene.rows(low), scene.rows(high) + 1, every)

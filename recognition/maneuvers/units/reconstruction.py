@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.parameters import SEVEN
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.speeds import ways
 from recognition.maneuvers.units.motion import Motion
 from recognition.maneuvers.units.unit import Unit
 from recognition.sites.lanes import Floats
 
-ROLES = tuple(SEVEN)
+ROLES = tuple(PARAMETERS)
 RATE = 1.0
 """Samples a second by which motions are compared."""
 
@@ -40,7 +40,7 @@ def reconstruct(row: Floats, shift: float, time: Floats) -> tuple[Floats, Floats
     values = dict(zip(ROLES, row.tolist(), strict=True))
     speeds = np.array([values["start_speed"], values["end_speed"], values["final_speed"]])
     share = np.clip(time / values["duration"], 0.0, 1.0)
-    return ways(time, values["duration"], values["rest"]) @ speeds, shift * progress(share)
+    return ways(time, values["duration"], values["rest_time"]) @ speeds, shift * progress(share)
 
 
 def progress(share: Floats) -> Floats:

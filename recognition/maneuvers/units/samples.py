@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.parameters import SEVEN
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile
 
@@ -20,7 +20,7 @@ OWN = Path(__file__).with_name("own.parquet")
 """Units of our own recordings of motorways and arterials, by `benchmarks/record.py` and `benchmarks/reconstruct.py --out`."""
 
 Texts = NDArray[np.str_]
-_NAMES = tuple(each.name for each in SEVEN.values())
+_NAMES = tuple(each.name for each in PARAMETERS.values())
 _TEXTS = {"recordings": "recording", "kinds": "kind", "actors": "actor", "others": "other"}
 _TIME, _SPEED, _ERRORS = "time_s", "Ego_Speed_mps", ("RMSE_t_m", "RMSE_s_m")
 _NUMBERS = (_TIME, *_NAMES, _SPEED, *_ERRORS)
@@ -31,7 +31,7 @@ class Samples:
     """Units with their parameters, one a row.
 
     Attributes:
-        theta: the seven in the order of `SEVEN` (n, 7).
+        theta: the seven in the order of `PARAMETERS` (n, 7).
         recordings, kinds, actors, others: texts (n,); see `recognition.maneuvers.units.Unit`.
         times: when the manoeuvre begins in the recording, s (n,).
         ego_speeds: of the one who is not the actor, when the manoeuvre begins, m/s (n,).

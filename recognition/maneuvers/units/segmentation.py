@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.parameters import SEVEN
 from recognition.labels import cuts
 from recognition.labels.scene.leads import NOBODY
 from recognition.labels.scene.stays import stays
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units.lane_change import Change, lane_changes
 from recognition.maneuvers.units.motion import Motion
 from recognition.maneuvers.units.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE, Unit
@@ -75,6 +75,6 @@ def _phases(motion: Motion, changes: list[Change], thresholds: Thresholds) -> It
 def _unit(motion: Motion, kind: str, other: int, start: int, end: int, first: int, last: int, shift: float = 0.0) -> Unit:
     """A unit whose scene is cut to the actor's course and to what the parameters reach."""
     scene = motion.scene
-    first = max(first, int(motion.first[start]), start - scene.rows(SEVEN["start_time"].high))
-    last = min(last, int(motion.last[start]), end + scene.rows(SEVEN["rest"].high))
+    first = max(first, int(motion.first[start]), start - scene.rows(PARAMETERS["start_time"].high))
+    last = min(last, int(motion.last[start]), end + scene.rows(PARAMETERS["rest_time"].high))
     return Unit(kind, int(scene.track[start]), other, start, end, first, last, shift)

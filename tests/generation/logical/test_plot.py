@@ -11,7 +11,7 @@ import pytest
 import runner
 from generation.logical.library import SCENARIOS, plots
 from generation.logical.plot import Plot
-from generation.parameters import SEVEN, declared_name
+from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from runner.measures.relations import Motion, relation
 from runner.recording import Track
 
@@ -58,7 +58,7 @@ def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0) -> Run:
         min(end + 1.0, 10.0) if plot.maneuver.braking else end + 1.0,
         2.0,
     )
-    asked = dict(zip(SEVEN, values, strict=True))
+    asked = dict(zip(PARAMETERS, values, strict=True))
     given = {declared_name(plot.maneuver.actor, role): str(value) for role, value in asked.items()}
     given[f"{plot.maneuver.leader if actor_is_ego else 'Ego'}_Speed_mps"] = str(slow)
     done = runner.run(SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP)
@@ -81,7 +81,7 @@ def test_speeds_and_times_are_those_asked_for(name: str) -> None:
     start, end = asked["start_time"], asked["start_time"] + asked["duration"]
     assert done.actor("speed", 0.0) == done.actor("speed", start) == pytest.approx(asked["start_speed"])
     assert done.actor("speed", end) == pytest.approx(asked["end_speed"], abs=0.05)
-    assert done.end == pytest.approx(end + asked["rest"], abs=2 * STEP)
+    assert done.end == pytest.approx(end + asked["rest_time"], abs=2 * STEP)
     assert done.actor("speed", done.end) == pytest.approx(asked["final_speed"], abs=0.05)
     halfway = (asked["start_speed"] + asked["end_speed"]) / 2
     assert done.actor("speed", (start + end) / 2) == pytest.approx(halfway, abs=0.05)

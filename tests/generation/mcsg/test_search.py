@@ -18,10 +18,11 @@ from generation.mcsg.environment import Edits, ScenarioEnv, coordinated, single
 from generation.mcsg.policy import Bins, Policy
 from generation.mcsg.search import Settings, search
 from generation.outcomes.evaluator import Outcomes
-from generation.parameters import Parameter, Space
+from generation.parameters import Space
 from generation.search.memory import Memory
 from generation.search.problem import Calls, History, Problem
 from generation.search.reward import Realism, Reward, criticality
+from recognition.maneuvers.parameters import Parameter
 from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import SPACE, Kinematic, driven

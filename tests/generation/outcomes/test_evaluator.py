@@ -11,7 +11,8 @@ import pytest
 
 import runner
 from generation.outcomes.evaluator import Evaluator, Outcomes
-from generation.parameters import Parameter, Space
+from generation.parameters import Space
+from recognition.maneuvers.parameters import Parameter
 from runner.settings import RunSettings
 from schemas.errors import UsageError
 

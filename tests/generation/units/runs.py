@@ -6,9 +6,9 @@ from pathlib import Path
 
 import runner
 from generation.logical.library import ROADS, SCENARIOS
-from generation.parameters import SEVEN, declared_name
 from recognition.labels.rules import Rules
 from recognition.labels.scene.scene import prepare
+from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from recognition.maneuvers.units import Motion, motion
 from recognition.sites import site_at
 
@@ -22,7 +22,7 @@ def recorded(name: str, road: str, actor: str, values: tuple[float, ...], folder
         values: the seven parameters of the actor, in their order.
         others: further parameters.
     """
-    given = {declared_name(actor, role): str(value) for role, value in zip(SEVEN, values, strict=True)}
+    given = {declared_name(actor, role): str(value) for role, value in zip(PARAMETERS, values, strict=True)}
     given |= {key: str(value) for key, value in others.items()}
     done = runner.run(SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP)
     assert done.verdict.passed, done.verdict.reasons

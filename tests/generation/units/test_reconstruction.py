@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.parameters import SEVEN
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import reconstruct
 from tests.generation.units.runs import STEP, recorded
 
 SMALL = 1e-5
-LEAST = {"start_time": 0.5, "rest": 0.5}
+LEAST = {"start_time": 0.5, "rest_time": 0.5}
 """Phases of so many seconds have speeds that differences of `SMALL` seconds tell"""
-Row = st.tuples(*(st.floats(max(each.low, LEAST.get(role, 0.0)), each.high) for role, each in SEVEN.items()))
+Row = st.tuples(*(st.floats(max(each.low, LEAST.get(role, 0.0)), each.high) for role, each in PARAMETERS.items()))
 
 
 @given(Row, st.sampled_from([-3.75, 0.0, 3.5]))

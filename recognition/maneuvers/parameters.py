@@ -1,0 +1,71 @@
+"""The parameters of a manoeuvre: names, meanings, units and ranges.
+
+One actor's manoeuvre has seven parameters. Tables of units, the catalogues' scenarios and the library's logical scenarios use
+these names; what estimates the values, and what writes them as triggers and actions, is beside this module.
+
+Source: METHOD.md §3, Table 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter with its range.
+
+    Attributes:
+        name: of its ParameterDeclaration; in `PARAMETERS` without the participant's name in front.
+        low, high: least and greatest value, both allowed.
+        unit: m, mps, s, ...; empty where the name does not say.
+        meaning: one line for people; empty where it is not one of `PARAMETERS`.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str = ""
+    meaning: str = ""
+
+
+PARAMETERS: Mapping[str, Parameter] = {
+    "gap": Parameter("Gap_m", 5.0, 80.0, "m", "gap to the lead when the manoeuvre begins"),
+    "start_speed": Parameter("StartSpeed_mps", 10.0, 40.0, "mps", "speed when the manoeuvre begins"),
+    "start_time": Parameter("StartTime_s", 0.0, 10.0, "s", "from the scene's start to the manoeuvre's"),
+    "end_speed": Parameter("EndSpeed_mps", 10.0, 40.0, "mps", "speed when the manoeuvre ends"),
+    "duration": Parameter("Duration_s", 1.0, 8.0, "s", "of the manoeuvre"),
+    "final_speed": Parameter("FinalSpeed_mps", 10.0, 40.0, "mps", "speed when the scene ends"),
+    "rest_time": Parameter("RestTime_s", 0.0, 10.0, "s", "from the manoeuvre's end to the scene's"),
+}
+"""The parameters by role, in the order of every array of them."""
+
+
+class Values(NamedTuple):
+    """Values of the parameters, by role.
+
+    Attributes:
+        gap: of the boxes to the leader, m; in a passage, from the other one's front to the conflict point; None without another.
+        start_speed, end_speed, final_speed: m/s.
+        start_time, duration, rest_time: s.
+    """
+
+    gap: float | None
+    start_speed: float
+    start_time: float
+    end_speed: float
+    duration: float
+    final_speed: float
+    rest_time: float
+
+    @property
+    def named(self) -> dict[str, float]:
+        """Those that there are, by the names of their declarations."""
+        return {PARAMETERS[role].name: value for role, value in self._asdict().items() if value is not None}
+
+
+def declared_name(participant: str, role: str) -> str:
+    """Name of the declaration of a participant's parameter, `CutIn_Gap_m` for example."""
+    return f"{participant}_{PARAMETERS[role].name}"
