@@ -16,7 +16,8 @@ from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest.rfap import random_trees, similarity
 from recognition.trfe.forest.votes import forest, votes
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
+from xodr.array_types import IntArray
 
 SIZES = (250, 500, 1000, 2000, 4000)
 NAIVE = 150
@@ -46,7 +47,7 @@ def main() -> None:
     print(f"double loop  {NAIVE:>5} samples  {loop:7.2f} s  {loop / spent:.0f} times the time of ours")
 
 
-def _clouds(count: int, width: int, classes: int) -> tuple[Features, Whole]:
+def _clouds(count: int, width: int, classes: int) -> tuple[Features, IntArray]:
     generator = np.random.default_rng(0)
     labels = generator.integers(1, classes + 1, count)
     centres = generator.standard_normal((classes + 1, width))

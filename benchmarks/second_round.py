@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from generation.loop.failures import Failures, failures
 from generation.pipeline import Settings, generate
 from generation.recorded import kind_of, of_recordings, of_samples
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 
 def main() -> None:
@@ -28,7 +28,7 @@ def main() -> None:
     given = parser.parse_args()
     samples = of_recordings(None, kind_of(given.scenario))
 
-    def search(seed: int, found: Floats | None = None, before: Floats | None = None) -> Failures:
+    def search(seed: int, found: FloatArray | None = None, before: FloatArray | None = None) -> Failures:
         settings = Settings(sut=given.sut, budget=given.budget, seed=seed)
         with TemporaryDirectory() as out:
             made = generate(given.scenario, partial(of_samples, samples), Path(out), settings, found=found)

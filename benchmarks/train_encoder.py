@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recognition.encoder.config import PRESETS
 from recognition.encoder.finetuning import finetune
@@ -23,6 +22,7 @@ from recognition.labels import Label
 from recognition.study.experiments.probe import probe, speed_code
 from recognition.training.data import windows_at
 from recognition.training.splits import split
+from xodr.array_types import IntArray
 
 PAPER = 43_800
 
@@ -68,7 +68,7 @@ def _said(what: str):
     return lambda epoch, loss: print(f"{what}: epoch {epoch}, loss {loss:.3f}", flush=True)
 
 
-def _confusion(truth: NDArray[np.int64], found: NDArray[np.int64]) -> None:
+def _confusion(truth: IntArray, found: IntArray) -> None:
     print(f"accuracy {(truth == found).mean():.3f}")
     for label in np.unique(truth):
         mine = found[truth == label]

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recognition.grids.config import Grid
 from runner.recording import Recording
 from schemas.errors import UsageError
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 Moments = Sequence[tuple[str, float]]
 """Names of ego tracks and times, s."""
-Floats = NDArray[np.float64]
-Whole = NDArray[np.int64]
 _MISSING = 0.25
 """The ego's row nearest to a wanted time may be this far from it, s: a few frames may be missing in its track."""
 _TIE = 1e-6
@@ -33,20 +31,20 @@ class Frames:
             `begins[number]` on.
     """
 
-    x: Floats
-    y: Floats
-    h: Floats
-    vx: Floats
-    vy: Floats
-    length: Floats
-    width: Floats
-    time: Floats
-    frame: Whole
-    track: Whole
-    starts: Whole
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    length: FloatArray
+    width: FloatArray
+    time: FloatArray
+    frame: IntArray
+    track: IntArray
+    starts: IntArray
     names: dict[str, int]
-    tracks: Whole
-    begins: Whole
+    tracks: IntArray
+    begins: IntArray
 
 
 def frames_of(recording: Recording) -> Frames:
@@ -85,7 +83,7 @@ def frames_of(recording: Recording) -> Frames:
     )
 
 
-def ego_rows(frames: Frames, moments: Moments, offsets: Sequence[float]) -> tuple[Whole, NDArray[np.bool_]]:
+def ego_rows(frames: Frames, moments: Moments, offsets: Sequence[float]) -> tuple[IntArray, BoolArray]:
     """Rows of the egos nearest to the wanted times: (n, offsets); and whether each moment's are all near enough.
 
     Raises:
@@ -102,7 +100,7 @@ def ego_rows(frames: Frames, moments: Moments, offsets: Sequence[float]) -> tupl
     return rows, (np.abs(frames.time[rows] - wanted) <= _MISSING).all(axis=1)
 
 
-def covered(recording: Recording, moments: Moments, grid: Grid) -> NDArray[np.bool_]:
+def covered(recording: Recording, moments: Moments, grid: Grid) -> BoolArray:
     """Whether the ego's track covers each moment's window, but for gaps of a few frames: only such can be rasterised."""
     if not moments:
         return np.zeros(0, bool)

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.grids.config import ROAD_CHANNELS, VELOCITY_STEP, Channel, Grid
-from recognition.grids.frames import Floats, Frames, Moments, Whole, ego_rows, frames_of
+from recognition.grids.frames import Frames, Moments, ego_rows, frames_of
 from recognition.grids.roads import cell_centres, picture
 from runner.recording import Recording
 from schemas.errors import UsageError
+from xodr.array_types import BoolArray, FloatArray, IntArray
 from xodr.network import RoadNetwork
 
 _BATCH = 256
@@ -36,13 +37,13 @@ class Boxes(NamedTuple):
     x, y: centre ahead and to the left of the ego, m; cos, sin: of the heading relative to the grid's; own: whether it is the ego.
     """
 
-    frame: Whole
-    row: Whole
-    x: Floats
-    y: Floats
-    cos: Floats
-    sin: Floats
-    own: NDArray[np.bool_]
+    frame: IntArray
+    row: IntArray
+    x: FloatArray
+    y: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+    own: BoolArray
 
 
 def rasterise(recording: Recording, moments: Moments, grid: Grid, site: Site | None = None) -> NDArray[np.uint8]:
@@ -82,7 +83,7 @@ def rasterise(recording: Recording, moments: Moments, grid: Grid, site: Site | N
     return grids
 
 
-def _vehicles(frames: Frames, egos: Whole, poses: Whole, grid: Grid) -> dict[Channel, NDArray[np.uint8]]:
+def _vehicles(frames: Frames, egos: IntArray, poses: IntArray, grid: Grid) -> dict[Channel, NDArray[np.uint8]]:
     """The channels that show boxes: (frames of the batch, cells) each."""
     boxes = _about(frames, egos, poses, grid)
     box, cell, area = _points(frames, boxes, grid)
@@ -104,7 +105,7 @@ def _vehicles(frames: Frames, egos: Whole, poses: Whole, grid: Grid) -> dict[Cha
     return drawn
 
 
-def _about(frames: Frames, egos: Whole, poses: Whole, grid: Grid) -> Boxes:
+def _about(frames: Frames, egos: IntArray, poses: IntArray, grid: Grid) -> Boxes:
     """Everyone who is in the frames of the egos' rows and within reach of the grids at the given poses."""
     start, end = frames.starts[frames.frame[egos]], frames.starts[frames.frame[egos] + 1]
     frame = np.repeat(np.arange(len(egos)), end - start)
@@ -120,7 +121,7 @@ def _about(frames: Frames, egos: Whole, poses: Whole, grid: Grid) -> Boxes:
     return Boxes(frame, row, x, y, np.cos(turn), np.sin(turn), frames.track[row] == frames.track[egos[frame]])
 
 
-def _points(frames: Frames, boxes: Boxes, grid: Grid) -> tuple[Whole, Whole, Floats]:
+def _points(frames: Frames, boxes: Boxes, grid: Grid) -> tuple[IntArray, IntArray, FloatArray]:
     """Points spread evenly over the boxes: the box and the cell of each that lies in the grid; and the area (m²) that each
     point of a box stands for."""
     length, width = frames.length[boxes.row], frames.width[boxes.row]
@@ -135,8 +136,8 @@ def _points(frames: Frames, boxes: Boxes, grid: Grid) -> tuple[Whole, Whole, Flo
 
 
 def _lattice(
-    boxes: Boxes, mine: Whole, length: Floats, width: Floats, along: int, across: int, grid: Grid
-) -> tuple[Whole, Whole]:
+    boxes: Boxes, mine: IntArray, length: FloatArray, width: FloatArray, along: int, across: int, grid: Grid
+) -> tuple[IntArray, IntArray]:
     """Box and cell of the points of those boxes that have as many of them."""
     x, y, cos, sin, long, wide = (
         values[mine, None, None].astype(np.float32) for values in (boxes.x, boxes.y, boxes.cos, boxes.sin, length, width)
@@ -150,7 +151,7 @@ def _lattice(
     return np.repeat(mine, inside.sum(axis=(1, 2))), (row[inside] * columns + column[inside]).astype(np.int64)
 
 
-def _motion(frames: Frames, boxes: Boxes, egos: Whole, poses: Whole) -> dict[Channel, NDArray[np.uint8]]:
+def _motion(frames: Frames, boxes: Boxes, egos: IntArray, poses: IntArray) -> dict[Channel, NDArray[np.uint8]]:
     """Codes of the boxes' speeds, and of their velocities relative to the ego's."""
     ego, h = egos[boxes.frame], frames.h[poses[boxes.frame]]
     vx, vy = frames.vx[boxes.row], frames.vy[boxes.row]
@@ -159,11 +160,11 @@ def _motion(frames: Frames, boxes: Boxes, egos: Whole, poses: Whole) -> dict[Cha
     return {"speed": _code(speed, 0.0), "velocity_x": _code(along, 128.0), "velocity_y": _code(left, 128.0)}
 
 
-def _code(velocity: Floats, zero: float) -> NDArray[np.uint8]:
+def _code(velocity: FloatArray, zero: float) -> NDArray[np.uint8]:
     return np.clip(np.rint(velocity / VELOCITY_STEP) + zero, 1, 255).astype(np.uint8)
 
 
-def _roads(frames: Frames, poses: Whole, grid: Grid, network: RoadNetwork) -> dict[Channel, NDArray[np.uint8]]:
+def _roads(frames: Frames, poses: IntArray, grid: Grid, network: RoadNetwork) -> dict[Channel, NDArray[np.uint8]]:
     """The channels that show the road, as seen from each pose: (frames of the batch, rows, columns) each."""
     distinct = 1 if grid.pose == "window" else grid.frames
     seen = poses[:, :distinct].ravel()

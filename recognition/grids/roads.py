@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.grids.config import Grid
-from recognition.grids.frames import Floats
+from xodr.array_types import FloatArray
 from xodr.graph.ways import DRIVABLE
 from xodr.network import RoadNetwork
 from xodr.road import Road
@@ -61,7 +61,7 @@ def picture(network: RoadNetwork, cell: float) -> Picture:
     return Picture(smooth, float(low[0]), float(low[1]))
 
 
-def _lanes(road: Road) -> list[tuple[Floats, Floats]]:
+def _lanes(road: Road) -> list[tuple[FloatArray, FloatArray]]:
     """Inner and outer borders of the drivable lanes, at places that are less than a pixel apart: (n, 2) each."""
     sections = [section.lanes[lane_id] for section in road.sections for lane_id in (*section.left, *section.right)]
     return [
@@ -71,7 +71,7 @@ def _lanes(road: Road) -> list[tuple[Floats, Floats]]:
     ]
 
 
-def _refined(inner: Floats, outer: Floats) -> tuple[Floats, Floats]:
+def _refined(inner: FloatArray, outer: FloatArray) -> tuple[FloatArray, FloatArray]:
     steps = [np.hypot(*np.diff(line, axis=0).T) for line in (inner, outer)]
     count = 2 + int(1.5 * max(step.sum() for step in steps) / _PIXEL)
     given = np.concatenate([[0.0], np.cumsum(np.maximum(*steps))])
@@ -80,7 +80,7 @@ def _refined(inner: Floats, outer: Floats) -> tuple[Floats, Floats]:
     return first, second
 
 
-def _draw(plane: NDArray[np.uint8], points: Floats, low: Floats) -> None:
+def _draw(plane: NDArray[np.uint8], points: FloatArray, low: FloatArray) -> None:
     column, row = (((points[..., k] - low[k]) / _PIXEL).astype(np.int64) for k in (0, 1))
     inside = (row < plane.shape[0]) & (column < plane.shape[1])
     plane[row[inside], column[inside]] = 255

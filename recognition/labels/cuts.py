@@ -7,19 +7,19 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.labels.scene.leads import NOBODY
-from recognition.labels.scene.scene import Flags, Scene
+from recognition.labels.scene.scene import Scene
 from recognition.labels.scene.spans import ahead_of
-from recognition.sites.lanes import Floats, Whole
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
 class Cuts(NamedTuple):
     """Ego's row at t*, and the row of who changes lane in the same frame; gap between them along the lane, m."""
 
-    ego: Whole
-    other: Whole
-    gap: Floats
+    ego: IntArray
+    other: IntArray
+    gap: FloatArray
 
-    def where(self, chosen: Flags) -> Cuts:
+    def where(self, chosen: BoolArray) -> Cuts:
         """Some of them."""
         return Cuts(self.ego[chosen], self.other[chosen], self.gap[chosen])
 
@@ -46,13 +46,13 @@ def cut_outs(scene: Scene) -> Cuts:
     return Cuts(ego, other, gap).where(good)
 
 
-def lateral_gap(scene: Scene, cuts: Cuts) -> Floats:
+def lateral_gap(scene: Scene, cuts: Cuts) -> FloatArray:
     """Distance between the sides of ego's and the other's box across the lane at t*, m."""
     apart = np.abs(scene.offset[cuts.ego] - scene.offset[cuts.other])
     return np.maximum(apart - 0.5 * (scene.width[cuts.ego] + scene.width[cuts.other]), 0.0)
 
 
-def least_ttc(scene: Scene, cuts: Cuts) -> Floats:
+def least_ttc(scene: Scene, cuts: Cuts) -> FloatArray:
     """Least TTC with the other within `rules.reaction` from t*, s; infinite where it is never defined."""
     rows = ahead_of(scene, cuts.ego, scene.rules.reaction)
     leads = scene.leads
@@ -60,16 +60,16 @@ def least_ttc(scene: Scene, cuts: Cuts) -> Floats:
     return np.where(same & leads.ttc.valid[rows], leads.ttc.value[rows], np.inf).min(axis=1, initial=np.inf)
 
 
-def brakes(scene: Scene, cuts: Cuts) -> Flags:
+def brakes(scene: Scene, cuts: Cuts) -> BoolArray:
     """Whether ego brakes harder than `rules.braking` within `rules.reaction` from t*."""
     rows = ahead_of(scene, cuts.ego, scene.rules.reaction)
     return scene.acceleration[rows].min(axis=1, initial=np.inf) <= scene.rules.braking
 
 
-def _lead_track(scene: Scene, row: Whole) -> Whole:
+def _lead_track(scene: Scene, row: IntArray) -> IntArray:
     lead = scene.leads.row[row]
     return np.where(lead == NOBODY, NOBODY, scene.track[lead])
 
 
-def _keeps_lane(scene: Scene, row: Whole) -> Flags:
+def _keeps_lane(scene: Scene, row: IntArray) -> BoolArray:
     return scene.steady(0.5 * scene.rules.window)[row] & scene.complete[row]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.sites.lanes import Floats, Whole
+from xodr.array_types import FloatArray, IntArray
 
 REACH = 2.0
 """Places less than this apart (m) are the same place."""
 
 
-def time_apart(x: Floats, y: Floats, time: Floats, track: Whole, others: tuple[Floats, Floats, Floats, Whole]) -> Floats:
+def time_apart(
+    x: FloatArray, y: FloatArray, time: FloatArray, track: IntArray, others: tuple[FloatArray, FloatArray, FloatArray, IntArray]
+) -> FloatArray:
     """Least time between each of n visits and one of another track at the same place, s; infinite where there is none.
 
     Args:

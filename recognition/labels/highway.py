@@ -9,9 +9,10 @@ from recognition.labels.classes import Label
 from recognition.labels.hits import Hits, alone
 from recognition.labels.scene.leads import NOBODY
 from recognition.labels.scene.rolling import always, constant, deviation
-from recognition.labels.scene.scene import Flags, Scene
+from recognition.labels.scene.scene import Scene
 from recognition.labels.scene.spans import spaced
 from recognition.sites import Role
+from xodr.array_types import BoolArray
 
 
 def free_cruise(scene: Scene) -> Hits:
@@ -66,7 +67,7 @@ def lane_change_right(scene: Scene) -> Hits:
     return _lane_change(scene, Label.LANE_CHANGE_RIGHT, ~scene.changes.left)
 
 
-def _lane_change(scene: Scene, label: Label, chosen: Flags) -> Hits:
+def _lane_change(scene: Scene, label: Label, chosen: BoolArray) -> Hits:
     row, shift, rules = scene.changes.row, scene.changes.shift, scene.rules
     main = scene.has_role(Role.MAIN)
     lane_width = scene.site.lanes.width[scene.strip[row]]
@@ -75,7 +76,7 @@ def _lane_change(scene: Scene, label: Label, chosen: Flags) -> Hits:
     return alone(label, row[good], shift=shift[good])
 
 
-def _steady_on_main(scene: Scene) -> Flags:
+def _steady_on_main(scene: Scene) -> BoolArray:
     """Rows of egos that keep one main lane through the window and its margins, with all frames there."""
     seconds = 0.5 * scene.rules.window + scene.rules.margin
     main = always(scene.has_role(Role.MAIN), scene.rows(seconds), scene.first, scene.last)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recognition.labels.classes import Event, Label
 from recognition.labels.scene.scene import Scene
-from recognition.sites.lanes import Whole
+from xodr.array_types import IntArray
 
 PRECEDENCE = (
     Label.MERGING,
@@ -41,12 +41,12 @@ class Hits(NamedTuple):
     """Events of one class: ego's row at t*, a row of the partner or NOBODY, and values of the tags, all equally long."""
 
     label: Label
-    row: Whole
-    partner: Whole
+    row: IntArray
+    partner: IntArray
     tags: Mapping[str, NDArray]
 
 
-def alone(label: Label, row: Whole, **tags: NDArray) -> Hits:
+def alone(label: Label, row: IntArray, **tags: NDArray) -> Hits:
     """Hits without partners."""
     return Hits(label, row, np.full(len(row), NOBODY, np.int64), tags)
 

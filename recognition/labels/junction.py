@@ -10,8 +10,9 @@ import numpy as np
 from recognition.labels.classes import Label
 from recognition.labels.encounters import time_apart
 from recognition.labels.hits import NOBODY, Hits, alone
-from recognition.labels.scene.scene import Flags, Scene
-from recognition.sites.lanes import NOWHERE, Floats, Whole
+from recognition.labels.scene.scene import Scene
+from recognition.sites.lanes import NOWHERE
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 _OPPOSITE = -0.87
 """Cosine of the least angle between headings from opposite sides: 150 degrees."""
@@ -45,12 +46,12 @@ def merging(scene: Scene) -> Hits:
     return Hits(Label.MERGING, passages.last[chosen], passages.last[partner[chosen]], {"arrival_gap": gap[chosen]})
 
 
-def _merges(scene: Scene, gap: Floats) -> Flags:
+def _merges(scene: Scene, gap: FloatArray) -> BoolArray:
     """Passages that are events of merging, given the times between arrivals."""
     return _counting(scene) & (gap < scene.rules.merging_gap) & scene.complete[scene.passages.last]
 
 
-def _arrivals(scene: Scene) -> tuple[Floats, Whole]:
+def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
     """How soon before or after each passage somebody from another road arrives in the same lane, and in which passage.
 
     Returns:
@@ -68,7 +69,7 @@ def _arrivals(scene: Scene) -> tuple[Floats, Whole]:
     return gap, partner
 
 
-def _turn(scene: Scene, label: Label, chosen: Flags) -> Hits:
+def _turn(scene: Scene, label: Label, chosen: BoolArray) -> Hits:
     passages = scene.passages
     merges = _merges(scene, _arrivals(scene)[0])
     found = np.flatnonzero(chosen & _counting(scene) & ~merges & scene.complete[passages.row])
@@ -76,11 +77,11 @@ def _turn(scene: Scene, label: Label, chosen: Flags) -> Hits:
     return alone(label, passages.row[found], turn=np.degrees(passages.turn[found]), **tags)
 
 
-def _counting(scene: Scene) -> Flags:
+def _counting(scene: Scene) -> BoolArray:
     return ~scene.passages.signalised | scene.rules.signalised
 
 
-def crosses(scene: Scene) -> Flags:
+def crosses(scene: Scene) -> BoolArray:
     """Passages whose way crosses one from another road into another lane: the longest passage of each stands for all."""
     from shapely import LineString, STRtree
 
@@ -101,7 +102,7 @@ def crosses(scene: Scene) -> Flags:
     return found
 
 
-def _opposing(scene: Scene) -> Flags:
+def _opposing(scene: Scene) -> BoolArray:
     """Passages while which somebody comes through the same junction from the other side."""
     passages = scene.passages
     time, heading = scene.time[passages.row], scene.h[passages.first]
@@ -113,7 +114,7 @@ def _opposing(scene: Scene) -> Flags:
     return found
 
 
-def _vru_conflict(scene: Scene, found: Whole) -> Flags:
+def _vru_conflict(scene: Scene, found: IntArray) -> BoolArray:
     """Passages on whose way a pedestrian or cyclist was shortly before or after ego."""
     rows = [scene.passages.rows(index) for index in found.tolist()]
     passage = np.repeat(np.arange(len(rows)), [len(one) for one in rows])

@@ -10,9 +10,9 @@ import numpy as np
 
 from recognition.labels.classes import Label
 from recognition.labels.hits import Hits, alone
-from recognition.labels.scene.scene import Flags, Scene
+from recognition.labels.scene.scene import Scene
 from recognition.sites import Role
-from recognition.sites.lanes import Floats, Whole
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
 def ramp_entering(scene: Scene) -> Hits:
@@ -33,12 +33,12 @@ def ramp_exiting(scene: Scene) -> Hits:
     return _hits(scene, Label.RAMP_EXITING, row, length, shift)
 
 
-def _hits(scene: Scene, label: Label, row: Whole, length: Floats, shift: Floats) -> Hits:
+def _hits(scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: FloatArray) -> Hits:
     good = scene.complete[row] & (length >= scene.rules.ramp_length) & (shift >= scene.rules.ramp_shift)
     return alone(label, row[good], ramp_way=length[good])
 
 
-def _transitions(scene: Scene, before: Flags, after: Flags) -> tuple[Whole, Floats]:
+def _transitions(scene: Scene, before: BoolArray, after: BoolArray) -> tuple[IntArray, FloatArray]:
     """First rows after each transition, and the lateral shift of those by a change of lane; infinite for the others."""
     changes = scene.changes
     onwards = np.flatnonzero((changes.step[1:] == 0) & (changes.course[1:] == changes.course[:-1])) + 1
@@ -47,7 +47,7 @@ def _transitions(scene: Scene, before: Flags, after: Flags) -> tuple[Whole, Floa
     return rows[good], shifts[good]
 
 
-def _way_on(scene: Scene, flags: Flags) -> Floats:
+def _way_on(scene: Scene, flags: BoolArray) -> FloatArray:
     """Distance driven so far on rows with a flag, m, summed over all rows."""
     step = np.hypot(np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1]))
     inside = np.zeros(len(step), bool)
@@ -55,7 +55,7 @@ def _way_on(scene: Scene, flags: Flags) -> Floats:
     return np.cumsum(np.where(inside & flags, step, 0.0))
 
 
-def _course_ends(scene: Scene) -> tuple[Whole, Whole]:
+def _course_ends(scene: Scene) -> tuple[IntArray, IntArray]:
     """First and last row of the course that each row is in."""
     course = scene.changes.course
     return np.searchsorted(course, course, side="left"), np.searchsorted(course, course, side="right") - 1

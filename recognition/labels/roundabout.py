@@ -8,12 +8,12 @@ from recognition.labels.classes import Label
 from recognition.labels.encounters import time_apart
 from recognition.labels.hits import Hits, alone
 from recognition.labels.scene.rolling import always
-from recognition.labels.scene.scene import Flags, Scene
+from recognition.labels.scene.scene import Scene
 from recognition.labels.scene.spans import spaced
 from recognition.labels.scene.stays import held, stays
 from recognition.sites import Role
-from recognition.sites.lanes import Whole
 from recognition.sites.roles import ROLES
+from xodr.array_types import BoolArray, IntArray
 
 
 def roundabout_entering(scene: Scene) -> Hits:
@@ -36,12 +36,12 @@ def roundabout_circulating(scene: Scene) -> Hits:
     return alone(Label.ROUNDABOUT_CIRCULATING, row, speed=scene.speed[row])
 
 
-def _roles(scene: Scene) -> Whole:
+def _roles(scene: Scene) -> IntArray:
     """Roles without short stays: where lanes of a junction overlap, rows may jump between them."""
     return held(scene.role, scene.first, scene.rows(scene.rules.flicker))
 
 
-def _transitions(scene: Scene, before: Role, after: Role) -> Whole:
+def _transitions(scene: Scene, before: Role, after: Role) -> IntArray:
     roles = _roles(scene)
     start, _ = stays(roles, scene.first)
     row = start[1:][scene.first[start[1:]] == scene.first[start[1:] - 1]]
@@ -49,7 +49,7 @@ def _transitions(scene: Scene, before: Role, after: Role) -> Whole:
     return row[scene.complete[row]]
 
 
-def _yields(scene: Scene, row: Whole) -> Flags:
+def _yields(scene: Scene, row: IntArray) -> BoolArray:
     """Whether ego was slow before it entered, or somebody in the ring was soon before or after it at the same place."""
     rules = scene.rules
     earlier = np.maximum(row[:, None] - np.arange(scene.rows(rules.yield_time) + 1), scene.first[row][:, None])

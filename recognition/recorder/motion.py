@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from recognition.datasets.participants import REAR_AXLE
-from recognition.datasets.tables.rows import Floats, Whole
 from recognition.recorder.simulation import STEPS, Fronts
+from xodr.array_types import FloatArray, IntArray
 
 SMOOTHING = 0.3
 """Standard deviation of the smoothing, s."""
@@ -35,15 +35,15 @@ class Motion(NamedTuple):
         x, y: centre, m. h: heading, rad. vx, vy: m/s. ax, ay: m/s².
     """
 
-    vehicle: Whole
-    frame: Whole
-    x: Floats
-    y: Floats
-    h: Floats
-    vx: Floats
-    vy: Floats
-    ax: Floats
-    ay: Floats
+    vehicle: IntArray
+    frame: IntArray
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    ax: FloatArray
+    ay: FloatArray
 
     def where(self, chosen: np.ndarray) -> Motion:
         """The rows for which `chosen` is true."""
@@ -74,7 +74,7 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> Motion:
     return Motion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
 
 
-def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tuple[Whole, Floats]:
+def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tuple[IntArray, FloatArray]:
     """Frames and places (n, 2) of one front axle, `behind` the bumper (m)."""
     front, step = np.stack((fronts.x[start:end], fronts.y[start:end]), axis=1), fronts.step[start:end]
     h = fronts.h[start]
@@ -87,7 +87,7 @@ def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tup
     return frame, CubicSpline(step / STEPS, axle)(frame / rate)
 
 
-def _smooth(values: Floats) -> Floats:
+def _smooth(values: FloatArray) -> FloatArray:
     """Smoothed values; beyond the ends, the motion goes on as it is (odd reflection)."""
     sd = SMOOTHING * STEPS
     reach = min(round(_REACH * sd), len(values) - 1)
@@ -96,7 +96,7 @@ def _smooth(values: Floats) -> Floats:
     return gaussian_filter1d(padded, sd, truncate=_REACH)[reach : reach + len(values)]
 
 
-def _headings(x: Floats, y: Floats, counts: Whole, distance: Floats, h: Floats) -> Floats:
+def _headings(x: FloatArray, y: FloatArray, counts: IntArray, distance: FloatArray, h: FloatArray) -> FloatArray:
     """Headings of vehicles whose rear axles follow their front axles at a distance, from given headings at the start.
 
     While the front goes straight on, the tangent of half the angle between its direction and the heading fades exponentially
@@ -117,7 +117,7 @@ def _headings(x: Floats, y: Floats, counts: Whole, distance: Floats, h: Floats) 
     return found
 
 
-def _rate(values: Floats, counts: Whole, rate: int) -> Floats:
+def _rate(values: FloatArray, counts: IntArray, rate: int) -> FloatArray:
     """Rates of change of each track, per s: central differences, at the ends one-sided ones."""
     ends = np.cumsum(counts)
     after = np.minimum(np.arange(len(values)) + 1, np.repeat(ends - 1, counts))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from recognition.datasets.tables.rows import Floats, Whole
 from recognition.recorder.motion import Motion
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
-def overlaps(moving: Motion, length: Floats, width: Floats) -> tuple[Whole, Whole]:
+def overlaps(moving: Motion, length: FloatArray, width: FloatArray) -> tuple[IntArray, IntArray]:
     """Pairs of rows of one frame whose boxes overlap.
 
     Args:
@@ -18,7 +17,7 @@ def overlaps(moving: Motion, length: Floats, width: Floats) -> tuple[Whole, Whol
     order = np.lexsort((moving.x, moving.frame))
     frame, x, y = moving.frame[order], moving.x[order], moving.y[order]
     reach = 0.5 * np.hypot(length, width)[order]
-    found: list[tuple[Whole, Whole]] = []
+    found: list[tuple[IntArray, IntArray]] = []
     here = np.arange(len(order) - 1)
     step = 1
     while len(here := here[here + step < len(order)]):
@@ -34,7 +33,7 @@ def overlaps(moving: Motion, length: Floats, width: Floats) -> tuple[Whole, Whol
     return np.concatenate([np.empty(0, np.int64), *first]), np.concatenate([np.empty(0, np.int64), *second])
 
 
-def _separated(moving: Motion, length: Floats, width: Floats, a: Whole, b: Whole) -> NDArray[np.bool_]:
+def _separated(moving: Motion, length: FloatArray, width: FloatArray, a: IntArray, b: IntArray) -> BoolArray:
     """Whether one of the two axes of each box `a` separates it from the box `b`."""
     dx, dy = moving.x[b] - moving.x[a], moving.y[b] - moving.y[a]
     cos, sin = np.cos(moving.h[a]), np.sin(moving.h[a])

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.datasets.tables.rows import Floats, Whole
 from recognition.recorder.demand import Departure, write_routes
 from schemas.errors import ToolchainError
+from xodr.array_types import FloatArray, IntArray
 from xodr.sumo_net import SumoNet, sumo_home
 
 STEPS = 10
@@ -33,11 +33,11 @@ class Fronts(NamedTuple):
         x, y: m. h: SUMO's heading, rad.
     """
 
-    vehicle: Whole
-    step: Whole
-    x: Floats
-    y: Floats
-    h: Floats
+    vehicle: IntArray
+    step: IntArray
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
 
 
 def simulate(departing: Sequence[Departure], net: SumoNet, begin: float, end: float, seed: int) -> Fronts:

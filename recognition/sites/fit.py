@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.sites.lanes import Floats, Whole
 from runner.recording import Recording, Track
 from schemas.errors import InvalidFile
+from xodr.array_types import FloatArray, IntArray
 from xodr.lookup import placing
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
@@ -73,11 +73,11 @@ def share_astray(recording: Recording, network: RoadNetwork) -> float:
 class _Sample(NamedTuple):
     """Some rows of tracks: number of the track, place (m), direction of motion (rad)."""
 
-    track: Whole
-    x: Floats
-    y: Floats
-    z: Floats
-    h: Floats
+    track: IntArray
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    h: FloatArray
 
 
 def _sampled(tracks: Sequence[Track], slowest: float = 0.0) -> _Sample:

@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from xodr.array_types import FloatArray, IntArray
 from xodr.graph.travel import Traveller
 from xodr.model import LaneLink
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
-Floats = NDArray[np.float64]
-Whole = NDArray[np.int64]
+Floats = FloatArray
+Whole = IntArray
 
 NOWHERE = -1
 """Index in place of a strip where a row is on none."""
@@ -84,7 +85,7 @@ class LaneGraph:
         self.speed_limit = np.array([strip.speed_limit for strip in self.strips])
         self._lookup = _Lookup(network, self._index)
 
-    def find(self, road_id: NDArray[np.object_], lane_id: Whole, s: Floats) -> Whole:
+    def find(self, road_id: NDArray[np.object_], lane_id: IntArray, s: FloatArray) -> IntArray:
         """Index of the strip of each row, NOWHERE where it is on none."""
         return self._lookup.find(road_id, lane_id, s)
 
@@ -95,7 +96,7 @@ class LaneGraph:
     def _overlaps(self, number: int, start: float, end: float) -> bool:
         return self.strips[number].start < end and self.strips[number].end > start
 
-    def along(self, strip: Whole, s: Floats) -> Floats:
+    def along(self, strip: IntArray, s: FloatArray) -> FloatArray:
         """Distance from the beginning of each row's strip in the direction of its traffic, along its centre line, m."""
         start, end = self._start[strip], self._end[strip]
         way = np.where(self.forward[strip], s - start, end - s)
@@ -181,7 +182,7 @@ class _Lookup:
         for (road, section, lane), number in index.items():
             self._table[self._first[self._roads[road]] + section, lane + self._reach] = number
 
-    def find(self, road_id: NDArray[np.object_], lane_id: Whole, s: Floats) -> Whole:
+    def find(self, road_id: NDArray[np.object_], lane_id: IntArray, s: FloatArray) -> IntArray:
         """Index of the strip of each row (n,), NOWHERE where it is on none; s in m along the roads."""
         road = np.fromiter((self._roads.get(one, NOWHERE) for one in road_id), np.int64, len(road_id))
         row = np.zeros(len(road), np.int64)

@@ -22,9 +22,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.sites.lanes import Floats, LaneGraph, Whole
+from recognition.sites.lanes import LaneGraph
 from schemas.errors import InvalidFile
 from schemas.storage import digest, keep, read_object
+from xodr.array_types import FloatArray, IntArray
 from xodr.network import RoadNetwork
 
 ENDING = ".roles.json"
@@ -82,7 +83,7 @@ class Roles:
 
     entries: tuple[Entry, ...]
 
-    def codes(self, graph: LaneGraph, strip: Whole, s: Floats) -> Whole:
+    def codes(self, graph: LaneGraph, strip: IntArray, s: FloatArray) -> IntArray:
         """Index into `ROLES` of each row's role; rows on no strip have that of `other`."""
         other = ROLES.index(Role.OTHER)
         found = np.full(len(graph.strips) + 1, other, np.int64)

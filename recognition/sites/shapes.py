@@ -8,7 +8,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.sites.lanes import Floats, LaneGraph
+from recognition.sites.lanes import LaneGraph
+from xodr.array_types import FloatArray
 from xodr.graph.ways import DRIVABLE
 from xodr.network import RoadNetwork
 from xodr.sampling import sample
@@ -92,7 +93,7 @@ def _roundness(network: RoadNetwork, graph: LaneGraph, cycle: list[int]) -> floa
     return 4.0 * math.pi * area / max(float(np.hypot(dx, dy).sum()) ** 2, 1e-9)
 
 
-def _centre_line(network: RoadNetwork, graph: LaneGraph, number: int, end: bool = False) -> Floats:
+def _centre_line(network: RoadNetwork, graph: LaneGraph, number: int, end: bool = False) -> FloatArray:
     """Points (n, 2) on a strip's centre line, in the direction of its traffic, with its end or without."""
     strip = graph.strips[number]
     ends = (strip.start, strip.end) if strip.forward else (strip.end, strip.start)

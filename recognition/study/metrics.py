@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.trfe.samples import UNKNOWN, Whole
+from recognition.trfe.samples import UNKNOWN
+from xodr.array_types import IntArray
 
 DROPPED = -1
 """Cluster number of a sample that a method put into no cluster."""
@@ -144,7 +145,7 @@ def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = 
     )
 
 
-def _contingency(truth: Whole, clusters: Whole) -> tuple[Whole, ...]:
+def _contingency(truth: IntArray, clusters: IntArray) -> tuple[IntArray, ...]:
     """Classes, cluster numbers, and how many samples each cluster (row) has of each class (column)."""
     classes, column = np.unique(truth, return_inverse=True)
     numbers, row = np.unique(clusters, return_inverse=True)

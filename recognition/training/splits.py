@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recognition.training.windows import Windows
-from recognition.trfe.samples import Whole, drawn_of_each
+from recognition.trfe.samples import drawn_of_each
+from xodr.array_types import FloatArray, IntArray
 
 Unit = Literal["recording", "vehicle"]
 SHARES = {"labelled": 0.56, "stream": 0.14, "validation": 0.15, "test": 0.15}
@@ -26,10 +26,10 @@ class Split(NamedTuple):
         left_out: classes that have not enough units to be in every part, with the number of their windows.
     """
 
-    labelled: Whole
-    stream: Whole
-    validation: Whole
-    test: Whole
+    labelled: IntArray
+    stream: IntArray
+    validation: IntArray
+    test: IntArray
     left_out: dict[int, int]
 
 
@@ -60,7 +60,7 @@ def split(windows: Windows, seed: int, unit: Unit = "recording", events_per_clas
     return Split(labelled, stream, validation, test, left_out)
 
 
-def _units(windows: Windows, unit: Unit) -> list[Whole]:
+def _units(windows: Windows, unit: Unit) -> list[IntArray]:
     """Rows of each unit that has a window with a class, in the order of names."""
     names = windows.recordings if unit == "recording" else np.char.add(np.char.add(windows.recordings, "\0"), windows.egos)
     rows = np.flatnonzero(windows.labels > 0)
@@ -69,7 +69,7 @@ def _units(windows: Windows, unit: Unit) -> list[Whole]:
     return np.split(rows[order], np.flatnonzero(np.diff(number[order])) + 1) if len(rows) else []
 
 
-def _deal(held: Whole, shares: NDArray[np.float64], generator: np.random.Generator) -> Whole:
+def _deal(held: IntArray, shares: FloatArray, generator: np.random.Generator) -> IntArray:
     """Part of each unit, given how many windows (units, classes) it holds.
 
     The class with the fewest units left is dealt next, its largest unit to a part that has none of it, else to the part that
@@ -91,7 +91,7 @@ def _deal(held: Whole, shares: NDArray[np.float64], generator: np.random.Generat
     return part
 
 
-def _thinned(rows: Whole, labels: Whole, share: float, most: int | None, generator: np.random.Generator) -> Whole:
+def _thinned(rows: IntArray, labels: IntArray, share: float, most: int | None, generator: np.random.Generator) -> IntArray:
     """At most round(share · most) rows of each class, drawn; ascending."""
     if most is None:
         return rows

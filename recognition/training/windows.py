@@ -14,6 +14,7 @@ from recognition.grids import Grid, Site, covered, rasterise
 from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
 from schemas.storage import writing
+from xodr.array_types import FloatArray, IntArray
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -45,10 +46,10 @@ class Windows:
     """
 
     grids: NDArray[np.uint8]
-    labels: NDArray[np.int64]
+    labels: IntArray
     recordings: NDArray[np.str_]
     egos: NDArray[np.str_]
-    times: NDArray[np.float64]
+    times: FloatArray
 
     def __post_init__(self) -> None:
         if len({len(column) for column in self._columns()}) > 1:

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 from recognition.trfe.config import Config
 from recognition.trfe.forest.voters import Voters, grow
 from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import Features, Whole, class_labels, matrix
+from recognition.trfe.samples import Features, class_labels, matrix
 from recognition.trfe.screening import EvtDeficit, EvtJoint, EvtPooled, Screening, VoteThreshold, WeibullVotes
 from recognition.trfe.screening.selection import FEWEST_CLASSES, choose_delta
 from schemas.errors import UsageError
+from xodr.array_types import IntArray
 
 _DELTA = 0.05
 """δ where none is given and there are too few classes to choose one."""
@@ -25,7 +26,7 @@ class Labelled(NamedTuple):
     """Samples of known classes: features (n, d), classes (n,)."""
 
     features: Features
-    labels: Whole
+    labels: IntArray
 
     def joined(self, other: Labelled) -> Labelled:
         """These samples and others."""
@@ -50,7 +51,7 @@ class Known(NamedTuple):
     prototypes: Prototypes
 
     @property
-    def classes(self) -> Whole:
+    def classes(self) -> IntArray:
         """Labels of the classes, ascending."""
         return self.voters.classes
 

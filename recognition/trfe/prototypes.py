@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from recognition.trfe.samples import Features, Floats, Whole, class_labels, deviations, matrix
+from recognition.trfe.samples import Features, class_labels, deviations, matrix
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 
 Metric = Literal["whitened", "euclidean", "cosine", "margin"]
 _OWN = 0.95
@@ -33,9 +34,9 @@ class Prototypes(NamedTuple):
     """
 
     metric: Metric
-    classes: Whole
+    classes: IntArray
     centres: Features
-    radii: Floats
+    radii: FloatArray
     mean: Features
     axes: Features
 
@@ -65,7 +66,7 @@ class Prototypes(NamedTuple):
         """Features (n, d) with mean 0 and standard deviation 1, over the samples fitted on or within their classes."""
         return np.asarray((matrix(features, len(self.mean)) - self.mean) @ self.axes, dtype=np.float32)
 
-    def ratio(self, features: ArrayLike) -> Floats:
+    def ratio(self, features: ArrayLike) -> FloatArray:
         """r(h) = min_c ‖h − μ_c‖/ρ_c (n,); 1 is the margin of the known classes, more is beyond it.
 
         With the metric `margin`, r(h) = ρ_c / margin(h) for the nearest class c.
@@ -76,7 +77,7 @@ class Prototypes(NamedTuple):
         nearest = nearness.argmax(axis=1)
         return self.radii[nearest] / np.maximum(nearness.max(axis=1), np.finfo(np.float32).tiny)
 
-    def _nearness(self, standard: Features) -> Floats:
+    def _nearness(self, standard: Features) -> FloatArray:
         """Distances (n, K), or margins: how much further than class c the nearest other class is."""
         if self.metric != "margin":
             return cdist(standard, self.centres, "cosine" if self.metric == "cosine" else "euclidean")
@@ -89,7 +90,7 @@ def _scaling(features: Features) -> Features:
     return np.diag(1.0 / deviations(features)).astype(np.float32)
 
 
-def _whitening(features: Features, columns: Whole) -> Features:
+def _whitening(features: Features, columns: IntArray) -> Features:
     """Axes (d, d) along which the classes' common covariance, shrunk towards a sphere, is 1.
 
     Source: the distance of Lee et al., "A Simple Unified Framework for Detecting Out-of-Distribution Samples" (NeurIPS 2018).

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
+
+Floats = FloatArray
+Whole = IntArray
 
 Features = NDArray[np.float32]
-Floats = NDArray[np.float64]
-Whole = NDArray[np.int64]
 
 UNKNOWN = 0
 """Label of what belongs to no known class; the same as `recognition.labels.Label.UNKNOWN`."""
@@ -34,7 +36,7 @@ def matrix(features: ArrayLike, width: int | None = None, least: int = 0) -> Fea
     return table
 
 
-def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> Whole:
+def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> IntArray:
     """Labels (n,) of `samples` samples, each the positive number of a class.
 
     Raises:
@@ -50,7 +52,7 @@ def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> Who
     return values.astype(np.int64)
 
 
-def drawn_of_each(labels: Whole, most: int | None, generator: np.random.Generator) -> Whole:
+def drawn_of_each(labels: IntArray, most: int | None, generator: np.random.Generator) -> IntArray:
     """Numbers of at most so many samples of each class among labels (n,), drawn; class by class, in the order drawn."""
     drawn = [generator.permutation(np.flatnonzero(labels == label))[:most] for label in np.unique(labels)]
     return np.concatenate(drawn) if drawn else np.zeros(0, dtype=np.int64)

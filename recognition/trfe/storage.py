@@ -22,9 +22,10 @@ from recognition.trfe.forest.neighbours import Neighbours
 from recognition.trfe.forest.voters import Voters
 from recognition.trfe.known import Known, Labelled, bare_screening, labelled
 from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import UNKNOWN, Whole, matrix
+from recognition.trfe.samples import UNKNOWN, matrix
 from schemas.errors import InvalidFile, ToolchainError, reason
 from schemas.storage import keep, writing
+from xodr.array_types import IntArray
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
@@ -198,7 +199,7 @@ def _read_forest(path: Path) -> RandomForestClassifier:
 def _check_forest(forest: Any) -> None:
     if type(forest) is not RandomForestClassifier or not forest.estimators_:
         raise ValueError(f"it is a {type(forest).__name__}")
-    classes: Whole = forest.classes_
+    classes: IntArray = forest.classes_
     if not np.issubdtype(classes.dtype, np.integer) or classes.ndim != 1 or (np.diff(classes) <= 0).any() or classes[0] < UNKNOWN:
         raise ValueError("its classes are no ascending numbers")
     for tree in forest.estimators_:

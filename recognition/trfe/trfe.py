@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import Discovery, discover
 from recognition.trfe.known import Known, Labelled, labelled, learn
-from recognition.trfe.samples import UNKNOWN, Features, Floats, Whole, matrix
+from recognition.trfe.samples import UNKNOWN, Features, matrix
 from recognition.trfe.screening import EvtDeficit
 from schemas.errors import UsageError
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
@@ -36,10 +37,10 @@ class Recognition(NamedTuple):
         features: (n, d).
     """
 
-    labels: Whole
-    confidence: Floats
-    score: Floats
-    closed: Whole
+    labels: IntArray
+    confidence: FloatArray
+    score: FloatArray
+    closed: IntArray
     features: Features
 
 
@@ -166,7 +167,7 @@ class TRFE:
         return load(folder)
 
 
-def _a_share_of_each(labels: Whole, share: float, seed: int) -> NDArray[np.bool_]:
+def _a_share_of_each(labels: IntArray, share: float, seed: int) -> BoolArray:
     """Mask (n,) of a random share of the samples of each class, at least one."""
     chosen = np.zeros(len(labels), dtype=bool)
     random = np.random.default_rng(seed)

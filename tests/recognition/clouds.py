@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
+from xodr.array_types import IntArray
 
 
-def clouds(labels: list[int], each: int, seed: int, apart: float = 5.0, width: int = 16) -> tuple[Features, Whole]:
+def clouds(labels: list[int], each: int, seed: int, apart: float = 5.0, width: int = 16) -> tuple[Features, IntArray]:
     """`each` samples of every label, in `width` dimensions, around a centre that the label alone decides, shuffled."""
     generator = np.random.default_rng(seed)
     truth = generator.permutation(np.repeat(labels, each))

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from recognition.datasets.participants import participant
 from recognition.labels import Event, Label, Rules, label
 from recognition.sites import Site, site_at
 from runner.recording import Recording, Track
+from xodr.array_types import FloatArray
 from xodr.builders import RoadMap
 from xodr.network import RoadNetwork
 
@@ -53,12 +54,12 @@ def track(
     return Track(name, who.kind, category, who.box, lambda: {key: values[kept].copy() for key, values in columns.items()})
 
 
-def ahead(x: float, speed: float, seconds: float) -> NDArray[np.float64]:
+def ahead(x: float, speed: float, seconds: float) -> FloatArray:
     """x of a vehicle with a constant speed, for so long."""
     return x + speed * STEP * np.arange(round(seconds / STEP) + 1)
 
 
-def sideways(y: float, end: float, at: float, seconds: float, duration: float = 4.0) -> NDArray[np.float64]:
+def sideways(y: float, end: float, at: float, seconds: float, duration: float = 4.0) -> FloatArray:
     """y of a vehicle that moves smoothly from one y to another, half of it done at the time `at`."""
     share = np.clip((STEP * np.arange(round(seconds / STEP) + 1) - at) / duration + 0.5, 0.0, 1.0)
     return y + (end - y) * share**2 * (3.0 - 2.0 * share)
@@ -66,7 +67,7 @@ def sideways(y: float, end: float, at: float, seconds: float, duration: float = 
 
 def route(
     network: RoadNetwork, start: tuple[str, int, float], speed: float, seconds: float, roads: Sequence[str] = ()
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[FloatArray, FloatArray]:
     """x and y of a vehicle that keeps to the middle of its lane, through the roads named where ways part.
 
     Args:

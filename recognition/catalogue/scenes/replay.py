@@ -13,7 +13,7 @@ import numpy as np
 
 from recognition.catalogue.scenes.entities import Entry
 from recognition.catalogue.scenes.scenes import EGO, Part, Scene
-from recognition.datasets.tables.rows import Floats
+from xodr.array_types import FloatArray
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.files import Header
@@ -35,7 +35,7 @@ def _trajectory(part: Part, start: float) -> Any:
     return maneuvers.trajectory(part.name, time, x, y, h=h)
 
 
-def _rounded(values: Floats) -> list[float]:
+def _rounded(values: FloatArray) -> list[float]:
     return [float(value) + 0.0 for value in np.round(values, _DIGITS)]
 
 

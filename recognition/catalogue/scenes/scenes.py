@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from recognition.datasets.tables.rows import Floats
 from runner.recording import Recording, Track
+from xodr.array_types import FloatArray, IntArray
 
 EGO = "Ego"
 """Name of the ego in every scenario."""
@@ -42,14 +41,14 @@ class Part(NamedTuple):
 
     name: str
     track: Track
-    rows: NDArray[np.int64]
+    rows: IntArray
 
     @property
-    def time(self) -> Floats:
+    def time(self) -> FloatArray:
         """Times of the vertices, in the recording (s)."""
         return self.track.columns["time"][self.rows]
 
-    def column(self, name: str) -> Floats:
+    def column(self, name: str) -> FloatArray:
         """Values at the vertices."""
         return self.track.columns[name][self.rows]
 
@@ -92,7 +91,7 @@ class Stage:
             parts.append(Part(name, other, rows[self._vertices(other, rows)]))
         return Scene(start, end, tuple(parts))
 
-    def _others(self, ego: Track, mine: NDArray[np.int64], start: float, end: float) -> Iterator[Track]:
+    def _others(self, ego: Track, mine: IntArray, start: float, end: float) -> Iterator[Track]:
         """Those who come near the ego, for two frames at least."""
         frames = self._frames(ego, mine)
         for index in np.flatnonzero((self._first < end) & (self._last > start)):
@@ -105,17 +104,17 @@ class Stage:
             if len(own) and np.hypot(dx, dy).min() <= self.scope.reach:
                 yield other
 
-    def _frames(self, track: Track, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _frames(self, track: Track, rows: IntArray) -> IntArray:
         return np.round(track.columns["time"][rows] / self.recording.timestep).astype(np.int64)
 
-    def _vertices(self, track: Track, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _vertices(self, track: Track, rows: IntArray) -> IntArray:
         columns, scope = track.columns, self.scope
         x, y, h = (columns[name][rows] for name in ("x", "y", "h"))
         values = np.column_stack([x / scope.tolerance, y / scope.tolerance, np.unwrap(h) / scope.turn])
         return needed(columns["time"][rows], values)
 
 
-def needed(time: Floats, values: NDArray[np.float64]) -> NDArray[np.int64]:
+def needed(time: FloatArray, values: FloatArray) -> IntArray:
     """Rows between which values (n, k) are linear in time but for less than 1, ends included (Douglas and Peucker, 1973)."""
     kept = {0, len(time) - 1}
     pending = [(0, len(time) - 1)]
@@ -133,7 +132,7 @@ def needed(time: Floats, values: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.array(sorted(kept), np.int64)
 
 
-def _between(time: Floats, start: float, end: float) -> NDArray[np.int64]:
+def _between(time: FloatArray, start: float, end: float) -> IntArray:
     """Rows from start to end."""
     return np.arange(*np.searchsorted(time, [start - _SAME_TIME, end + _SAME_TIME]))
 

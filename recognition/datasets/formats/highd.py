@@ -17,11 +17,12 @@ import numpy as np
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.highway import Highway
 from recognition.datasets.source import Report, Source
-from recognition.datasets.tables.rows import Clock, Floats, Rows, Whole, in_order
+from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import Table, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import GREATEST, Kind
 from runner.recording import Recording
+from xodr.array_types import FloatArray, IntArray
 from xodr.reader import load
 
 FORMAT = "highD"
@@ -83,7 +84,7 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     return Recording(cut(rows, who, columns), 1.0 / rate, network), rows.report([one.name for one in who])
 
 
-def _columns(table: Table, rows: Rows, who: list[Participant], direction: Whole) -> Columns:
+def _columns(table: Table, rows: Rows, who: list[Participant], direction: IntArray) -> Columns:
     values = {name: table[name][rows.order] for name in _TRACKS}
     x, y = values["x"] + 0.5 * values["width"], -(values["y"] + 0.5 * values["height"])
     vx, vy, ax, ay = values["xVelocity"], -values["yVelocity"], values["xAcceleration"], -values["yAcceleration"]
@@ -93,13 +94,13 @@ def _columns(table: Table, rows: Rows, who: list[Participant], direction: Whole)
     return columns | {"source_lane": values["laneId"]}
 
 
-def _heading(vx: Floats, vy: Floats, ahead: Floats) -> Floats:
+def _heading(vx: FloatArray, vy: FloatArray, ahead: FloatArray) -> FloatArray:
     """Direction of motion within a right angle of the driving direction, `ahead` = ±1 along x; rad."""
     onwards = np.maximum(ahead * vx, _STEADY)
     return np.arctan2(vy, ahead * onwards)
 
 
-def _matched(table: Table, rows: Rows, vehicles: Table) -> Whole:
+def _matched(table: Table, rows: Rows, vehicles: Table) -> IntArray:
     """Row of tracksMeta for each track.
 
     Raises:
@@ -140,7 +141,7 @@ def _participant(vehicles: Table, row: int) -> Participant:
     return participant(str(vehicles["id"][row]), category, float(vehicles["width"][row]), float(vehicles["height"][row]))
 
 
-def _highway(recording: Table, x: Floats) -> Highway:
+def _highway(recording: Table, x: FloatArray) -> Highway:
     """The road that the markings describe, as long as the reference points need it."""
     upper, lower = (_markings(recording, name) for name in ("upperLaneMarkings", "lowerLaneMarkings"))
     if upper and lower and upper[-1] > lower[0]:

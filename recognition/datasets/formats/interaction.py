@@ -24,12 +24,13 @@ import numpy as np
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.source import Report, Source
 from recognition.datasets.tables.rates import believable, facing, heading_of_motion, rate
-from recognition.datasets.tables.rows import Clock, Floats, Rows, in_order
+from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import Table, column_names, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import Kind
 from runner.recording import Recording, Track
 from schemas.errors import InvalidFile
+from xodr.array_types import FloatArray
 
 FORMAT = "INTERACTION"
 STEP = 0.1
@@ -176,7 +177,7 @@ def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -
     return columns_of(rows, who, x, y, h, speed, rate(speed, rows))
 
 
-def _headings(table: Table, rows: Rows, who: list[Participant], vx: Floats, vy: Floats) -> Floats:
+def _headings(table: Table, rows: Rows, who: list[Participant], vx: FloatArray, vy: FloatArray) -> FloatArray:
     """The given headings; for pedestrians without, the direction of motion."""
     given = table["psi_rad"][rows.order] if "psi_rad" in table.columns else np.full(len(rows), np.nan)
     absent = np.isnan(given)

@@ -22,12 +22,13 @@ import numpy as np
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.source import Report, Source
 from recognition.datasets.tables.rates import crowded, heading_of_motion, rate
-from recognition.datasets.tables.rows import Clock, Floats, Rows, Whole, in_order
+from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import PARQUET, Table, column_names, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import Kind
 from runner.recording import Recording
 from schemas.errors import InvalidFile
+from xodr.array_types import FloatArray, IntArray
 
 FORMAT = "NGSIM"
 STEP = 0.1
@@ -152,7 +153,7 @@ def _unit(table: Table, metres: bool, remarks: list[str]) -> float:
     return 1.0
 
 
-def _hundredths(values: Floats) -> bool:
+def _hundredths(values: FloatArray) -> bool:
     """Whether all values are whole hundredths."""
     return bool((np.abs(100.0 * values - np.round(100.0 * values)) < 1e-6).all())
 
@@ -163,7 +164,7 @@ def _clock(table: Table) -> Clock:
     return Clock("Frame_ID", table["frame_id"], _FRAMES, STEP, zero=int(table["frame_id"].min()))
 
 
-def _vehicles(table: Table) -> tuple[Whole, list[str]]:
+def _vehicles(table: Table) -> tuple[IntArray, list[str]]:
     """Key of each row's vehicle, and the name for each key in ascending order."""
     period = np.zeros(len(table), np.int64)
     if "global_time" in table.columns:
@@ -209,7 +210,7 @@ def _read_metric(path: Path) -> tuple[Recording, Report]:
     return _finished(rows, who, columns | {"source_lane": table["lane_id"][rows.order]}, remarks)
 
 
-def _turn(x: Floats, y: Floats, h: Floats, rows: Rows, remarks: list[str]) -> float:
+def _turn(x: FloatArray, y: FloatArray, h: FloatArray, rows: Rows, remarks: list[str]) -> float:
     """Quarter turns between the direction that headings count from and the x axis, told from the motion, rad."""
     vx, vy = rate(x, rows), rate(y, rows)
     ahead, aside = (vx * np.cos(h) + vy * np.sin(h)).sum(), (vy * np.cos(h) - vx * np.sin(h)).sum()

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.datasets.tables.rows import Floats
 from schemas.storage import digest, keep, writing
+from xodr.array_types import FloatArray
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
 
@@ -70,7 +70,7 @@ class Highway:
         road = Road(int(ROAD_ID), name, start, plan, (Section(0.0, lanes, "solid"),), "motorway", self.speed_limit)
         return RoadMap(name, (road,))
 
-    def places(self, x: Floats, y: Floats) -> dict[str, NDArray[Any]]:
+    def places(self, x: FloatArray, y: FloatArray) -> dict[str, NDArray[Any]]:
         """Road coordinates of world positions: columns road_id, lane_id, s, t and lane_offset of a recording.
 
         As `xodr.road.Road.point` has it: beside the road the nearest lane counts, on a border the inner one.

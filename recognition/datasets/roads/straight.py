@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from recognition.sites.lanes import Floats, Whole
 from runner.recording import Recording
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
 
@@ -47,7 +47,7 @@ def straight_road(recording: Recording, name: str) -> RoadMap:
     return _road(name, start, end, middles)
 
 
-def _numbered(y: Floats, number: Whole) -> dict[float, str]:
+def _numbered(y: FloatArray, number: IntArray) -> dict[float, str]:
     """Middle of each lane from left to right with its type; of lanes at the same place the one with most rows counts."""
     lanes, counts = np.unique(number, return_counts=True)
     kept: dict[float, str] = {}
@@ -58,7 +58,7 @@ def _numbered(y: Floats, number: Whole) -> dict[float, str]:
     return dict(sorted(kept.items(), reverse=True))
 
 
-def _densest(y: Floats) -> dict[float, str]:
+def _densest(y: FloatArray) -> dict[float, str]:
     """Lateral positions with most vehicles, from left to right."""
     from scipy.ndimage import gaussian_filter1d
     from scipy.signal import find_peaks

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.datasets.tables.rows import Floats, Rows
+from recognition.datasets.tables.rows import Rows
+from xodr.array_types import FloatArray
 
 REACH = 0.5
 """Rates are differences over this time to either side, s: positions that are 0.1 m off then spoil a speed by 0.1 m/s."""
@@ -16,7 +17,7 @@ _FACING = 0.9
 """Share of the way that vehicles go forwards at least: none goes backwards for long, and none sidewards."""
 
 
-def rate(values: Floats, rows: Rows) -> Floats:
+def rate(values: FloatArray, rows: Rows) -> FloatArray:
     """Rate of change, per s: a central difference, shorter at the ends of a piece; 0 where there is nothing to compare."""
     reach = max(1, round(REACH / rows.step))
     here = np.arange(len(rows))
@@ -25,7 +26,7 @@ def rate(values: Floats, rows: Rows) -> Floats:
     return np.divide(values[after] - values[before], apart, out=np.zeros(len(rows)), where=apart > 0.0)
 
 
-def heading_of_motion(vx: Floats, vy: Floats, rows: Rows) -> Floats:
+def heading_of_motion(vx: FloatArray, vy: FloatArray, rows: Rows) -> FloatArray:
     """Direction of the velocity, rad. While standing that of the last motion, before the first motion that of the first.
 
     Tracks that never move have the heading 0.
@@ -39,7 +40,7 @@ def heading_of_motion(vx: Floats, vy: Floats, rows: Rows) -> Floats:
     return np.where(known >= 0, np.arctan2(vy, vx)[known], 0.0)
 
 
-def believable(x: Floats, y: Floats, vx: Floats, vy: Floats, rows: Rows) -> bool:
+def believable(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, rows: Rows) -> bool:
     """Whether given velocities agree with how the positions change, in sum over all rows that move.
 
     Real recordings have failed here: with all velocities backwards, or at half the speed of the positions.
@@ -52,7 +53,7 @@ def believable(x: Floats, y: Floats, vx: Floats, vy: Floats, rows: Rows) -> bool
     return least <= float((vx * dx + vy * dy).sum()) / travelled <= greatest
 
 
-def facing(heading: Floats, vx: Floats, vy: Floats) -> bool:
+def facing(heading: FloatArray, vx: FloatArray, vy: FloatArray) -> bool:
     """Whether nearly all of the way is gone in the direction of the headings.
 
     A real recording has failed here: its headings are arctan(vy/vx), so that all lie in one half of the circle.
@@ -61,7 +62,7 @@ def facing(heading: Floats, vx: Floats, vy: Floats) -> bool:
     return bool((np.cos(heading) * vx + np.sin(heading) * vy).sum() >= _FACING * speed.sum())
 
 
-def crowded(time: Floats, x: Floats, y: Floats) -> int:
+def crowded(time: FloatArray, x: FloatArray, y: FloatArray) -> int:
     """How many rows have another one of the same time within the same square of 2 m.
 
     Next to none in a recording; many where a table holds vehicles that were not there together.

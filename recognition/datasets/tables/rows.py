@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from recognition.datasets.source import Exclusion, Gap, Report
 from recognition.datasets.tables.table import Table
+from xodr.array_types import FloatArray, IntArray
 
-Floats = NDArray[np.float64]
-Whole = NDArray[np.int64]
+Floats = FloatArray
+Whole = IntArray
 
 _LATE = 1.5
 """Steps after which a row comes late: frames are missing before it."""
@@ -26,7 +27,7 @@ class Clock(NamedTuple):
     """
 
     column: str
-    counts: Whole
+    counts: IntArray
     per_second: float
     step: float
     zero: int = 0
@@ -46,20 +47,20 @@ class Rows:
         repeated: how many rows of each track were left out, because there is one of that time already.
     """
 
-    order: Whole
+    order: IntArray
     keys: NDArray[Any]
-    starts: Whole
-    time: Floats
+    starts: IntArray
+    time: FloatArray
     step: float
-    first: Whole
-    last: Whole
-    repeated: Whole
+    first: IntArray
+    last: IntArray
+    repeated: IntArray
 
     def __len__(self) -> int:
         return len(self.order)
 
     @property
-    def sizes(self) -> Whole:
+    def sizes(self) -> IntArray:
         """Number of rows of each track."""
         return np.diff(self.starts)
 
@@ -72,7 +73,7 @@ class Rows:
         """A value for each track, repeated for its rows."""
         return np.repeat(values, self.sizes)
 
-    def totals(self, values: Floats) -> Floats:
+    def totals(self, values: FloatArray) -> FloatArray:
         """Sum over the rows of each track."""
         return np.add.reduceat(values, self.starts[:-1])
 
@@ -124,7 +125,7 @@ def _disordered(table: Table, track: NDArray[Any], clock: Clock, row: int, befor
     return table.fault(row, clock.column, f"{now} of track {track[row]} {fault}")
 
 
-def _pieces(time: Floats, starts: Whole, step: float) -> tuple[Whole, Whole]:
+def _pieces(time: FloatArray, starts: IntArray, step: float) -> tuple[IntArray, IntArray]:
     """First and last row of the piece without missing frames that each row is in."""
     begins = np.zeros(len(time), bool)
     begins[1:] = np.diff(time) > _LATE * step

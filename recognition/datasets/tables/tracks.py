@@ -11,14 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.datasets.participants import Participant
-from recognition.datasets.tables.rows import Floats, Rows
+from recognition.datasets.tables.rows import Rows
 from runner.recording import Track
+from xodr.array_types import FloatArray
 
 Columns = dict[str, NDArray[Any]]
 
 
 def columns_of(
-    rows: Rows, who: Sequence[Participant], x: Floats, y: Floats, h: Floats, speed: Floats, acceleration: Floats
+    rows: Rows,
+    who: Sequence[Participant],
+    x: FloatArray,
+    y: FloatArray,
+    h: FloatArray,
+    speed: FloatArray,
+    acceleration: FloatArray,
 ) -> Columns:
     """Columns of a `Recording` from those of box centres; the places on the road are left open.
 

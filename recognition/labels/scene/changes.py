@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from recognition.labels.scene.stays import held, stays
-from recognition.sites.lanes import NOWHERE, Floats, LaneGraph, Whole
+from recognition.sites.lanes import NOWHERE, LaneGraph
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from recognition.labels.scene.scene import Flags, Scene
+    from recognition.labels.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +29,13 @@ class LaneChanges:
         shift: lateral displacement towards the new lane about the change, m.
     """
 
-    lane: Whole
-    step: Whole
-    course: Whole
-    side: Floats
-    row: Whole
-    left: Flags
-    shift: Floats
+    lane: IntArray
+    step: IntArray
+    course: IntArray
+    side: FloatArray
+    row: IntArray
+    left: BoolArray
+    shift: FloatArray
 
 
 def lane_changes(scene: Scene) -> LaneChanges:
@@ -53,7 +54,7 @@ def lane_changes(scene: Scene) -> LaneChanges:
     return LaneChanges(lane, steps, course, side, row, left, _shifts(scene, lane, course, side, row, left))
 
 
-def _steps(lanes: LaneGraph, strip: Whole) -> tuple[Whole, Flags]:
+def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
     """How many lanes to the left each row but the first is of the row before, and whether these lanes are connected."""
     before, after = strip[:-1], strip[1:]
     pairs, which = np.unique(np.stack([before, after], axis=1), axis=0, return_inverse=True)
@@ -64,19 +65,19 @@ def _steps(lanes: LaneGraph, strip: Whole) -> tuple[Whole, Flags]:
     return steps[which] if len(which) else which, related[which] if len(which) else np.zeros(0, bool)
 
 
-def _first(begins: Flags) -> Whole:
+def _first(begins: BoolArray) -> IntArray:
     """The first row of each row's course."""
     return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
 
-def _is_held(lane: Whole, course: Whole, row: Whole, least: int) -> Flags:
+def _is_held(lane: IntArray, course: IntArray, row: IntArray, least: int) -> BoolArray:
     """Whether the stays before and after each of the rows, with which a stay begins, are long enough."""
     starts, sizes = stays(lane, course)
     place = np.searchsorted(starts, row)
     return (sizes[place] >= least) & (sizes[place - 1] >= least)
 
 
-def _side(scene: Scene, steps: Whole, begins: Flags) -> Floats:
+def _side(scene: Scene, steps: IntArray, begins: BoolArray) -> FloatArray:
     """Lateral way to the left since each course began: changes of the lane offset, or of t where the lane changes."""
     lanes, before, after = scene.site.lanes, scene.strip[:-1], scene.strip[1:]
     to_road = np.diff(scene.offset) + steps[1:] * 0.5 * (lanes.width[before] + lanes.width[after])
@@ -86,7 +87,7 @@ def _side(scene: Scene, steps: Whole, begins: Flags) -> Floats:
     return side - side[_first(begins)]
 
 
-def _shifts(scene: Scene, lane: Whole, course: Whole, side: Floats, rows: Whole, left: Flags) -> Floats:
+def _shifts(scene: Scene, lane: IntArray, course: IntArray, side: FloatArray, rows: IntArray, left: BoolArray) -> FloatArray:
     """Displacement from the outermost place before to the outermost place after each change, within its two stays."""
     reach = scene.rows(scene.rules.shift_time)
     starts, sizes = stays(lane, course)

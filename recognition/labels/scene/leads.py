@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.sites.lanes import NOWHERE, Floats, LaneGraph, Whole
+from recognition.sites.lanes import NOWHERE, LaneGraph
 from runner.measures.criticality import Measure, time_headway, time_to_collision
+from xodr.array_types import FloatArray, IntArray
 
 NOBODY = -1
 _MOST_STRIPS = 12
@@ -25,22 +26,22 @@ class Leads:
         follower: row of who has this row as the lead, the nearest of several; NOBODY for none.
     """
 
-    row: Whole
-    gap: Floats
+    row: IntArray
+    gap: FloatArray
     thw: Measure
     ttc: Measure
-    follower: Whole
+    follower: IntArray
 
 
 def leads(
     lanes: LaneGraph,
-    track: Whole,
-    frame: Whole,
-    strip: Whole,
-    along: Floats,
-    speed: Floats,
-    front: Floats,
-    rear: Floats,
+    track: IntArray,
+    frame: IntArray,
+    strip: IntArray,
+    along: FloatArray,
+    speed: FloatArray,
+    front: FloatArray,
+    rear: FloatArray,
     sight: float,
 ) -> Leads:
     """The leads of all rows (in the order of tracks and time), as far ahead as `sight` (m)."""
@@ -69,7 +70,7 @@ def leads(
     return _measured(row, gap, track, speed, front, rear, sight)
 
 
-def _own_next(lanes: LaneGraph, track: Whole, strip: Whole) -> Whole:
+def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
     """The strip that each row's track takes next, as far as it tells; else the straightest."""
     following = lanes.straight[strip]
     following[strip == NOWHERE] = NOWHERE
@@ -86,7 +87,9 @@ def _own_next(lanes: LaneGraph, track: Whole, strip: Whole) -> Whole:
     return np.where(own != NOWHERE, own, following)
 
 
-def _measured(row: Whole, gap: Floats, track: Whole, speed: Floats, front: Floats, rear: Floats, sight: float) -> Leads:
+def _measured(
+    row: IntArray, gap: FloatArray, track: IntArray, speed: FloatArray, front: FloatArray, rear: FloatArray, sight: float
+) -> Leads:
     led = row != NOBODY
     led[led] = track[row[led]] != track[led]  # nobody leads themselves once round a ring
     gap = np.where(led, gap - front + rear[row], 0.0)

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from recognition.labels.scene.stays import held, stays
-from recognition.sites.lanes import NOWHERE, Floats, Whole
+from recognition.sites.lanes import NOWHERE
 from recognition.sites.roles import ROLES, Role
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from recognition.labels.scene.scene import Flags, Scene
+    from recognition.labels.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +31,21 @@ class Passages:
         origin_road: number of the road of the origin, NOWHERE likewise.
     """
 
-    first: Whole
-    last: Whole
-    arrived: Flags
-    row: Whole
-    turn: Floats
-    junction: Whole
-    signalised: Flags
-    origin: Whole
-    target: Whole
-    origin_road: Whole
+    first: IntArray
+    last: IntArray
+    arrived: BoolArray
+    row: IntArray
+    turn: FloatArray
+    junction: IntArray
+    signalised: BoolArray
+    origin: IntArray
+    target: IntArray
+    origin_road: IntArray
 
     def __len__(self) -> int:
         return len(self.row)
 
-    def rows(self, index: int) -> Whole:
+    def rows(self, index: int) -> IntArray:
         """All rows of one of them."""
         return np.arange(self.first[index], self.last[index] + 1)
 
@@ -74,20 +75,20 @@ def passages(scene: Scene) -> Passages:
     return Passages(first, last, arrived, np.array(middle, np.int64), turn, inside[start], lights, origin, target, roads)
 
 
-def _same_track(scene: Scene, row: Whole, step: int) -> Flags:
+def _same_track(scene: Scene, row: IntArray, step: int) -> BoolArray:
     """Whether the row before (step -1) or after (1) each row is of the same track."""
     other = row + step
     there = (other >= 0) & (other < len(scene.track))
     return there & (scene.track[np.where(there, other, 0)] == scene.track[row])
 
 
-def _neighbours(links: list[list[int]], strip: Whole) -> Whole:
+def _neighbours(links: list[list[int]], strip: IntArray) -> IntArray:
     """The strip that each one is linked to, NOWHERE where there is none."""
     linked = np.array([found[0] if found else NOWHERE for found in links], np.int64)
     return np.where(strip != NOWHERE, linked[strip], NOWHERE)
 
 
-def _junctions(scene: Scene) -> Whole:
+def _junctions(scene: Scene) -> IntArray:
     """Number of the junction of each strip, NOWHERE for none."""
     network = scene.site.network
     numbers = {name: number for number, name in enumerate(network.junctions)}
@@ -95,7 +96,7 @@ def _junctions(scene: Scene) -> Whole:
     return np.array(found, np.int64)
 
 
-def _half(values: Floats, start: int, end: int) -> int:
+def _half(values: FloatArray, start: int, end: int) -> int:
     """The first row at which half of the change of a value from one row to another is done."""
     share = (values[start : end + 1] - values[start]) / (values[end] - values[start] or 1.0)
     return start + int(np.argmax(share >= 0.5))

@@ -17,12 +17,12 @@ from recognition.labels.scene.leads import Leads, leads
 from recognition.labels.scene.passages import Passages, passages
 from recognition.labels.scene.rolling import constant, smoothed
 from recognition.sites import Role, Site
-from recognition.sites.lanes import NOWHERE, Floats, Whole
+from recognition.sites.lanes import NOWHERE
 from recognition.sites.placing import place
 from recognition.sites.roles import ROLES
 from runner.recording import Recording, Track
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
-Flags = NDArray[np.bool_]
 EGOS = ("car", "van", "truck", "bus", "motorbike")
 """Categories of vehicles that events are about; the others are only partners."""
 
@@ -46,25 +46,25 @@ class Scene:
     rules: Rules
     step: float
     names: list[str]
-    egos: Flags
-    track: Whole
-    frame: Whole
-    time: Floats
-    first: Whole
-    last: Whole
-    x: Floats
-    y: Floats
-    h: Floats
-    speed: Floats
-    acceleration: Floats
-    strip: Whole
-    along: Floats
-    offset: Floats
-    aside: Floats
-    role: Whole
-    front: Floats
-    rear: Floats
-    width: Floats
+    egos: BoolArray
+    track: IntArray
+    frame: IntArray
+    time: FloatArray
+    first: IntArray
+    last: IntArray
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    strip: IntArray
+    along: FloatArray
+    offset: FloatArray
+    aside: FloatArray
+    role: IntArray
+    front: FloatArray
+    rear: FloatArray
+    width: FloatArray
 
     @cached_property
     def passages(self) -> Passages:
@@ -72,7 +72,7 @@ class Scene:
         return passages(self)
 
     @cached_property
-    def vulnerable(self) -> tuple[Floats, Floats, Floats, Whole]:
+    def vulnerable(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0) and cyclists."""
         cyclists = [name for name in self.names if self.recording.tracks[name].category == "bicycle"]
         walkers = [track.name for track in self.recording.tracks.values() if track.kind == "pedestrian"]
@@ -87,7 +87,7 @@ class Scene:
         return max(1, round(seconds / self.step))
 
     @cached_property
-    def complete(self) -> Flags:
+    def complete(self) -> BoolArray:
         """Rows of egos about which the whole window is there."""
         half, here = self.rows(0.5 * self.rules.window), np.arange(len(self.track))
         return self.egos[self.track] & (here - half >= self.first) & (here + half <= self.last)
@@ -104,13 +104,13 @@ class Scene:
         """Changes of lane."""
         return lane_changes(self)
 
-    def steady(self, seconds: float) -> Flags:
+    def steady(self, seconds: float) -> BoolArray:
         """Rows whose track keeps its lane, with all frames there, from so much before to so much after."""
         half = self.rows(seconds)
         kept = (constant(values, half, self.first, self.last) for values in (self.changes.lane, self.changes.course))
         return np.logical_and(*kept)
 
-    def has_role(self, *roles: Role) -> Flags:
+    def has_role(self, *roles: Role) -> BoolArray:
         """Rows on lanes of these roles."""
         return np.isin(self.role, [ROLES.index(role) for role in roles])
 
@@ -161,7 +161,7 @@ def _joined(tracks: list[Track], name: str) -> NDArray:
     return np.concatenate([track.columns[name] for track in tracks]) if tracks else np.zeros(0)
 
 
-def _parts(track: Whole, frame: Whole) -> tuple[Whole, Whole]:
+def _parts(track: IntArray, frame: IntArray) -> tuple[IntArray, IntArray]:
     """First and last row of the part without missing frames that each row is in."""
     begins = np.ones(len(track), bool)
     begins[1:] = (np.diff(track) != 0) | (np.diff(frame) != 1)

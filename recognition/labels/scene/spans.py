@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.labels.scene.scene import Flags, Scene
-from recognition.sites.lanes import Whole
+from recognition.labels.scene.scene import Scene
+from xodr.array_types import BoolArray, IntArray
 
 
-def ahead_of(scene: Scene, rows: Whole, seconds: float) -> Whole:
+def ahead_of(scene: Scene, rows: IntArray, seconds: float) -> IntArray:
     """Indices (n, k) of the rows from each given one to `seconds` later; the last one that there is stands for those missing."""
     steps = np.arange(scene.rows(seconds) + 1)
     return np.minimum(rows[:, None] + steps, scene.last[rows][:, None])
 
 
-def spaced(scene: Scene, flags: Flags, seconds: float, most: int) -> Whole:
+def spaced(scene: Scene, flags: BoolArray, seconds: float, most: int) -> IntArray:
     """Rows of each track at which a flag holds, the first and then each at least `seconds` after the one before."""
     candidates = np.flatnonzero(flags)
     ends = np.searchsorted(scene.track[candidates], np.arange(len(scene.names) + 1))

@@ -6,22 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.sites.lanes import Whole
+from xodr.array_types import IntArray
 
 
 class Stays(NamedTuple):
     """First row and number of rows of each stay."""
 
-    start: Whole
-    size: Whole
+    start: IntArray
+    size: IntArray
 
     @property
-    def end(self) -> Whole:
+    def end(self) -> IntArray:
         """The row after the last one of each."""
         return self.start + self.size
 
 
-def stays(values: Whole, group: Whole) -> Stays:
+def stays(values: IntArray, group: IntArray) -> Stays:
     """Runs of equal values within runs of equal groups."""
     begins = np.ones(len(values), bool)
     begins[1:] = (values[1:] != values[:-1]) | (group[1:] != group[:-1])
@@ -29,7 +29,7 @@ def stays(values: Whole, group: Whole) -> Stays:
     return Stays(start, np.diff(np.append(start, len(values))))
 
 
-def held(values: Whole, group: Whole, least: int) -> Whole:
+def held(values: IntArray, group: IntArray, least: int) -> IntArray:
     """Values in which stays of fewer than `least` rows count to the last longer one before them in the same group."""
     start, size = stays(values, group)
     number = np.arange(len(start))

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.datasets.tables.rows import Floats, Whole
 from recognition.recorder.fleet import Vehicle
 from recognition.recorder.formats.neighbours import NOBODY, Traffic
 from recognition.recorder.formats.tables import write_csv
 from recognition.recorder.motion import Motion
 from recognition.recorder.sites import View
+from xodr.array_types import BoolArray, FloatArray, IntArray
 from xodr.network import RoadNetwork
 
 RATE = 25
@@ -47,7 +47,7 @@ class Sheet:
             for side in (1, -1)
         )
 
-    def lanes(self, y: Floats) -> Whole:
+    def lanes(self, y: FloatArray) -> IntArray:
         """highD's lane ids: 1 above the first marking, one more at each."""
         return 1 + np.searchsorted([*self.upper, *self.lower], y)
 
@@ -75,7 +75,7 @@ def write(
     return path
 
 
-def _tracks(motion: Motion, chosen: Whole, seen: Sequence[Vehicle], sheet: Sheet) -> _Columns:
+def _tracks(motion: Motion, chosen: IntArray, seen: Sequence[Vehicle], sheet: Sheet) -> _Columns:
     length, width = (np.array([getattr(one, side) for one in seen])[chosen] for side in ("length", "width"))
     x, y = motion.x - sheet.view.left, sheet.view.top - motion.y
     upper = motion.y > 0.0
@@ -90,7 +90,7 @@ def _tracks(motion: Motion, chosen: Whole, seen: Sequence[Vehicle], sheet: Sheet
     return {name: np.round(values, 2) + 0 for name, values in columns.items()}  # no negative zeros
 
 
-def _relations(columns: _Columns, lane: Whole, upper: NDArray[np.bool_]) -> _Columns:
+def _relations(columns: _Columns, lane: IntArray, upper: BoolArray) -> _Columns:
     """Neighbours and what follows from them."""
     ahead = np.where(upper, -1.0, 1.0)
     length, along = columns["width"], ahead * (columns["x"] + 0.5 * columns["width"])
@@ -113,13 +113,13 @@ def _relations(columns: _Columns, lane: Whole, upper: NDArray[np.bool_]) -> _Col
     }  # fmt: skip
 
 
-def _over(gap: Floats, speed: Floats) -> Floats:
+def _over(gap: FloatArray, speed: FloatArray) -> FloatArray:
     """A gap over a speed, s; 0 where that is no time."""
     time = np.divide(gap, speed, out=np.zeros(len(gap)), where=speed != 0.0)
     return np.where(np.abs(time) < _ENDLESS, time, 0.0)
 
 
-def _vehicles(tracks: _Columns, upper: NDArray[np.bool_], seen: Sequence[Vehicle]) -> _Columns:
+def _vehicles(tracks: _Columns, upper: BoolArray, seen: Sequence[Vehicle]) -> _Columns:
     starts = np.flatnonzero(np.diff(tracks["id"], prepend=0))
     ends = np.append(starts[1:], len(tracks["id"])) - 1
     first, last = tracks["frame"][starts], tracks["frame"][ends]
@@ -139,7 +139,7 @@ def _vehicles(tracks: _Columns, upper: NDArray[np.bool_], seen: Sequence[Vehicle
     }  # fmt: skip
 
 
-def _least(values: Floats, starts: Whole) -> Floats:
+def _least(values: FloatArray, starts: IntArray) -> FloatArray:
     """The least positive value of each track, -1 where there is none."""
     least = np.minimum.reduceat(np.where(values > 0.0, values, np.inf), starts)
     return np.where(np.isfinite(least), least, -1.0)

@@ -7,9 +7,8 @@ preceding and following in the lanes beside is the nearest one that does not.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from recognition.datasets.tables.rows import Floats, Whole
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 NOBODY = -1
 _SPAN = 1e6
@@ -24,7 +23,7 @@ class Traffic:
         along: position in the direction of travel, m. length: m.
     """
 
-    def __init__(self, frame: Whole, lane: Whole, along: Floats, length: Floats) -> None:
+    def __init__(self, frame: IntArray, lane: IntArray, along: FloatArray, length: FloatArray) -> None:
         self._lane, self._along, self._length = lane, along, length
         self._strip = frame * (int(lane.max()) + 3)
         key = self._key(lane)
@@ -32,23 +31,23 @@ class Traffic:
         self._sorted = key[self._order]
         self._group = (self._strip + lane)[self._order]
 
-    def _key(self, lane: Whole) -> Floats:
+    def _key(self, lane: IntArray) -> FloatArray:
         return (self._strip + lane) * _SPAN + self._along
 
-    def ahead(self) -> Whole:
+    def ahead(self) -> IntArray:
         """Row of the nearest vehicle in front in the own lane, or `NOBODY`."""
         return self._own(1)
 
-    def behind(self) -> Whole:
+    def behind(self) -> IntArray:
         """Row of the nearest vehicle behind in the own lane, or `NOBODY`."""
         return self._own(-1)
 
-    def _own(self, side: int) -> Whole:
+    def _own(self, side: int) -> IntArray:
         place = np.empty_like(self._order)
         place[self._order] = np.arange(len(place))
         return self._at(place + side, self._strip + self._lane)
 
-    def beside(self, lanes: int) -> tuple[Whole, Whole, Whole]:
+    def beside(self, lanes: int) -> tuple[IntArray, IntArray, IntArray]:
         """Rows of preceding, alongside and following in the lane that lies `lanes` to the right (negative: left)."""
         group = self._strip + self._lane + lanes
         front = np.searchsorted(self._sorted, self._key(self._lane + lanes))
@@ -58,7 +57,7 @@ class Traffic:
         distance = np.where(both == NOBODY, np.inf, np.abs(self._along[both] - self._along))
         return ahead, both[distance.argmin(axis=0), np.arange(len(front))], behind
 
-    def _beyond(self, place: Whole, side: int, group: Whole) -> tuple[Whole, Whole]:
+    def _beyond(self, place: IntArray, side: int, group: IntArray) -> tuple[IntArray, IntArray]:
         """From places in the order on: the first that does not overlap, and the first where it does."""
         first = found = self._at(place, group)
         while (overlapping := self._overlaps(found)).any():
@@ -66,11 +65,11 @@ class Traffic:
             found = self._at(place, group)
         return found, np.where(self._overlaps(first), first, NOBODY)
 
-    def _overlaps(self, other: Whole) -> NDArray[np.bool_]:
+    def _overlaps(self, other: IntArray) -> BoolArray:
         near = np.abs(self._along[other] - self._along) < 0.5 * (self._length[other] + self._length)
         return near & (other != NOBODY)
 
-    def _at(self, place: Whole, group: Whole) -> Whole:
+    def _at(self, place: IntArray, group: IntArray) -> IntArray:
         """Rows at places in the order, where they are in the asked lane and frame."""
         inside = np.clip(place, 0, len(self._order) - 1)
         there = (place == inside) & (self._group[inside] == group)

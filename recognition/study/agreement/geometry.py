@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.sites.lanes import Floats, Whole
+from xodr.array_types import FloatArray, IntArray
 
 LEAST_WAY = 10.0
 """Who goes less than this (m) is not moving."""
@@ -12,7 +12,7 @@ _END = 3.0
 """Length of way at each end from which its direction is taken, m."""
 
 
-def net_turn(x: Floats, y: Floats) -> float | None:
+def net_turn(x: FloatArray, y: FloatArray) -> float | None:
     """Change of direction over a way, rad, positive to the left, up to half a turn; None for who hardly moves."""
     if np.hypot(x[-1] - x[0], y[-1] - y[0]) < LEAST_WAY:
         return None
@@ -23,6 +23,6 @@ def net_turn(x: Floats, y: Floats) -> float | None:
     return float(np.remainder(last - first + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def own_lane_changes(lane: Whole) -> int:
+def own_lane_changes(lane: IntArray) -> int:
     """How often a lane id of the data set changes."""
     return int(np.count_nonzero(np.diff(lane)))

@@ -15,12 +15,12 @@ from recognition.datasets.formats import highd
 from recognition.datasets.formats.commonroad import files as commonroad
 from recognition.labels import RULES, Event, Label, Rules
 from recognition.labels.hits import events
-from recognition.labels.scene.scene import Flags, Scene, prepare
+from recognition.labels.scene.scene import Scene, prepare
 from recognition.sites import Role, Site, site_of
-from recognition.sites.lanes import Floats
 from recognition.study.agreement.geometry import net_turn, own_lane_changes
 from recognition.study.agreement.reasons import reasons
 from schemas.errors import ToolchainError
+from xodr.array_types import BoolArray, FloatArray
 
 _PIECE = 10
 """Rows of one speed sequence by which a vehicle is recognised in another recording."""
@@ -41,7 +41,7 @@ class Vehicle:
     recording: str
     name: str
     size: tuple[float, float]
-    speed: Floats
+    speed: FloatArray
     steps: tuple[int, int]
     changes: tuple[int, int]
     ramps: tuple[bool, bool]
@@ -71,10 +71,10 @@ class Place:
     events: list[Event] = field(default_factory=list)
     failures: dict[str, str] = field(default_factory=dict)
     site: Site | None = None
-    ways: list[tuple[Floats, Floats]] = field(default_factory=list)
-    lines: dict[Label, list[tuple[Floats, Floats]]] = field(default_factory=dict)
-    sides: dict[Label, list[tuple[Floats, Floats]]] = field(default_factory=dict)
-    gaps: list[tuple[Label, Floats, Floats]] = field(default_factory=list)
+    ways: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
+    lines: dict[Label, list[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
+    sides: dict[Label, list[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
+    gaps: list[tuple[Label, FloatArray, FloatArray]] = field(default_factory=list)
 
 
 def survey(data: Path, roads: Path, rules: Rules) -> list[Place]:
@@ -146,7 +146,7 @@ def _vehicles(scene: Scene, name: str, found: list[Event]) -> Iterator[Vehicle]:
         )
 
 
-def _passes(scene: Scene, before: Flags, after: Flags) -> Flags:
+def _passes(scene: Scene, before: BoolArray, after: BoolArray) -> BoolArray:
     """Rows with which a way goes from one kind of lane to another."""
     course = scene.changes.course
     found = np.zeros(len(course), bool)

@@ -11,7 +11,8 @@ from torch import Tensor, nn
 
 from recognition.study.baselines.method import OpenSetMethod
 from recognition.training.seeding import seeded
-from recognition.trfe.samples import Features, Floats, Whole
+from recognition.trfe.samples import Features
+from xodr.array_types import FloatArray, IntArray
 
 
 class Training(NamedTuple):
@@ -57,7 +58,7 @@ class HeadMethod(OpenSetMethod):
     def _measure(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Closeness to each class (n, K), whose greatest names the class, and outlyingness (n,)."""
 
-    def _learn(self, features: Features, indices: Whole) -> None:
+    def _learn(self, features: Features, indices: IntArray) -> None:
         self._mean = features.mean(axis=0)
         self._deviation = features.std(axis=0) + 1e-6
         inputs, targets = self._standardise(features), torch.from_numpy(indices)
@@ -83,14 +84,14 @@ class HeadMethod(OpenSetMethod):
     def _standardise(self, features: Features) -> Tensor:
         return torch.from_numpy(((features - self._mean) / self._deviation).astype(np.float32))
 
-    def _evaluate(self, features: Features) -> tuple[Features, Floats]:
+    def _evaluate(self, features: Features) -> tuple[Features, FloatArray]:
         with torch.no_grad():
             closeness, outlyingness = self._measure(self._standardise(features))
         return closeness.numpy(), outlyingness.double().numpy()
 
-    def _classify(self, features: Features) -> Whole:
+    def _classify(self, features: Features) -> IntArray:
         return self._evaluate(features)[0].argmax(axis=1)
 
-    def score(self, features: Features) -> Floats:
+    def score(self, features: Features) -> FloatArray:
         """Outlyingness of each sample (n,); higher is less like the known classes."""
         return self._evaluate(features)[1]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.study.baselines.pool import ClusteringMethod, Pool
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
+from xodr.array_types import IntArray
 
 
 class IterativeMethod(ClusteringMethod):
@@ -27,7 +28,7 @@ class IterativeMethod(ClusteringMethod):
     def similarity(self, features: Features) -> NDArray[np.float32]:
         """S (n, n) in [0, 1] of the features (n, d) learnt so far."""
 
-    def cluster(self, pool: Pool) -> Whole:
+    def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
         from recognition.training.seeding import seeded
         from recognition.trfe.discovery.clustering import Clustering, Projection, cluster

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.study.baselines.pool import ClusteringMethod, Pool
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
+from xodr.array_types import IntArray
 
 
-def k_means(features: Features, count: int, seed: int) -> Whole:
+def k_means(features: Features, count: int, seed: int) -> IntArray:
     """Cluster number of each sample (n,): the best of ten starts."""
     from sklearn.cluster import KMeans
 
@@ -23,7 +24,7 @@ class KMeansFeatures(ClusteringMethod):
 
     given_count = True
 
-    def cluster(self, pool: Pool) -> Whole:
+    def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
         return k_means(pool.standardised()[0], pool.classes, self.seed)
 
@@ -33,6 +34,6 @@ class ChanceClusters(ClusteringMethod):
 
     given_count = True
 
-    def cluster(self, pool: Pool) -> Whole:
+    def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
         return np.random.default_rng(self.seed).integers(pool.classes, size=len(pool.features))

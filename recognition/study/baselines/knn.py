@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.study.baselines.method import OpenSetMethod
-from recognition.trfe.samples import Features, Floats, Whole, deviations, unit
+from recognition.trfe.samples import Features, deviations, unit
+from xodr.array_types import FloatArray, IntArray
 
 _NEAREST = 5
 
@@ -18,16 +19,16 @@ class KNN(OpenSetMethod):
     Sun et al., Out-of-Distribution Detection with Deep Nearest Neighbors, ICML 2022.
     """
 
-    def _learn(self, features: Features, indices: Whole) -> None:
+    def _learn(self, features: Features, indices: IntArray) -> None:
         from sklearn.neighbors import KNeighborsClassifier
 
         self._mean, self._deviation = features.mean(axis=0), deviations(features)
         self._model = KNeighborsClassifier(_NEAREST, algorithm="brute").fit(self._unit(features), indices)
 
-    def _classify(self, features: Features) -> Whole:
+    def _classify(self, features: Features) -> IntArray:
         return np.asarray(self._model.predict(self._unit(features)), dtype=np.int64)
 
-    def score(self, features: Features) -> Floats:
+    def score(self, features: Features) -> FloatArray:
         """Distance of each sample to its fifth nearest training sample (n,)."""
         return np.asarray(self._model.kneighbors(self._unit(features))[0][:, -1], dtype=np.float64)
 

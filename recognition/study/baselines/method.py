@@ -7,7 +7,8 @@ from typing import Self
 
 import numpy as np
 
-from recognition.trfe.samples import UNKNOWN, Features, Floats, Whole
+from recognition.trfe.samples import UNKNOWN, Features
+from xodr.array_types import FloatArray, IntArray
 
 FALSE_REJECTION = 0.05
 """Share of known validation samples that the common rejection rule gives up."""
@@ -28,7 +29,7 @@ class OpenSetMethod(ABC):
     def __init__(self, seed: int = 0) -> None:
         self.seed = seed
 
-    def fit(self, features: Features, labels: Whole, validation: Features, validation_labels: Whole) -> Self:
+    def fit(self, features: Features, labels: IntArray, validation: Features, validation_labels: IntArray) -> Self:
         """Learn the known classes.
 
         Args:
@@ -42,25 +43,25 @@ class OpenSetMethod(ABC):
         return self
 
     @abstractmethod
-    def _learn(self, features: Features, indices: Whole) -> None:
+    def _learn(self, features: Features, indices: IntArray) -> None:
         """Learn from samples whose classes are given as indices into `classes`."""
 
-    def _calibrate(self, features: Features, labels: Whole) -> None:  # noqa: B027
+    def _calibrate(self, features: Features, labels: IntArray) -> None:  # noqa: B027
         """Adapt the score to validation samples, where a method does."""
 
     @abstractmethod
-    def _classify(self, features: Features) -> Whole:
+    def _classify(self, features: Features) -> IntArray:
         """Index of the best known class of each sample (n,)."""
 
     @abstractmethod
-    def score(self, features: Features) -> Floats:
+    def score(self, features: Features) -> FloatArray:
         """Outlyingness of each sample (n,); higher is less like the known classes."""
 
-    def classify(self, features: Features) -> Whole:
+    def classify(self, features: Features) -> IntArray:
         """Id of the best known class of each sample (n,); nothing is rejected."""
-        labels: Whole = self.classes[self._classify(features)]
+        labels: IntArray = self.classes[self._classify(features)]
         return labels
 
-    def predict(self, features: Features) -> Whole:
+    def predict(self, features: Features) -> IntArray:
         """Class ids (n,), 0 for samples whose score is above the threshold."""
         return np.where(self.score(features) > self.threshold, UNKNOWN, self.classify(features))

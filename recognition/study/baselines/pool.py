@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
+from xodr.array_types import IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class Pool:
     features: Features
     grids: NDArray[np.uint8]
     known: Features
-    labels: Whole
+    labels: IntArray
     classes: int
 
     @cached_property
@@ -60,5 +61,5 @@ class ClusteringMethod(ABC):
         self.seed = seed
 
     @abstractmethod
-    def cluster(self, pool: Pool) -> Whole:
+    def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,); −1 for samples that are put into none."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from recognition.study.baselines.kmeans import k_means
 from recognition.study.baselines.pool import ClusteringMethod, Pool
-from recognition.trfe.samples import Whole
+from xodr.array_types import IntArray
 
 
 class STAEKMeans(ClusteringMethod):
@@ -12,6 +12,6 @@ class STAEKMeans(ClusteringMethod):
 
     given_count = True
 
-    def cluster(self, pool: Pool) -> Whole:
+    def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
         return k_means(pool.codes, pool.classes, self.seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.study.baselines.pool import ClusteringMethod, Pool
-from recognition.trfe.samples import Whole
+from xodr.array_types import IntArray
 
 
 class STAELinkage(ClusteringMethod):
@@ -13,7 +13,7 @@ class STAELinkage(ClusteringMethod):
 
     given_count = True
 
-    def cluster(self, pool: Pool) -> Whole:
+    def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
         from sklearn.cluster import AgglomerativeClustering
 

@@ -7,8 +7,9 @@ from abc import abstractmethod
 from recognition.study.baselines.method import OpenSetMethod
 from recognition.trfe.forest.voters import Voters, grow
 from recognition.trfe.forest.votes import TREES
-from recognition.trfe.samples import Features, Floats, Whole
+from recognition.trfe.samples import Features
 from recognition.trfe.screening import Screening
+from xodr.array_types import FloatArray, IntArray
 
 
 class VotingMethod(OpenSetMethod):
@@ -34,7 +35,7 @@ class VotingMethod(OpenSetMethod):
     def _screening(self) -> Screening:
         """The screening, not calibrated yet."""
 
-    def _learn(self, features: Features, indices: Whole) -> None:
+    def _learn(self, features: Features, indices: IntArray) -> None:
         self._voters = self._grown or grow(
             features,
             self.classes[indices],
@@ -44,13 +45,13 @@ class VotingMethod(OpenSetMethod):
             neighbours=self.neighbours,
         )
 
-    def _calibrate(self, features: Features, labels: Whole) -> None:
+    def _calibrate(self, features: Features, labels: IntArray) -> None:
         cast = self._voters.cast(features)
         self.screening = self._screening().fit(cast.votes, labels, self.trees, cast.distances)
 
-    def _classify(self, features: Features) -> Whole:
+    def _classify(self, features: Features) -> IntArray:
         return self._voters.cast(features).votes.argmax(axis=1)
 
-    def score(self, features: Features) -> Floats:
+    def score(self, features: Features) -> FloatArray:
         """Outlyingness of each sample (n,); higher is less like the known classes."""
         return self.screening.score(*self._voters.cast(features))

@@ -17,7 +17,7 @@ from recognition.study.protocol.stage import Stage
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import discover
-from recognition.trfe.samples import Whole
+from xodr.array_types import IntArray
 
 ALL_FEATURES = "all-features"
 """TRFE clustering in the features of before and after fine-tuning together."""
@@ -57,7 +57,7 @@ def measure_clustering(name: str, stage: Stage) -> dict[str, Any]:
         if name in GIVEN:
             given = replace(config.clustering, candidates=len(stage.round.new), start="k-means")
             config = replace(config, clustering=given)
-        clusters: Whole = discover(stage.model.known, buffer, config).clusters
+        clusters: IntArray = discover(stage.model.known, buffer, config).clusters
     else:
         clusters = OTHERS[name](seed=stage.seed).cluster(stage.pool)
     return {**metrics.clustering(new.labels, clusters)._asdict(), "samples": len(new.rows)}

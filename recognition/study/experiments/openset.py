@@ -19,8 +19,9 @@ from recognition.study.baselines.mls import MLS
 from recognition.study.baselines.vote_threshold import PlainThreshold
 from recognition.study.baselines.voting import VotingMethod
 from recognition.study.protocol.stage import Stage
-from recognition.trfe.samples import UNKNOWN, Features, Floats, Whole
+from recognition.trfe.samples import UNKNOWN, Features
 from recognition.trfe.screening import EvtDeficit, EvtJoint, EvtPooled, Screening
+from xodr.array_types import FloatArray, IntArray
 
 OWN_RULE = "trfe"
 """The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
@@ -72,9 +73,9 @@ COMMON_RULE: dict[str, type[OpenSetMethod]] = {
 class Judged(NamedTuple):
     """Test samples as a method sees them: best known class, outlyingness and label (n,), and the threshold behind the labels."""
 
-    closed: Whole
-    scores: Floats
-    predicted: Whole
+    closed: IntArray
+    scores: FloatArray
+    predicted: IntArray
     threshold: float
 
 

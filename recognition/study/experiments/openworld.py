@@ -15,9 +15,10 @@ from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Preprocessing
 from recognition.trfe.discovery.clustering import Clustering
 from recognition.trfe.discovery.promotion import Promotion
-from recognition.trfe.samples import UNKNOWN, Whole
+from recognition.trfe.samples import UNKNOWN
 from recognition.trfe.screening import EvtDeficit
 from recognition.trfe.trfe import TRFE
+from xodr.array_types import IntArray
 
 _PLAIN_VOTES: dict[str, Any] = {"background": False, "neighbours": False}
 VARIANTS: dict[str, Config] = {
@@ -109,7 +110,7 @@ def follow(model: TRFE, stage: Stage, names: dict[int, int]) -> dict[str, Any]:
     }
 
 
-def walk(model: TRFE, stream: Samples) -> Whole:
+def walk(model: TRFE, stream: Samples) -> IntArray:
     """Let a stream pass by a model, which discovers when its buffer is full, at most every half capacity, and at the end.
 
     Returns:
@@ -128,7 +129,7 @@ def walk(model: TRFE, stream: Samples) -> Whole:
     return labels
 
 
-def _discover(model: TRFE, stream: Samples, labels: Whole) -> None:
+def _discover(model: TRFE, stream: Samples, labels: IntArray) -> None:
     """A discovery, where the buffer holds enough; what is promoted gets its label."""
     if len(model.buffer) <= model.config.preprocessing.neighbours:
         return

@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 
 from recognition.grids import VELOCITY_STEP, Grid
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 
 _SPEEDS = np.linspace(0.0, 40.0, 21)
 """Speeds (m/s) about which those of egos are coded, as far apart as the code's bells are wide."""
 
 
-def probe(
-    training: NDArray[np.floating], labels: NDArray[np.int64], testing: NDArray[np.floating], truth: NDArray[np.int64]
-) -> float:
+def probe(training: NDArray[np.floating], labels: IntArray, testing: NDArray[np.floating], truth: IntArray) -> float:
     """Accuracy, as the mean over classes, of a logistic regression on standardised features.
 
     Args:
@@ -29,7 +28,7 @@ def probe(
     return float(balanced_accuracy_score(truth, classifier.fit(training, labels).predict(testing)))
 
 
-def speed_code(grids: NDArray[np.uint8], grid: Grid) -> NDArray[np.float64]:
+def speed_code(grids: NDArray[np.uint8], grid: Grid) -> FloatArray:
     """What is to be known of the classes from the ego's speed: features (n, 21) of it that a linear classifier can use.
 
     Raises:

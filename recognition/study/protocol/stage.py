@@ -22,8 +22,9 @@ from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Preprocessing
 from recognition.trfe.forest.voters import Voters, grow
 from recognition.trfe.forest.votes import TREES
-from recognition.trfe.samples import UNKNOWN, Features, Whole, drawn_of_each
+from recognition.trfe.samples import UNKNOWN, Features, drawn_of_each
 from recognition.trfe.trfe import TRFE
+from xodr.array_types import IntArray
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
@@ -41,8 +42,8 @@ class Samples(NamedTuple):
     """Features (n, d), labels (n,), and the numbers (n,) of the windows that they are of."""
 
     features: Features
-    labels: Whole
-    rows: Whole
+    labels: IntArray
+    rows: IntArray
 
     def only(self, chosen: NDArray[Any] | slice) -> Samples:
         """Those of a mask, index or slice."""
@@ -92,7 +93,7 @@ class Stage:
         return self._samples(self._rows(self.split.test, self.round.known + self.round.new))
 
     @cached_property
-    def truth(self) -> Whole:
+    def truth(self) -> IntArray:
         """Labels of the test samples for a method that knows the known classes: 0 for the new ones."""
         return np.where(np.isin(self.test.labels, self.round.known), self.test.labels, UNKNOWN)
 
@@ -125,10 +126,10 @@ class Stage:
         """A forest fitted on the known classes, without what TRFE's has beside: the baselines that vote share it."""
         return grow(*self.labelled[:2], trees=TREES, seed=self.seed)
 
-    def _rows(self, rows: Whole, classes: tuple[int, ...]) -> Whole:
+    def _rows(self, rows: IntArray, classes: tuple[int, ...]) -> IntArray:
         return rows[np.isin(self.windows.labels[rows], classes)]
 
-    def _samples(self, rows: Whole) -> Samples:
+    def _samples(self, rows: IntArray) -> Samples:
         return Samples(self.encoded[rows], self.windows.labels[rows], rows)
 
 
@@ -159,7 +160,7 @@ class Laboratory:
         encoded[rows] = features
         return Stage(self.windows, split, round_, seed, encoded, features.shape[1] - parts[-1].shape[1])
 
-    def _features(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+    def _features(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
         path = self.cache / f"seed{seed}" / f"encoded{round_.number}.npy"
         if not path.exists():
@@ -169,7 +170,7 @@ class Laboratory:
             draft.replace(path)
         return np.load(path, allow_pickle=False)
 
-    def _encode(self, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+    def _encode(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         from recognition.encoder.inference import features
 
         if self.preset is None:

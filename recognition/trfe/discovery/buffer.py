@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import Features, Floats, Whole
+from recognition.trfe.samples import Features
 from schemas.errors import UsageError
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 _NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
@@ -49,7 +50,7 @@ class Buffer:
             raise UsageError(f"a buffer of {capacity} samples can't hold any")
         self.capacity = capacity
         self.inputs: NDArray[Any] | None = None
-        self.keys: Whole = np.zeros(0, dtype=np.int64)
+        self.keys: IntArray = np.zeros(0, dtype=np.int64)
         self.dropped = 0
 
     def __len__(self) -> int:
@@ -68,7 +69,7 @@ class Buffer:
         self.dropped += max(len(numbers) - self.capacity, 0)
         self.inputs, self.keys = together[-self.capacity :], numbers[-self.capacity :]
 
-    def remove(self, mask: NDArray[np.bool_]) -> None:
+    def remove(self, mask: BoolArray) -> None:
         """Forget the samples where `mask` (m,) is true."""
         if self.inputs is not None:
             self.inputs, self.keys = self.inputs[~mask], self.keys[~mask]
@@ -82,11 +83,11 @@ class Sifted(NamedTuple):
         near_known: (m,) within the margin of a known class.
     """
 
-    outlying: NDArray[np.bool_]
-    near_known: NDArray[np.bool_]
+    outlying: BoolArray
+    near_known: BoolArray
 
     @property
-    def kept(self) -> NDArray[np.bool_]:
+    def kept(self) -> BoolArray:
         """(m,) neither: to be clustered."""
         return ~(self.outlying | self.near_known)
 
@@ -106,7 +107,7 @@ def sift(features: ArrayLike, prototypes: Prototypes, config: Preprocessing = Pr
     return Sifted(isolation > limit, prototypes.ratio(features) <= config.margin)
 
 
-def _isolation(standard: Features, neighbours: int, metric: Literal["euclidean", "cosine"]) -> Floats:
+def _isolation(standard: Features, neighbours: int, metric: Literal["euclidean", "cosine"]) -> FloatArray:
     """a(h) (m,): mean distance to the nearest neighbours, not counting the sample itself."""
     distances = cdist(standard, standard, metric)
     np.fill_diagonal(distances, np.inf)

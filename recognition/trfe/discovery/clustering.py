@@ -27,8 +27,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from recognition.encoder.training import deterministic
-from recognition.trfe.samples import Features, Floats, Whole
+from recognition.trfe.samples import Features
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 
 Augment = Callable[[Tensor], Tensor]
 Similarity = Callable[[Features], NDArray[np.float32]]
@@ -75,9 +76,9 @@ class Clusters(NamedTuple):
         losses: L_ce, L_clu, L_con (epochs, 3), means over each epoch.
     """
 
-    assignment: Whole
-    confidence: Floats
-    losses: Floats
+    assignment: IntArray
+    confidence: FloatArray
+    losses: FloatArray
 
 
 class Pairs(NamedTuple):
@@ -153,7 +154,7 @@ def cluster(
     backbone: nn.Module,
     unknown: NDArray[Any],
     known: NDArray[Any],
-    labels: Whole,
+    labels: IntArray,
     similarity: Similarity,
     config: Clustering = Clustering(),
     seed: int = 0,
@@ -213,7 +214,7 @@ def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:
 
 def _epoch(
     heads: Heads, optimiser: torch.optim.Optimizer, data: _Data, epoch: int, config: Clustering, augment: Augment
-) -> Floats:
+) -> FloatArray:
     """One pass over the unknown samples, with as many labelled ones beside them; mean losses L_ce, L_clu, L_con."""
     total = torch.zeros(3)
     for batch in torch.randperm(len(data.samples)).split(config.batch):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from sklearn.cluster import KMeans
 
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
+from xodr.array_types import IntArray
 
 _STRONG = 0.8
 """Prediction strength from which on clusters are taken to be real, as in the source."""
@@ -40,7 +41,7 @@ def _strength(learnt: Features, judged: Features, count: int, seed: int) -> floa
     return min(_together(foretold[clusters == one]) for one in range(count))
 
 
-def _together(foretold: Whole) -> float:
+def _together(foretold: IntArray) -> float:
     """Share of pairs with the same value."""
     pairs = len(foretold) * (len(foretold) - 1)
     return float((np.bincount(foretold) * (np.bincount(foretold) - 1)).sum() / pairs) if pairs else 0.0

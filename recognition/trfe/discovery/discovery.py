@@ -19,8 +19,9 @@ from recognition.trfe.discovery.promotion import Candidate, cohesion, judge, kno
 from recognition.trfe.forest.rfap import random_trees, similarity
 from recognition.trfe.known import Known
 from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import UNKNOWN, Features, Whole, drawn_of_each, matrix
+from recognition.trfe.samples import UNKNOWN, Features, drawn_of_each, matrix
 from schemas.errors import UsageError
+from xodr.array_types import IntArray
 
 FIRST_DISCOVERED = 101
 """Label of the first class that is discovered; the given ones have smaller ones."""
@@ -43,12 +44,12 @@ class Discovery(NamedTuple):
         reference: cohesion of the known classes, with which that of the clusters is compared.
     """
 
-    keys: Whole
+    keys: IntArray
     features: Features
     sifted: Sifted
-    clusters: Whole
+    clusters: IntArray
     candidates: list[Candidate]
-    labels: Whole
+    labels: IntArray
     reference: float
 
 
@@ -103,7 +104,7 @@ def _unsupervised(features: Features, config: Config) -> NDArray[np.float32]:
 
 def _clusters(
     samples: Features, similar: NDArray[np.float32], reference: float, directions: Directions, known: Known, config: Config
-) -> Whole:
+) -> IntArray:
     if config.clusterer == "linkage":
         cut = 1.0 - config.promotion.relative_cohesion * reference
         linkage = AgglomerativeClustering(None, metric="precomputed", linkage="average", distance_threshold=cut)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import Whole, class_labels, matrix
+from recognition.trfe.samples import class_labels, matrix
 from schemas.errors import UsageError
+from xodr.array_types import IntArray
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Candidate(NamedTuple):
     """
 
     cluster: int
-    members: Whole
+    members: IntArray
     cohesion: float
     ratio: float
     promoted: bool

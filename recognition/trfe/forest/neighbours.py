@@ -7,7 +7,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recognition.trfe.samples import Features, Whole, class_labels, deviations, drawn_of_each, matrix
+from recognition.trfe.samples import Features, class_labels, deviations, drawn_of_each, matrix
+from xodr.array_types import IntArray
 
 _NEAREST = 3
 _MOST = 400
@@ -28,7 +29,7 @@ class Neighbours(NamedTuple):
     """
 
     references: NDArray[np.float16]
-    labels: Whole
+    labels: IntArray
     mean: Features
     scale: Features
 

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.ensemble import RandomForestClassifier, RandomTreesEmbedding
 from sklearn.tree import BaseDecisionTree
 
-from recognition.trfe.samples import Features, Whole, matrix
+from recognition.trfe.samples import Features, matrix
+from xodr.array_types import IntArray
 
 _ROWS, _TREES = 128, 16
 """Rows of the matrix filled at a time, which stay in the processor's cache while so many trees add to them; more trees at a
@@ -39,7 +40,7 @@ def similarity(forest: RandomForestClassifier | RandomTreesEmbedding, features: 
     return total / np.float32(len(trees))
 
 
-def _overlap(tree: BaseDecisionTree, table: Features) -> tuple[NDArray[np.float32], Whole]:
+def _overlap(tree: BaseDecisionTree, table: Features) -> tuple[NDArray[np.float32], IntArray]:
     """Overlap (L, L) of the paths to the L leaves that are reached, and the leaf (n,) of each sample.
 
     Samples in the same leaf share their path, so one sample of each leaf is enough for the product Z_b Z_bᵀ.

@@ -10,7 +10,8 @@ from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest import rfap, votes
 from recognition.trfe.forest.neighbours import Neighbours
-from recognition.trfe.samples import UNKNOWN, Features, Floats, Whole, matrix
+from recognition.trfe.samples import UNKNOWN, Features, matrix
+from xodr.array_types import FloatArray, IntArray
 
 
 class Cast(NamedTuple):
@@ -21,8 +22,8 @@ class Cast(NamedTuple):
         distances: to the nearest samples of a class (n,), standardised; None where the forest sees features alone.
     """
 
-    votes: Whole
-    distances: Floats | None
+    votes: IntArray
+    distances: FloatArray | None
 
     def only(self, chosen: NDArray[Any]) -> Cast:
         """What it says of the samples of a mask or index."""
@@ -41,7 +42,7 @@ class Voters(NamedTuple):
     neighbours: Neighbours | None
 
     @property
-    def classes(self) -> Whole:
+    def classes(self) -> IntArray:
         """Labels of the known classes, ascending."""
         classes = np.asarray(self.forest.classes_)
         return classes[classes != UNKNOWN]
@@ -61,7 +62,7 @@ class Voters(NamedTuple):
 
 
 def grow(
-    features: Features, labels: Whole, *, trees: int, seed: int = 0, background: bool = False, neighbours: bool = False
+    features: Features, labels: IntArray, *, trees: int, seed: int = 0, background: bool = False, neighbours: bool = False
 ) -> Voters:
     """Voters fitted on features (n, d) and labels (n,) of at least two classes.
 

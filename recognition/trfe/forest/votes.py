@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.trfe.samples import UNKNOWN, Features, Whole, class_labels, matrix
+from recognition.trfe.samples import UNKNOWN, Features, class_labels, matrix
+from xodr.array_types import IntArray
 
 TREES = 250
 
@@ -51,7 +52,7 @@ def background_of(features: Features, seed: int) -> Features:
     return (np.concatenate(halves) * scale + mean).astype(np.float32)
 
 
-def votes(forest: RandomForestClassifier, features: ArrayLike) -> Whole:
+def votes(forest: RandomForestClassifier, features: ArrayLike) -> IntArray:
     """Votes (n, K) for features (n, d); the columns are the known classes of the forest, ascending.
 
     A row adds up to the number of trees, less those that vote for the background.

@@ -9,8 +9,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recognition.trfe.samples import UNKNOWN, Floats, Whole, class_labels
+from recognition.trfe.samples import UNKNOWN, class_labels
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 
 State = Mapping[str, NDArray[Any]]
 
@@ -28,10 +29,10 @@ class Screening(ABC):
 
     def __init__(self, threshold: float) -> None:
         self.threshold = threshold
-        self.classes: Whole = np.zeros(0, dtype=np.int64)
+        self.classes: IntArray = np.zeros(0, dtype=np.int64)
         self.trees = 0
 
-    def fit(self, votes: ArrayLike, labels: ArrayLike, trees: int | None = None, distances: Floats | None = None) -> Self:
+    def fit(self, votes: ArrayLike, labels: ArrayLike, trees: int | None = None, distances: FloatArray | None = None) -> Self:
         """Calibrate on votes (n, K) of samples that the forest was not fitted on, and their true labels (n,).
 
         Args:
@@ -56,7 +57,7 @@ class Screening(ABC):
         self._calibrate(table, np.searchsorted(self.classes, truth), distances)
         return self
 
-    def score(self, votes: ArrayLike, distances: Floats | None = None) -> Floats:
+    def score(self, votes: ArrayLike, distances: FloatArray | None = None) -> FloatArray:
         """How outlying samples with these votes (n, K) and distances (n,) are; higher is more outlying."""
         table = np.asarray(votes)
         if not self.trees:
@@ -65,7 +66,7 @@ class Screening(ABC):
             raise UsageError(f"votes of shape {table.shape} are not for {len(self.classes)} classes")
         return self._score(table, distances)
 
-    def predict(self, votes: ArrayLike, distances: Floats | None = None) -> Whole:
+    def predict(self, votes: ArrayLike, distances: FloatArray | None = None) -> IntArray:
         """Labels (n,): the class with most votes, or 0 where the score exceeds the threshold."""
         accepted = self.score(votes, distances) <= self.threshold
         return np.where(accepted, self.classes[np.asarray(votes).argmax(axis=1)], UNKNOWN)
@@ -85,8 +86,8 @@ class Screening(ABC):
         return self
 
     @abstractmethod
-    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
+    def _calibrate(self, votes: IntArray, columns: IntArray, distances: FloatArray | None) -> None:
         """Fit to votes (n, K) and distances (n,), where `columns` (n,) are the columns of the true classes."""
 
     @abstractmethod
-    def _score(self, votes: Whole, distances: Floats | None) -> Floats: ...
+    def _score(self, votes: IntArray, distances: FloatArray | None) -> FloatArray: ...

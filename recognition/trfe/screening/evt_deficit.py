@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import genpareto
 
-from recognition.trfe.samples import Floats, Whole
 from recognition.trfe.screening.base import Screening
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 TAIL = 0.05
 """Share of a class's calibration samples beyond its 95th percentile, which the tail describes."""
@@ -41,21 +40,21 @@ class EvtDeficit(Screening):
         super().__init__(threshold=1.0 - delta)
         self.seed = seed
         self.window = window
-        self.deficits: Floats = np.zeros(0)
-        self.starts: Whole = np.zeros(1, dtype=np.int64)
-        self.limits: Floats = np.zeros(0)
-        self.shapes: Floats = np.zeros(0)
-        self.scales: Floats = np.zeros(0)
-        self.stretches: Floats = np.zeros(0)
-        self.recent: Floats = np.zeros((0, window))
-        self.seen: Whole = np.zeros(0, dtype=np.int64)
+        self.deficits: FloatArray = np.zeros(0)
+        self.starts: IntArray = np.zeros(1, dtype=np.int64)
+        self.limits: FloatArray = np.zeros(0)
+        self.shapes: FloatArray = np.zeros(0)
+        self.scales: FloatArray = np.zeros(0)
+        self.stretches: FloatArray = np.zeros(0)
+        self.recent: FloatArray = np.zeros((0, window))
+        self.seen: IntArray = np.zeros(0, dtype=np.int64)
 
     @property
     def delta(self) -> float:
         """δ, the similarity below which a sample is unknown."""
         return 1.0 - self.threshold
 
-    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
+    def _calibrate(self, votes: IntArray, columns: IntArray, distances: FloatArray | None) -> None:
         jitter = np.random.default_rng(self.seed).random(len(votes))
         deficits, belongs = self._lacking(votes, distances, jitter), self._belongs(columns)
         of_group = [np.sort(deficits[of, group]) for group, of in enumerate(belongs.T)]
@@ -68,15 +67,15 @@ class EvtDeficit(Screening):
         self.recent = np.zeros((len(of_group), self.window))
         self.seen = np.zeros(len(of_group), dtype=np.int64)
 
-    def _lacking(self, votes: Whole, distances: Floats | None, jitter: Floats | float) -> Floats:
+    def _lacking(self, votes: IntArray, distances: FloatArray | None, jitter: FloatArray | float) -> FloatArray:
         """What samples lack (n, G), in each group of calibration samples that has a distribution; here each class is a group."""
         return self.trees - votes + np.reshape(jitter, (-1, 1))
 
-    def _belongs(self, columns: Whole) -> NDArray[np.bool_]:
+    def _belongs(self, columns: IntArray) -> BoolArray:
         """Whether samples (n,) of the classes in these columns belong to each group (n, G)."""
         return columns[:, None] == np.arange(len(self.classes))
 
-    def recalibrate(self, votes: Whole, distances: Floats | None = None) -> None:
+    def recalibrate(self, votes: IntArray, distances: FloatArray | None = None) -> None:
         """Follow a shift of the known classes, seen in votes (n, K) and distances (n,) of which nobody knows the classes.
 
         The 90th percentile of the deficits of a group's latest accepted samples, over what it was at calibration, stretches
@@ -94,28 +93,28 @@ class EvtDeficit(Screening):
                 usual = np.quantile(self._of_group(group), _COMPARED * self.threshold)
                 self.stretches[group] = np.clip(np.quantile(latest, _COMPARED) / usual, 1.0, _STRETCH)
 
-    def similarities(self, votes: Whole, distances: Floats | None = None) -> Floats:
+    def similarities(self, votes: IntArray, distances: FloatArray | None = None) -> FloatArray:
         """s_k (n, G) in [0, 1]: share of the samples of class k, or of another group, that lack at least as much."""
         deficits = self._lacking(votes, distances, _MEAN_JITTER) / self.stretches
         tails = zip(self.limits, self.shapes, self.scales, strict=True)
         return np.stack([survival(deficits[:, k], self._of_group(k), *one) for k, one in enumerate(tails)], axis=1)
 
-    def _score(self, votes: Whole, distances: Floats | None) -> Floats:
+    def _score(self, votes: IntArray, distances: FloatArray | None) -> FloatArray:
         return 1.0 - self.similarities(votes, distances).max(axis=1)
 
-    def _of_group(self, group: int) -> Floats:
+    def _of_group(self, group: int) -> FloatArray:
         """Deficits of a group's calibration samples, ascending."""
         return self.deficits[self.starts[group] : self.starts[group + 1]]
 
 
-def survival(values: Floats, calibrated: Floats, limit: float, shape: float, scale: float) -> Floats:
+def survival(values: FloatArray, calibrated: FloatArray, limit: float, shape: float, scale: float) -> FloatArray:
     """Share (n,) of calibrated values (m,), ascending, that are at least as great; beyond the limit that of the tail."""
     empirical = 1.0 - np.searchsorted(calibrated, values) / len(calibrated)
     excess = values - limit
     return np.where(excess <= 0.0, empirical, TAIL * genpareto.sf(excess, shape, scale=scale))
 
 
-def tail(excesses: Floats) -> tuple[float, float]:
+def tail(excesses: FloatArray) -> tuple[float, float]:
     """Shape ξ and scale σ of the generalised Pareto distribution of positive excesses; of the exponential one if few."""
     if len(excesses) < _FEWEST_EXCEEDANCES:
         return 0.0, float(excesses.mean()) if len(excesses) else 1.0

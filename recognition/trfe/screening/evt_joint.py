@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import xlogy
 
-from recognition.trfe.samples import Floats, Whole
 from recognition.trfe.screening.evt_pooled import EvtPooled
 from schemas.errors import UsageError
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
 class EvtJoint(EvtPooled):
@@ -21,14 +20,14 @@ class EvtJoint(EvtPooled):
     Detection with Deep Nearest Neighbors" (ICML 2022).
     """
 
-    def _lacking(self, votes: Whole, distances: Floats | None, jitter: Floats | float) -> Floats:
+    def _lacking(self, votes: IntArray, distances: FloatArray | None, jitter: FloatArray | float) -> FloatArray:
         if distances is None:
             raise UsageError("the joint screening looks at distances: it needs trees that see them")
         return np.column_stack([super()._lacking(votes, distances, jitter), distances])
 
-    def _belongs(self, columns: Whole) -> NDArray[np.bool_]:
+    def _belongs(self, columns: IntArray) -> BoolArray:
         return np.ones((len(columns), 2), dtype=bool)
 
-    def _score(self, votes: Whole, distances: Floats | None) -> Floats:
+    def _score(self, votes: IntArray, distances: FloatArray | None) -> FloatArray:
         both = self.similarities(votes, distances).prod(axis=1)
         return 1.0 - both + xlogy(both, both)

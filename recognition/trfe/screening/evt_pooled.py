@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from recognition.trfe.samples import Floats, Whole
 from recognition.trfe.screening.evt_deficit import EvtDeficit
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
 class EvtPooled(EvtDeficit):
@@ -15,8 +14,8 @@ class EvtPooled(EvtDeficit):
     With a distribution for each class, the class that trees are most torn about accepts nearly everything: max_k s_k is its own.
     """
 
-    def _lacking(self, votes: Whole, distances: Floats | None, jitter: Floats | float) -> Floats:
+    def _lacking(self, votes: IntArray, distances: FloatArray | None, jitter: FloatArray | float) -> FloatArray:
         return super()._lacking(votes.max(axis=1, keepdims=True), distances, jitter)
 
-    def _belongs(self, columns: Whole) -> NDArray[np.bool_]:
+    def _belongs(self, columns: IntArray) -> BoolArray:
         return np.ones((len(columns), 1), dtype=bool)

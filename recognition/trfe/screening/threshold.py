@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.samples import Floats, Whole
 from recognition.trfe.screening.base import Screening
+from xodr.array_types import FloatArray, IntArray
 
 
 class VoteThreshold(Screening):
@@ -22,8 +22,8 @@ class VoteThreshold(Screening):
         super().__init__(threshold=1.0)
         self.rejection = rejection
 
-    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
+    def _calibrate(self, votes: IntArray, columns: IntArray, distances: FloatArray | None) -> None:
         self.threshold = float(np.quantile(self._score(votes), 1.0 - self.rejection, method="higher"))
 
-    def _score(self, votes: Whole, distances: Floats | None = None) -> Floats:
+    def _score(self, votes: IntArray, distances: FloatArray | None = None) -> FloatArray:
         return 1.0 - votes.max(axis=1) / self.trees

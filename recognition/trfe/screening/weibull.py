@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from recognition.trfe.samples import Floats, Whole
 from recognition.trfe.screening.base import Screening
+from xodr.array_types import FloatArray, IntArray
 
 _STEEPEST = 1e4
 """Greatest shape: a class whose votes hardly vary is fitted by a step."""
@@ -28,22 +28,22 @@ class WeibullVotes(Screening):
     def __init__(self, delta: float = 0.05, seed: int = 0) -> None:
         super().__init__(threshold=1.0 - delta)
         self.seed = seed
-        self.shapes: Floats = np.zeros(0)
-        self.scales: Floats = np.zeros(0)
+        self.shapes: FloatArray = np.zeros(0)
+        self.scales: FloatArray = np.zeros(0)
 
-    def _calibrate(self, votes: Whole, columns: Whole, distances: Floats | None) -> None:
+    def _calibrate(self, votes: IntArray, columns: IntArray, distances: FloatArray | None) -> None:
         most = votes.max(axis=1) + np.random.default_rng(self.seed).random(len(votes))
         fits = [weibull(most[columns == column]) for column in range(len(self.classes))]
         self.shapes, self.scales = np.array(fits).T
 
-    def _score(self, votes: Whole, distances: Floats | None) -> Floats:
+    def _score(self, votes: IntArray, distances: FloatArray | None) -> FloatArray:
         column = votes.argmax(axis=1)
         ratio = (votes.max(axis=1) + 0.5) / self.scales[column]
         with np.errstate(over="ignore"):  # where votes hardly vary the power is beyond floats, and the score 0
             return np.exp(-(ratio ** self.shapes[column]))
 
 
-def weibull(values: Floats) -> tuple[float, float]:
+def weibull(values: FloatArray) -> tuple[float, float]:
     """Shape c and scale λ of the two-parameter Weibull distribution of greatest likelihood for positive values.
 
     c solves Σ x^c ln x / Σ x^c − 1/c = mean ln x, and λ = (mean x^c)^(1/c).

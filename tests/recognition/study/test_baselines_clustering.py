@@ -17,13 +17,13 @@ from recognition.study.baselines.pool import ClusteringMethod, Pool
 from recognition.study.baselines.stae import CODE, Autoencoder
 from recognition.study.baselines.stae_kmeans import STAEKMeans
 from recognition.study.baselines.stae_linkage import STAELinkage
-from recognition.trfe.samples import Whole
 from tests.recognition.clouds import clouds
+from xodr.array_types import IntArray
 
 METHODS: list[type[ClusteringMethod]] = [KMeansFeatures, IterativeEuclidean, STAEKMeans, STAELinkage]
 
 
-def drawn(truth: Whole) -> np.ndarray:
+def drawn(truth: IntArray) -> np.ndarray:
     """Grids (n, 4, 2, 16, 20) in which a block drives along a lane that its class decides."""
     grids = np.zeros((len(truth), 4, 2, 16, 20), dtype=np.uint8)
     generator = np.random.default_rng(0)
@@ -35,7 +35,7 @@ def drawn(truth: Whole) -> np.ndarray:
 
 
 @cache
-def pool() -> tuple[Pool, Whole]:
+def pool() -> tuple[Pool, IntArray]:
     unknown, truth = clouds([6, 7, 8], 100, seed=1, apart=8.0)
     return Pool(unknown, drawn(truth), *clouds([1, 2], 100, seed=2, apart=8.0), classes=3), truth
 

@@ -19,8 +19,9 @@ from recognition.study.protocol.stage import Laboratory
 from recognition.study.report.report import write_report
 from recognition.training.splits import Split
 from recognition.training.windows import Windows
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
 from schemas.errors import UsageError
+from xodr.array_types import IntArray
 
 GRID = Grid(length=8.0, width=4.0)
 CLASSES = [1, 2, 3, 4, 5, 7, 8, 9]
@@ -45,7 +46,7 @@ def encoder(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Clouds in the place of the encoder's features; the rounds for which they were asked."""
     asked: list[int] = []
 
-    def features(self: Laboratory, rows: Whole, split: Split, round_: Round, seed: int) -> Features:
+    def features(self: Laboratory, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         asked.append(round_.number)
         noise = np.random.default_rng([seed, round_.number]).standard_normal((len(rows), 12))
         centres = np.stack([5.0 * np.random.default_rng(label).standard_normal(12) for label in range(20)])

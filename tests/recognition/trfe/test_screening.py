@@ -13,13 +13,14 @@ from recognition.trfe.config import Config
 from recognition.trfe.forest.voters import grow
 from recognition.trfe.forest.votes import forest, votes
 from recognition.trfe.known import Labelled, learn
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
 from recognition.trfe.screening import EvtDeficit, EvtJoint, EvtPooled, Screening, VoteThreshold, WeibullVotes
 from recognition.trfe.screening.evt_deficit import tail
 from recognition.trfe.screening.selection import choose_delta
 from recognition.trfe.screening.weibull import weibull
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
+from xodr.array_types import IntArray
 
 READINGS = [EvtDeficit, WeibullVotes, VoteThreshold]
 KNOWN, NEW = [1, 2, 3, 4], [7, 8]
@@ -29,10 +30,10 @@ APART = 8.0
 class Cast(NamedTuple):
     """Votes of samples to calibrate, their labels, votes of samples to judge, their labels."""
 
-    table: Whole
-    labels: Whole
-    judged: Whole
-    truth: Whole
+    table: IntArray
+    labels: IntArray
+    judged: IntArray
+    truth: IntArray
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +48,7 @@ def cast(grown: RandomForestClassifier) -> Cast:
     return Cast(votes(grown, calibrating), labels, votes(grown, judged), truth)
 
 
-def two_classes(of_first: list[int], trees: int) -> tuple[Whole, Whole]:
+def two_classes(of_first: list[int], trees: int) -> tuple[IntArray, IntArray]:
     """Votes of samples of class 1 with so many votes for it each, and as many samples of class 2 the other way round."""
     own = np.array(of_first)
     table = np.stack([own, trees - own], axis=1)
@@ -184,7 +185,7 @@ def test_a_background_shows_what_lies_beside_all_classes() -> None:
     """Classes 1 and 2 differ in the first feature; in 3, which is like 2 in it, the others go together otherwise."""
     random = np.random.default_rng(0)
 
-    def draw(labels: list[int], each: int) -> tuple[Features, Whole]:
+    def draw(labels: list[int], each: int) -> tuple[Features, IntArray]:
         truth = np.repeat(labels, each)
         features = 0.3 * random.standard_normal((len(truth), 5))
         features[:, 1:3] += np.where(random.random((len(truth), 1)) < 0.5, -2.0, 2.0)
@@ -232,7 +233,7 @@ def test_a_class_with_one_calibration_sample_calibrates_with_it(seed: int) -> No
     assert choose_delta(*clouds([1, 2, 3, 4], 40, seed=0), features[kept], labels[kept], trees=20, seed=seed) > 0.0
 
 
-def noisy(labels: list[int], each: int, seed: int, noise: float) -> tuple[Features, Whole]:
+def noisy(labels: list[int], each: int, seed: int, noise: float) -> tuple[Features, IntArray]:
     """Samples seen through a worse sensor."""
     features, truth = clouds(labels, each, seed, APART)
     return features + noise * np.random.default_rng(seed).standard_normal(features.shape).astype(np.float32), truth

@@ -11,11 +11,12 @@ import pytest
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
 from recognition.trfe.screening import EvtDeficit
 from recognition.trfe.trfe import TRFE
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
+from xodr.array_types import IntArray
 
 KNOWN, NEW = [1, 2, 3, 4], [11, 12, 13]
 APART = 6.0
@@ -26,7 +27,7 @@ def model(config: Config = CONFIG) -> TRFE:
     return TRFE(config).fit(*clouds(KNOWN, 150, seed=0, apart=APART), *clouds(KNOWN, 100, seed=1, apart=APART))
 
 
-def stream(seed: int = 2) -> tuple[Features, Whole]:
+def stream(seed: int = 2) -> tuple[Features, IntArray]:
     return clouds(KNOWN + NEW, 70, seed=seed, apart=APART)
 
 
@@ -35,7 +36,7 @@ class Round(NamedTuple):
 
     model: TRFE
     discovery: Discovery
-    truth: Whole
+    truth: IntArray
 
 
 @pytest.fixture(scope="module")

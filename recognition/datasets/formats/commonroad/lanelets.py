@@ -8,7 +8,7 @@ import numpy as np
 from lxml import etree
 
 from recognition.datasets.formats.commonroad.elements import child, invalid, number
-from recognition.datasets.tables.rows import Floats
+from xodr.array_types import FloatArray
 
 
 class Neighbour(NamedTuple):
@@ -26,8 +26,8 @@ class Lanelet(NamedTuple):
     """
 
     id: str
-    left: Floats
-    right: Floats
+    left: FloatArray
+    right: FloatArray
     predecessors: tuple[str, ...]
     successors: tuple[str, ...]
     beside_left: Neighbour | None
@@ -55,7 +55,7 @@ def _lanelet(element: etree._Element) -> Lanelet:
     )  # fmt: skip
 
 
-def _bound(element: etree._Element, name: str) -> Floats:
+def _bound(element: etree._Element, name: str) -> FloatArray:
     bound = child(element, name)
     points = [(number(point, "x"), number(point, "y")) for point in bound.iterchildren("point")]
     if len(points) < 2:

@@ -23,9 +23,10 @@ from recognition.trfe.discovery.clustering import (
 )
 from recognition.trfe.forest.rfap import similarity
 from recognition.trfe.forest.votes import forest
-from recognition.trfe.samples import Features, Whole
+from recognition.trfe.samples import Features
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
+from xodr.array_types import IntArray
 
 QUICK = Clustering()
 
@@ -73,7 +74,9 @@ def test_certain_assignments_have_finite_losses() -> None:
     assert math.isfinite(float(clustering_loss(certain, certain, pairs)))
 
 
-def found(truth_seed: int, config: Clustering = QUICK, new: tuple[int, ...] = (7, 8, 9), seed: int = 0) -> tuple[Clusters, Whole]:
+def found(
+    truth_seed: int, config: Clustering = QUICK, new: tuple[int, ...] = (7, 8, 9), seed: int = 0
+) -> tuple[Clusters, IntArray]:
     """Clusters of three classes of 60 samples beside three known ones, with the similarity of the forest of those."""
     known, labels = clouds([1, 2, 3], 60, seed=1, apart=4.0)
     samples, truth = clouds(list(new), 60, seed=truth_seed, apart=4.0)

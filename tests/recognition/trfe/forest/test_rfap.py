@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest.rfap import random_trees, similarity
@@ -12,9 +11,10 @@ from recognition.trfe.forest.votes import forest
 from recognition.trfe.samples import Features
 from schemas.errors import UsageError
 from tests.recognition.clouds import clouds
+from xodr.array_types import FloatArray
 
 
-def naive(forest: RandomForestClassifier, features: Features) -> NDArray[np.float64]:
+def naive(forest: RandomForestClassifier, features: Features) -> FloatArray:
     """The definition, pair by pair and tree by tree."""
     total = np.zeros((len(features), len(features)))
     for tree in forest.estimators_:
