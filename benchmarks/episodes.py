@@ -35,7 +35,7 @@ PARTS: tuple[tuple[Any, str, str], ...] = (
     (SumoWorld, "close", "SUMO end"),
     (Simulation, "tick", "steps"),
     (Recorder, "record", "recording, each step"),
-    (criticality, "of_run", "criticality"),
+    (criticality, "of_recording", "criticality"),
 )
 WITHIN = {"recording, each step": "steps"}
 """Parts of other parts"""

@@ -1,13 +1,17 @@
-"""Exports for other tools: the registry of targets by name.
+"""Exports for other tools: every module of `xosc.exports` and `runner.exports` that names targets is one.
 
-A target of documents is a module with `export(source, target, folder)`; a target of runs one with
-`export(result, name, folder)`, where `name` is the run's (see `runner.batch.jobs.Job`). Both return remarks on what is
-changed or left out, and refuse by name what the target cannot say. What each keeps is told in docs/exports.md.
+`TARGETS` in such a module is a dict of names and summaries. Its function `export(source, target, folder)` (of documents, in
+`xosc.exports`) or `export(result, name, folder)` (of runs, here; `name` is the run's, see `runner.batch.jobs.Job`) returns
+remarks on what is changed or left out, and refuses by name what the target cannot say. What each keeps is told in
+docs/exports.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
+
+from schemas.discovery import described
 
 
 class Target(NamedTuple):
@@ -19,16 +23,17 @@ class Target(NamedTuple):
     summary: str
 
 
-_ALL = (
-    *(Target(version, "xosc.exports.standard", False, f"OpenSCENARIO XML {version}") for version in ("1.0", "1.1", "1.2", "1.3")),
-    Target("carla", "xosc.exports.carla", False, "the part of 1.0 that CARLA's scenario_runner reads"),
-    Target("esmini", "xosc.exports.esmini", False, "scenarios that esmini plays as they are meant"),
-    Target("commonroad", "runner.exports.commonroad", True, "CommonRoad 2020a XML: lanelets, obstacles, planning problem"),
-    Target("sumo", "runner.exports.sumo", True, "SUMO: network, routes, and the run as FCD"),
-    Target("openlabel", "runner.exports.openlabel", True, "ASAM OpenLABEL JSON: tags, and everyone's box in every frame"),
-    Target("parquet", "runner.exports.parquet", True, "Parquet tables of trajectories, criticality and tags"),
-    Target("osi", "runner.exports.osi", True, "ASAM OSI ground-truth traces, .osi and .mcap"),
-)
+def find_targets() -> dict[str, Target]:
+    """All targets by name, those of documents first."""
+    return {target.name: target for of_run in (False, True) for target in sorted(_in_folder(of_run))}
 
-TARGETS = {target.name: target for target in _ALL}
+
+def _in_folder(of_run: bool) -> Iterator[Target]:
+    package = "runner.exports" if of_run else "xosc.exports"
+    for module, targets in described(package, "TARGETS").items():
+        for name, summary in targets.items():
+            yield Target(name, f"{package}.{module}", of_run, summary)
+
+
+TARGETS = find_targets()
 """All targets by name."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from runner.recording import Track
     from xosc.exports.folder import Folder
 
+TARGETS = {"commonroad": "CommonRoad 2020a XML: lanelets, obstacles, planning problem"}
 _OBSTACLES = {
     "car": "car", "van": "car", "truck": "truck", "trailer": "truck", "semitrailer": "truck", "bus": "bus",
     "motorbike": "motorcycle", "bicycle": "bicycle", "train": "train", "tram": "train", "pedestrian": "pedestrian",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from runner.recording import Track
     from xosc.exports.folder import Folder
 
+TARGETS = {"openlabel": "ASAM OpenLABEL JSON: tags, and everyone's box in every frame"}
 _WORLD = "world"
 _DIGITS = 6
 

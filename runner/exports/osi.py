@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from runner.recording import Track
     from xosc.exports.folder import Folder
 
+TARGETS = {"osi": "ASAM OSI ground-truth traces, .osi and .mcap"}
 FORMATS = (".osi", ".mcap")
 _TYPES = {
     "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",

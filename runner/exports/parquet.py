@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from xosc.tags import Tag
 
 
+TARGETS = {"parquet": "Parquet tables of trajectories, criticality and tags"}
+
+
 def export(result: RunResult, name: str, folder: Folder) -> list[str]:
     """Write the tables of a run.
 

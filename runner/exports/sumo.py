@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from xodr.sumo_net import SumoNet
     from xosc.exports.folder import Folder
 
+TARGETS = {"sumo": "SUMO: network, routes, and the run as FCD"}
 _UNFIT = re.compile(r"[^A-Za-z0-9_.-]")
 """Characters that SUMO's ids can't have, or had better not."""
 

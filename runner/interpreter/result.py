@@ -68,6 +68,6 @@ class RunResult:
     @cached_property
     def criticality(self) -> Criticality | None:
         """Criticality measures of the ego per step, and their extremes; None where the ego never appeared, or there is none."""
-        from runner.measures.criticality import of_run
+        from runner.measures.criticality import of_recording
 
-        return of_run(self)
+        return of_recording(self.recording, self.ego)

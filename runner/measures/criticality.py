@@ -25,7 +25,7 @@ from runner.measures.relations import Flags, Floats, Motion, Rows, View, boxes_o
 from runner.participants.boxes import reach
 
 if TYPE_CHECKING:
-    from runner.interpreter.result import RunResult
+    from runner.recording import Recording
 
 LONGEST_PET = 10.0
 """Post-encroachment times above this (s) are no encounter"""
@@ -278,9 +278,9 @@ def _where(defined: Flags, measure: Measure) -> Measure:
     return Measure(np.where(valid, measure.value, 0.0), valid)
 
 
-def of_run(result: RunResult) -> Criticality | None:
-    """The measures of a run's ego; None where the scenario has none, or the ego never appeared."""
-    tracks = result.recording.locate().tracks
+def of_recording(recording: Recording, ego_name: str | None) -> Criticality | None:
+    """The measures of one participant of a recording; None where there is no such name in it."""
+    tracks = recording.locate().tracks
     motions = {name: Motion.from_columns(name, track.box, track.columns) for name, track in tracks.items()}
-    ego = motions.pop(result.ego, None) if result.ego is not None else None
+    ego = motions.pop(ego_name, None) if ego_name is not None else None
     return criticality(ego, list(motions.values())) if ego is not None else None

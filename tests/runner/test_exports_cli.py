@@ -7,9 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from runner.exports import TARGETS
+import runner.exports
+from runner.exports import TARGETS, find_targets
+from runner.exports.exporting import export_runs
+from runner.settings import RunSettings
+from schemas import discovery
 from tests.commands import Command
 from tests.runner.files import HEADER, distribution, place, scenario, speed_action, story
+from xosc.exports.folder import Folder
 
 DOCS = Path(__file__).parents[2] / "docs" / "exports.md"
 BRAKES = story("Lead", [(0.2, speed_action(5))])
@@ -85,3 +90,19 @@ def test_every_target_is_listed_and_told_of(xosc_export: Command) -> None:
     assert [line.split()[0] for line in answer.out.splitlines()] == list(TARGETS)
     text = DOCS.read_text(encoding="utf-8")
     assert all(f"`{name}`" in text for name in TARGETS)
+
+
+def test_a_file_in_the_folder_of_exports_is_a_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    example = DOCS.read_text(encoding="utf-8").split("## A target of your own")[1]
+    source = example.split("```python\n")[1].split("```")[0]
+    (tmp_path / "plain.py").write_text(f"from __future__ import annotations\n{source}")
+    monkeypatch.setattr(runner.exports, "__path__", [*runner.exports.__path__, str(tmp_path)])
+    discovery.names.cache_clear()
+    discovery.described.cache_clear()
+    targets = find_targets()
+    assert targets["plain"] == ("plain", "runner.exports.plain", True, "end time and verdict as text")
+    assert targets.keys() - TARGETS.keys() == {"plain"}
+    path = scenario(tmp_path, stories=BRAKES, stop=0.5)
+    settings = RunSettings(world="kinematic", sut="none")
+    assert list(export_runs([path], targets["plain"], Folder(tmp_path / "out"), settings, {})) == [("scenario", 0, [])]
+    assert (tmp_path / "out" / "scenario.txt").read_text() == "0.50 s, passed: True\n"

@@ -1,4 +1,4 @@
 """Exports of documents: OpenSCENARIO in its versions, and profiles of other simulators' readers.
 
-A target is a module with `export(source, target, folder)`; `runner.exports` registers them by name.
+A module with a dict `TARGETS` and `export(source, target, folder)` is found by `runner.exports`.
 """

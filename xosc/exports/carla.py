@@ -17,6 +17,7 @@ from xosc.exports.refusals import Rule, refuse, remarks
 from xosc.exports.standard import write_all
 from xosc.exports.wording import in_version
 
+TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
 """Where triggers are looked at: that of the storyboard's end is not."""
 _SIGNAL = "[not(starts-with(@name, 'id=') or starts-with(@name, 'pos='))]"

@@ -16,6 +16,7 @@ from xosc.exports.refusals import Rule, refuse, remarks
 from xosc.exports.standard import distribution, scenario, write_sets
 from xosc.resolve import resolve
 
+TARGETS = {"esmini": "scenarios that esmini plays as they are meant"}
 _REFUSED = (
     *(
         Rule(f"//{tag}", "esmini does not have this action")

@@ -17,6 +17,12 @@ from xosc.exports.references import Draft, catalog_name, take_catalogs, take_roa
 from xosc.exports.wording import in_version
 from xosc.versions import Version
 
+TARGETS = {
+    "1.0": "OpenSCENARIO XML 1.0",
+    "1.1": "OpenSCENARIO XML 1.1",
+    "1.2": "OpenSCENARIO XML 1.2",
+    "1.3": "OpenSCENARIO XML 1.3",
+}
 _CLOSED_SINCE = (1, 2)
 """Before, the entries of catalogues also saw the parameters at the place of the reference."""
 
