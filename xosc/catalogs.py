@@ -15,10 +15,10 @@ from pathlib import Path
 from lxml import etree
 
 from schemas.errors import ToolchainError
+from schemas.values import quoted
 from xosc.document import load, stamp
 from xosc.node import Node
 from xosc.parameters import nearest
-from xosc.values import quoted
 
 ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
 KINDS = (*ENTITIES, "Controller", "Environment", "Maneuver", "Trajectory", "Route")

@@ -10,7 +10,7 @@ from typing import Any
 from lxml import etree
 
 from schemas.errors import InvalidFile, Unsupported
-from xosc.values import boolean, number
+from schemas.values import boolean, number
 
 SOURCE = "{urn:xosc-toolchain}source"
 """Attribute naming the file that an element came from, where that is not the document's own (catalogue entries)."""

@@ -15,8 +15,8 @@ from lxml import etree
 
 from schemas.errors import ToolchainError
 from schemas.expressions import ExpressionError, references, substitute
+from schemas.values import Value, holds, literal, operand, quoted, type_named, typed
 from xosc.node import Node
-from xosc.values import Value, holds, literal, quoted, type_named, typed
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Parameter:
 
     Attributes:
         name: its name, without `$`.
-        type: one of `xosc.values.TYPES`.
+        type: one of `schemas.values.TYPES`.
         value: its value as a Python value.
         text: its value as a literal, as written in attributes.
     """
@@ -118,7 +118,7 @@ class Scope:
 
     def _operand(self, name: str) -> float | int | bool | str:
         parameter = self._visible[name]
-        return parameter.text if parameter.type == "dateTime" else parameter.value  # type: ignore[return-value]
+        return operand(parameter.value, parameter.text)
 
     def _evaluate(self, name: str, source: Assignment) -> Parameter:
         declaration = self.declarations[name]

@@ -13,11 +13,11 @@ from lxml import etree
 
 from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError, is_expression
+from schemas.values import quoted
 from xosc.catalogs import Catalogs, Entry, file_reference
 from xosc.document import Document
 from xosc.node import LINE, SOURCE, Node
 from xosc.parameters import Assignment, Parameter, Scope, Variable, monitors, variables
-from xosc.values import quoted
 
 Argument = str | float | int | bool
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.contracts.action import GlobalAction
 from runner.contracts.registry import action
+from schemas.values import Value, typed
 from xosc.node import Node
-from xosc.values import Value, typed
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context

@@ -11,9 +11,9 @@ from runner.conditions.comparison import RULES, Comparison
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
 from runner.interpreter.environment import read_date
+from schemas.values import Value, number, typed
+from schemas.values import holds as compare
 from xosc.node import Node
-from xosc.values import Value, number, typed
-from xosc.values import holds as compare
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context

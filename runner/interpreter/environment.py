@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
+from schemas.values import typed
 from xosc.node import Node
-from xosc.values import typed
 
 
 @dataclass(slots=True)

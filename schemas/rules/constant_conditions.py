@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from lxml import etree
 
 from schemas.rules.document import Document
-from schemas.rules.parameter_constraints import COMPARISONS, satisfies
+from schemas.rules.parameter_constraints import satisfies
 from schemas.rules.registry import Finding, rule
 from schemas.xml import local_name
 
@@ -73,6 +73,10 @@ def _parameter_condition(document: Document, element: etree._Element) -> tuple[b
     if declaration is None or name in changed:
         return None
     rule_name, limit, value = element.get("rule") or "", document.value(element, "value"), document.value(declaration, "value")
-    if limit is None or value is None or rule_name not in COMPARISONS:
+    if limit is None or value is None:
         return None
-    return satisfies(value, rule_name, limit), f"the parameter {name} is {value!r} by default and no action changes it"
+    try:
+        truth = satisfies(document, declaration, value, rule_name, limit)
+    except ValueError:
+        return None
+    return truth, f"the parameter {name} is {value!r} by default and no action changes it"

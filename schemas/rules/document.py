@@ -15,6 +15,7 @@ from schemas.problems import Problem
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
 from schemas.rules import roads
 from schemas.rules.catalogs import Catalogs
+from schemas.values import operand, type_named, typed
 from schemas.xml import line_of, local_name
 
 _MAX_INDIRECTIONS = 50
@@ -139,11 +140,20 @@ class Document:
             self._pending.add(declaration)
             try:
                 text = expressions.substitute(declaration.get("value") or "", self.lookup(declaration))
-                self._defaults[declaration] = typed(text, declaration.get("parameterType") or "string")
-            except ToolchainError:
+                self._defaults[declaration] = operand(typed(self.type_of(declaration), text), text)
+            except (ToolchainError, ValueError):
                 self._defaults[declaration] = None
             self._pending.discard(declaration)
         return self._defaults[declaration]
+
+    def type_of(self, declaration: etree._Element) -> str:
+        """The type of a parameter or variable, one of `schemas.values.TYPES`.
+
+        Raises:
+            ValueError: it names no type, or is missing or undecidable.
+        """
+        name = "variableType" if local_name(declaration) == "VariableDeclaration" else "parameterType"
+        return type_named(self.value(declaration, name) or "")
 
     def declaration(self, element: etree._Element, name: str) -> etree._Element | None:
         """The ParameterDeclaration of that name in scope at an element, the innermost first."""
@@ -202,23 +212,3 @@ class Document:
                 except InvalidFile:
                     return None
         return None
-
-
-def typed(text: str, parameter_type: str) -> expressions.Value:
-    """A parameter's literal value as its declared type; raises ExpressionError where it does not fit.
-
-    Types are those of `ParameterType`, with the names of OpenSCENARIO 1.0 and of 1.1 and later.
-    """
-    stripped = text.strip()
-    try:
-        if parameter_type in ("integer", "int", "unsignedInt", "unsignedShort"):
-            return int(stripped)
-        if parameter_type == "double":
-            return float(stripped)
-    except ValueError:
-        raise expressions.ExpressionError(f"{text!r} is not of type {parameter_type}") from None
-    if parameter_type == "boolean":
-        if stripped not in ("true", "false", "1", "0"):
-            raise expressions.ExpressionError(f"{text!r} is not of type boolean")
-        return stripped in ("true", "1")
-    return text

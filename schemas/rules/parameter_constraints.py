@@ -1,22 +1,12 @@
 """Default values obey the constraints."""
 
-import operator
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 from lxml import etree
 
 from schemas.rules.document import Document
 from schemas.rules.registry import Finding, rule
-
-COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
-    "equalTo": operator.eq,
-    "notEqualTo": operator.ne,
-    "greaterThan": operator.gt,
-    "greaterOrEqual": operator.ge,
-    "lessThan": operator.lt,
-    "lessOrEqual": operator.le,
-}
+from schemas.values import holds, typed
 
 
 @rule("xosc.toolchain:xosc:1.1.0:parameters.default_value_obeys_constraints", kinds=("scenario", "catalog"), since=(1, 1))
@@ -25,26 +15,46 @@ def check(document: Document) -> Iterator[Finding]:
     for declaration in document.elements("ParameterDeclaration"):
         groups = declaration.findall("ConstraintGroup")
         value = document.value(declaration, "value")
-        if not groups or value is None:
+        if not groups or value is None or not _is_typed(document, declaration, value):
             continue
-        broken = [_broken(document, value, group) for group in groups]
+        name = declaration.get("name")
+        try:
+            broken = [_broken(document, declaration, value, group) for group in groups]
+        except ValueError as error:
+            yield Finding(declaration, f"{name}: the constraint has no meaning: {error}")
+            continue
         if all(broken):
             reasons = " or ".join(filter(None, broken))
-            yield Finding(declaration, f"{declaration.get('name')}: the default value {value!r} is not {reasons}")
+            yield Finding(declaration, f"{name}: the default value {value!r} is not {reasons}")
 
 
-def _broken(document: Document, value: str, group: etree._Element) -> str | None:
-    """The first constraint of a group that a value breaks, in words; None where it satisfies all that can be decided."""
+def _is_typed(document: Document, declaration: etree._Element, value: str) -> bool:
+    """Whether the value is of the declared type, which is the business of another rule."""
+    try:
+        typed(document.type_of(declaration), value)
+    except ValueError:
+        return False
+    return True
+
+
+def _broken(document: Document, declaration: etree._Element, value: str, group: etree._Element) -> str | None:
+    """The first constraint of a group that a value breaks, in words; None where it satisfies all that can be decided.
+
+    Raises:
+        ValueError: a constraint cannot be compared with values of the declared type.
+    """
     for constraint in group.findall("ValueConstraint"):
-        rule_name, limit = constraint.get("rule") or "", document.value(constraint, "value")
-        if limit is not None and rule_name in COMPARISONS and not satisfies(value, rule_name, limit):
+        rule_name, limit = document.value(constraint, "rule"), document.value(constraint, "value")
+        if rule_name is not None and limit is not None and not satisfies(document, declaration, value, rule_name, limit):
             return f"{rule_name} {limit}"
     return None
 
 
-def satisfies(value: str, rule_name: str, limit: str) -> bool:
-    """Whether a value compares to a limit as a rule of the standard says: as numbers where both are, else as text."""
-    try:
-        return COMPARISONS[rule_name](float(value), float(limit))
-    except ValueError:
-        return COMPARISONS[rule_name](value, limit)
+def satisfies(document: Document, declaration: etree._Element, value: str, rule_name: str, limit: str) -> bool:
+    """Whether a value of a declared parameter compares to a limit as a rule of the standard says.
+
+    Raises:
+        ValueError: one of them is not of the declared type, or the rule has no meaning for it.
+    """
+    kind = document.type_of(declaration)
+    return holds(rule_name, typed(kind, value), typed(kind, limit))

@@ -2,27 +2,27 @@
 
 from collections.abc import Iterator
 
-from schemas.expressions import ExpressionError
-from schemas.rules.document import Document, typed
+from schemas.rules.document import Document
 from schemas.rules.registry import Finding, rule
+from schemas.values import typed
 
 
-@rule(
-    "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference",
-    level="warning",
-    kinds=("scenario", "catalog"),
-)
+@rule("asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference", kinds=("scenario", "catalog"))
 def check(document: Document) -> Iterator[Finding]:
-    """The value of a ParameterDeclaration must be of its parameterType.
+    """The value of a ParameterDeclaration or VariableDeclaration must be of the declared type.
 
-    A warning: it matters only where the default is used, which expression_has_a_value looks at.
+    A warning in a catalogue, where it matters only to those who use the entry with its default.
     """
     for element in document.elements("ParameterDeclaration", "VariableDeclaration"):
         text = document.value(element, "value")
-        kind = element.get("parameterType") or element.get("variableType") or "string"
-        if text is None or not text:
+        try:
+            kind = document.type_of(element)
+        except ValueError:
+            continue  # no type of the standard: valid_schema says so
+        if text is None:
             continue
         try:
-            typed(text, kind)
-        except ExpressionError:
-            yield Finding(element, f"{element.get('name')}: the value {text!r} is not of type {kind}")
+            typed(kind, text)
+        except ValueError as error:
+            level = "warning" if document.type.kind == "catalog" else None
+            yield Finding(element, f"{element.get('name')}: the value is not of type {kind}: {error}", level)

@@ -15,13 +15,13 @@ from pathlib import Path
 
 from schemas.errors import UsageError
 from schemas.expressions import ExpressionError, references
+from schemas.values import quoted, type_named, typed
 from xosc.distributions.deterministic import Deterministic
 from xosc.distributions.file import ParameterValueDistribution
 from xosc.distributions.values import text
 from xosc.document import Document, load
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope, nearest
-from xosc.values import quoted, type_named, typed
 
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""

@@ -18,9 +18,9 @@ from collections.abc import Callable
 
 from lxml import etree
 
+from schemas.values import number
 from xosc.document import Document
 from xosc.exports.concrete import copied
-from xosc.values import number
 from xosc.versions import Version, convert
 
 GRAIN = 2e-6

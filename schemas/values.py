@@ -1,5 +1,7 @@
 """The types of parameters and variables: reading their values from text, and comparing them.
 
+The one truth of these types: checks name what `typed` refuses, and so does loading.
+
 Source: OpenSCENARIO XML 1.3.1, ParameterType and Rule; the value ranges are those of XML Schema's types.
 """
 
@@ -98,6 +100,11 @@ def literal(kind: str, value: Value, text: str) -> str:
     if kind in _INTEGERS:
         return str(value)
     return text if kind == "string" else text.strip()
+
+
+def operand(value: Value, text: str) -> float | int | bool | str:
+    """What an expression sees of a value that was read from `text`: dates are texts there."""
+    return text.strip() if isinstance(value, datetime) else value
 
 
 def holds(rule: str, left: Value, right: Value) -> bool:

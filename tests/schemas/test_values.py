@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from xosc.values import TYPES, holds, literal, number, type_named, typed
+from schemas.values import TYPES, holds, literal, number, type_named, typed
 
 RIGHT = [
     ("double", " 1.50 ", 1.5),

@@ -1,0 +1,89 @@
+"""Checking and loading give one verdict on the values of parameters and variables."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+import xosc
+from schemas import check
+from schemas.errors import InvalidFile
+from schemas.values import RULES, TYPES
+from tests.xosc.conftest import SCENARIO
+
+TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
+CONSTRAINED = "xosc.toolchain:xosc:1.1.0:parameters.default_value_obeys_constraints"
+ODD = ("", " ", "-5", "NaN", "nan", "1_000", "foo", "1e400", "2.0", "2.5", "0x1", "+7", "INF", "-INF", "True", "FALSE", "1",
+       "2024-05-31T12:00:00", "2024-05-31", "65536", "4294967296", " 3 ", "1e3", "٣", "$", "a$b")  # fmt: skip
+
+_NUMBERS = count()
+texts = st.one_of(
+    st.sampled_from(ODD),
+    st.integers(-(2**40), 2**40).map(str),
+    st.floats(allow_nan=True).map(repr),
+    st.datetimes().map(lambda value: value.isoformat()),
+    st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), max_size=12),
+).filter(lambda text: not text.startswith("$") and "\ufffe" not in text and "\uffff" not in text)
+
+
+def verdict(path: Path, *rules: str) -> tuple[bool, bool]:
+    """Whether a check names a fault by one of these rules, and whether loading refuses the file."""
+    named = any(problem.rule in rules and problem.level == "error" for problem in check(path))
+    try:
+        xosc.resolve(xosc.load(path))
+    except InvalidFile:
+        return named, True
+    return named, False
+
+
+def write(folder: Path, **parts: str) -> Path:
+    empty = dict.fromkeys(("parameters", "declarations", "locations", "road", "entities", "storyboard"), "")
+    path = folder / f"{next(_NUMBERS)}.xosc"
+    path.write_text(SCENARIO.format(minor=3, **empty | parts), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("values")
+
+
+@settings(deadline=None)
+@given(st.sampled_from((*TYPES, "integer")), texts)
+@example("unsignedInt", "-5")
+@example("double", "NaN")
+@example("int", "1_000")
+@example("dateTime", "foo")
+@example("double", "1e400")
+@example("int", "2.0")
+@example("double", "")
+def test_the_value_of_a_parameter(folder, kind, text):
+    declaration = f'<ParameterDeclaration name="p" parameterType="{kind}" value={quoteattr(text)}/>'
+    named, refused = verdict(write(folder, parameters=declaration), TYPED)
+    assert named == refused
+
+
+@settings(deadline=None)
+@given(st.sampled_from(TYPES), texts)
+def test_the_initial_value_of_a_variable(folder, kind, text):
+    declaration = f'<VariableDeclaration name="v" variableType="{kind}" value={quoteattr(text)}/>'
+    named, refused = verdict(write(folder, declarations=f"<VariableDeclarations>{declaration}</VariableDeclarations>"), TYPED)
+    assert named == refused
+
+
+@settings(deadline=None)
+@given(st.sampled_from(TYPES), texts, st.sampled_from(sorted(RULES)), texts)
+@example("boolean", "1", "equalTo", "true")
+@example("string", "abc", "lessThan", "abd")
+def test_the_constraint_of_a_parameter(folder, kind, text, rule, limit):
+    constraint = f'<ConstraintGroup><ValueConstraint rule="{rule}" value={quoteattr(limit)}/></ConstraintGroup>'
+    declaration = (
+        f'<ParameterDeclaration name="p" parameterType="{kind}" value={quoteattr(text)}>{constraint}</ParameterDeclaration>'
+    )
+    named, refused = verdict(write(folder, parameters=declaration), TYPED, CONSTRAINED)
+    assert named == refused
