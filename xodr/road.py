@@ -49,7 +49,7 @@ class Surface:
 
 @dataclass(slots=True, eq=False)
 class Road:
-    """A road with its geometry, lanes and furniture.
+    """A road with its geometry, lanes and road objects.
 
     path: the file, for complaints. junction_id: the junction that a connecting road belongs to. rule: "RHT" or "LHT".
     flat: no elevation, superelevation or surface shape: z, pitch and roll are 0 everywhere.

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from recognition.grids.config import Grid
 from xodr.array_types import FloatArray
 from xodr.graph.ways import DRIVABLE
+from xodr.lookup.sampling import lane_borders
 from xodr.network import RoadNetwork
 from xodr.road import Road
-from xodr.sampling import lane_borders
 
 Singles = NDArray[np.float32]
 _PIXEL = 0.5

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from recognition.sites.lanes import LaneGraph
 from xodr.array_types import FloatArray
 from xodr.graph.ways import DRIVABLE
+from xodr.lookup.sampling import sample
 from xodr.network import RoadNetwork
-from xodr.sampling import sample
 
 LONGEST = 400.0
 """Longest way round, m."""

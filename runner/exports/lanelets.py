@@ -13,10 +13,10 @@ from functools import lru_cache
 import numpy as np
 
 from xodr import RoadNetwork
+from xodr.graph.links import next_lane
+from xodr.lookup.sampling import Points, sample, stations
 from xodr.model import Lane, LaneSection
 from xodr.road import NO_WIDTH, Road
-from xodr.sampling import Points, sample, stations
-from xodr.sumo_net.ways import next_lane
 
 SPACING = 2.0
 """Greatest distance (m) of the points of a bound, along the road."""

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from runner.participants.boxes import box_corners
-from xodr.sampling import lane_borders
+from xodr.lookup.sampling import lane_borders
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult

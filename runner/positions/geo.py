@@ -12,7 +12,7 @@ from runner.motion.placement import Placement
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Context
-    from xodr.geo import GeoReference
+    from xodr.lookup.geo import GeoReference
     from xodr.network import RoadNetwork
     from xosc.node import Node
 
@@ -22,7 +22,7 @@ _SKY = 1e5
 
 @lru_cache(maxsize=8)
 def _projection(network: RoadNetwork) -> GeoReference:
-    from xodr.geo import GeoReference
+    from xodr.lookup.geo import GeoReference
 
     return GeoReference(network)
 
@@ -42,7 +42,7 @@ class GeoPosition(FixedPosition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> GeoPosition:
         """Read the attributes and project them."""
-        from xodr.geo import Geodetic
+        from xodr.lookup.geo import Geodetic
 
         network = network_of(node, context)
         if node.int("verticalRoadSelection", 0):

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from xodr.sampling import lane_borders, sample, stations
+from xodr.lookup.sampling import lane_borders, sample, stations
 
 if TYPE_CHECKING:
     from xodr.model import LaneSection, RoadMark

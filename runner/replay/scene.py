@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runner.replay import furniture, timeline
+from runner.replay import road_objects, timeline
 from runner.replay.packing import pack, pack_lines
 from runner.replay.roads import Area, marks, surfaces
 
@@ -75,11 +75,11 @@ def _road(network: RoadNetwork, area: Area, origin: tuple[int, int]) -> dict[str
         ],
         "objects": [
             {"look": look, "lines": pack_lines([ring - origin for ring in rings], LENGTH_STEP)}
-            for look, rings in furniture.objects(network, area).items()
+            for look, rings in road_objects.objects(network, area).items()
         ],
         "signals": [
             signal | {"x": round(signal["x"] - origin[0], 2), "y": round(signal["y"] - origin[1], 2)}
-            for signal in furniture.signals(network, area)
+            for signal in road_objects.signals(network, area)
         ],
     }
 
@@ -102,7 +102,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         "tracks": [_track(track, dt, stride, origin) for track in result.recording.tracks.values()],
         "rows": [[row.level, row.label, row.subject, row.bars] for row in timeline.rows(result.events)],
         "events": [list(entry) for entry in result.events if timeline.is_shown(entry)],
-        "signals": furniture.signal_states(result.events),
+        "signals": road_objects.signal_states(result.events),
         "curves": [] if ego is None else _curves(ego, result.criticality, dt, stride),
     }
 

@@ -10,7 +10,7 @@ import pytest
 from shapely.geometry import LineString, Polygon
 
 import xodr
-from runner.replay.furniture import objects, signals
+from runner.replay.road_objects import objects, signals
 from runner.replay.roads import Area, marks, surfaces
 from xodr.network import RoadNetwork
 

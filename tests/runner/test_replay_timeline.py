@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from runner.interpreter.event_log import LogEntry
-from runner.replay.furniture import signal_states
+from runner.replay.road_objects import signal_states
 from runner.replay.timeline import is_shown, rows
 
 EVENT = "story::act::group::maneuver::event"

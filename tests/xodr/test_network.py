@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral, Start
-from xodr.lanes import read_sections
 from xodr.lookup.locate import Locator
 from xodr.model import RoadError
 from xodr.profiles import ZERO, Cubic, Profile
+from xodr.reader.lanes import read_sections
 from xodr.road import Road, Surface
 
 LANES = (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 
-from xodr.model import Connection, Junction, LaneLink, RoadLink
+from xodr.model import Connection, Junction, Lane, LaneLink, LaneSection, RoadLink
 from xodr.road import Road
 
 LinkTable = dict[tuple[str, int, bool], list[LaneLink]]
@@ -27,6 +27,15 @@ def link_table(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> 
             if reached not in links:
                 links.append(reached)
     return table
+
+
+def next_lane(lane: Lane, following: LaneSection, towards_s: bool) -> int | None:
+    """The lane that continues this one in the next section of the road, whichever of the two declares it."""
+    linked = lane.successor if towards_s else lane.predecessor
+    if linked in following.lanes:
+        return linked
+    back = (other for other in following.lanes.values() if (other.predecessor if towards_s else other.successor) == lane.id)
+    return next((other.id for other in back if other.id), None)
 
 
 def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Iterator[_Joint]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Points
-from xodr.lanelet2.polylines import across, along, lengths, places
+from xodr.lanelet2.polylines import across, lengths, places, points_at
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
@@ -55,7 +55,7 @@ def _farthest(bound: Points, borders: list[Points]) -> float:
     from shapely import LineString, MultiLineString, distance, points
 
     total = lengths(bound)[-1]
-    dense = np.concatenate([bound, along(bound, np.linspace(0.0, total, places(total, STEP)))])
+    dense = np.concatenate([bound, points_at(bound, np.linspace(0.0, total, places(total, STEP)))])
     return float(distance(points(dense), MultiLineString([LineString(border) for border in borders])).max())
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from xodr.array_types import FloatArray
 
-Points = NDArray[np.float64]
+Points = FloatArray
 """Points of a line, (n, 2), m."""
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from xodr.lanelet2.bundles import Joint, Layout
 from xodr.lanelet2.graph import Graph
 from xodr.lanelet2.lanelet import Points
-from xodr.lanelet2.polylines import Frame, along, crossing, direction, joined, lengths, middle, prolonged
+from xodr.lanelet2.polylines import Frame, crossing, direction, joined, lengths, middle, points_at, prolonged
 
 _MOST_CUT = 0.5
 """Largest share of a road that may be cut off at one end."""
@@ -130,7 +130,7 @@ def _cut(borders: Borders, end: End) -> Frame:
     shift = max(-corners.min(), 0.0) if end[1] else max(corners.max(), 0.0)
     total = lengths(line)[-1]
     shift = min(shift, _MOST_CUT * total)
-    rest = along(line, np.linspace(0.0, total - shift, 65) if end[1] else np.linspace(shift, total, 65))
+    rest = points_at(line, np.linspace(0.0, total - shift, 65) if end[1] else np.linspace(shift, total, 65))
     x, y = rest[-1 if end[1] else 0]
     return Frame(float(x), float(y), direction(rest, end[1]))
 
@@ -169,5 +169,5 @@ def _edge(line: Points, frame: Frame, at_end: bool) -> Edge:
     longer = prolonged(line)
     s, t = crossing(longer, frame)
     total = lengths(longer)[-1]
-    rest = along(longer, np.linspace(0.0, s, 257) if at_end else np.linspace(s, total, 257))
+    rest = points_at(longer, np.linspace(0.0, s, 257) if at_end else np.linspace(s, total, 257))
     return Edge(t, math.tan(direction(rest, at_end) - frame.heading))

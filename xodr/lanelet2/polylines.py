@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from xodr.array_types import FloatArray
 from xodr.lanelet2.lanelet import Points
 
 REACH = 8.0
@@ -43,7 +43,7 @@ def lengths(line: Points) -> Points:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
 
 
-def along(line: Points, s: Points) -> Points:
+def points_at(line: Points, s: Points) -> Points:
     """Points at arc lengths, (n, 2), m."""
     at = lengths(line)
     return np.column_stack([np.interp(s, at, line[:, axis]) for axis in (0, 1)])
@@ -51,7 +51,7 @@ def along(line: Points, s: Points) -> Points:
 
 def resampled(line: Points, count: int) -> Points:
     """`count` points at equal distances along the line, its ends included."""
-    return along(line, np.linspace(0.0, lengths(line)[-1], count))
+    return points_at(line, np.linspace(0.0, lengths(line)[-1], count))
 
 
 def places(length: float, step: float) -> int:
@@ -84,7 +84,7 @@ def direction(line: Points, at_end: bool) -> float:
     """Heading [rad] of a line at one of its ends: the tangent of a parabola through its last (first) `REACH` metres."""
     total = lengths(line)[-1]
     reach = min(REACH, total)
-    near = along(line, np.linspace(total - reach, total, 33) if at_end else np.linspace(0.0, reach, 33))
+    near = points_at(line, np.linspace(total - reach, total, 33) if at_end else np.linspace(0.0, reach, 33))
     parameter = np.linspace(-1.0, 0.0, 33) if at_end else np.linspace(0.0, 1.0, 33)
     dx, dy = (np.polynomial.Polynomial.fit(parameter, near[:, axis], 2).deriv()(0.0) for axis in (0, 1))
     return math.atan2(dy, dx)
@@ -92,7 +92,7 @@ def direction(line: Points, at_end: bool) -> float:
 
 def frame_at(line: Points, s: float) -> Frame:
     """The line across a line at an arc length, m."""
-    before = along(line, np.linspace(0.0, s, 65))
+    before = points_at(line, np.linspace(0.0, s, 65))
     return Frame(float(before[-1, 0]), float(before[-1, 1]), direction(before, True))
 
 
@@ -121,10 +121,10 @@ def between(line: Points, start: Frame, end: Frame) -> Points:
         s1 = s0 + _SAME
     at = lengths(line)
     inner = at[(at > s0) & (at < s1)]
-    return along(line, np.concatenate([[s0], inner, [s1]]))
+    return points_at(line, np.concatenate([[s0], inner, [s1]]))
 
 
-def across(points: Points, tangents: Points, line: Points) -> NDArray[np.float64]:
+def across(points: Points, tangents: Points, line: Points) -> FloatArray:
     """How far to the left of points a line passes that goes their way, measured at right angles to tangents (n,), m.
 
     The place nearest to the point is meant; NaN where the line does not pass.
@@ -134,7 +134,7 @@ def across(points: Points, tangents: Points, line: Points) -> NDArray[np.float64
     return np.concatenate([_across(points[block], tangents[block], line) for block in blocks] or [np.zeros(0)])
 
 
-def _across(points: Points, tangents: Points, line: Points) -> NDArray[np.float64]:
+def _across(points: Points, tangents: Points, line: Points) -> FloatArray:
     tangents = tangents / np.hypot(*tangents.T)[:, None]
     delta = line[None] - points[:, None]
     ahead = (delta * tangents[:, None]).sum(axis=2)

@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from xodr.array_types import FloatArray
 from xodr.builders.curves import Pose
 from xodr.builders.parametric import ParamPoly3
 from xodr.lanelet2.lanelet import Points
 from xodr.lanelet2.mouths import Mouth
 from xodr.lanelet2.polylines import across, between, lengths, middle, places, resampled
-from xodr.lanelet2.splines import Floats, Spline, fit
+from xodr.lanelet2.splines import Spline, fit
 
 STEP = 0.25
 """Distance between the places where borders are measured, m."""
@@ -39,8 +40,8 @@ class Shape(NamedTuple):
 
     start: Pose
     plan: tuple[ParamPoly3, ...]
-    s: Floats
-    t: Floats
+    s: FloatArray
+    t: FloatArray
 
     @property
     def length(self) -> float:
@@ -104,12 +105,12 @@ def _doubled(most: float) -> Iterator[int]:
         number *= 2
 
 
-def _curvatures(line: Spline, at: Floats) -> Floats:
+def _curvatures(line: Spline, at: FloatArray) -> FloatArray:
     (dx, dy), (ddx, ddy) = line(at, 1).T, line(at, 2).T
     return np.asarray((dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3)
 
 
-def _arc_lengths(line: Spline, at: Floats | None = None) -> Floats:
+def _arc_lengths(line: Spline, at: FloatArray | None = None) -> FloatArray:
     """Arc length of a plane curve at its knots, or at parameters."""
     grid = line.knots if at is None else at
     ends = np.concatenate([[line.knots[0]], grid])
@@ -119,14 +120,14 @@ def _arc_lengths(line: Spline, at: Floats | None = None) -> Floats:
     return np.cumsum((half * speeds) @ _WEIGHTS)
 
 
-def _offsets(line: Spline, at: Floats, border: Points) -> Floats:
+def _offsets(line: Spline, at: FloatArray, border: Points) -> FloatArray:
     """t of a border at parameters of the reference line, interpolated where no normal of the line meets it."""
     t = across(line(at), line(at, 1), border)
     found = np.isfinite(t)
     return np.interp(at, at[found], t[found]) if found.any() else np.zeros(len(at))
 
 
-def _smooth(s: Floats, samples: Floats, ends: Floats, slopes: Floats) -> Spline:
+def _smooth(s: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatArray) -> Spline:
     """The coarsest spline within tolerance of the samples, else the nearest one."""
     candidates = []
     for intervals in _doubled(s[-1] / _SHORTEST_PIECE):
@@ -138,7 +139,7 @@ def _smooth(s: Floats, samples: Floats, ends: Floats, slopes: Floats) -> Spline:
     return min(candidates, key=lambda candidate: candidate[:2])[2]
 
 
-def _pieces(line: Spline, s: Floats) -> list[ParamPoly3]:
+def _pieces(line: Spline, s: FloatArray) -> list[ParamPoly3]:
     """The pieces of a plane spline in the frames of their starts, with parameters from 0 to 1."""
     found = []
     for index, piece in enumerate(line.pieces):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from xodr.array_types import FloatArray
 
 _STIFFNESS = 1e-4
 """Weight of the bending against the distance from the samples, so that gaps between samples are bridged smoothly."""
@@ -19,10 +18,10 @@ class Spline(NamedTuple):
     knots: (m + 1,). pieces: (m, 4, d), the coefficients a, b, c, d of each piece, of the parameter from its knot on.
     """
 
-    knots: Floats
-    pieces: Floats
+    knots: FloatArray
+    pieces: FloatArray
 
-    def __call__(self, at: Floats, derivative: int = 0) -> Floats:
+    def __call__(self, at: FloatArray, derivative: int = 0) -> FloatArray:
         """Values (n, d) at parameters (n,), or their first or second derivatives."""
         index = np.clip(np.searchsorted(self.knots, at, side="right") - 1, 0, len(self.pieces) - 1)
         x = (at - self.knots[index])[:, None]
@@ -32,7 +31,7 @@ class Spline(NamedTuple):
         return b + x * (2 * c + 3 * x * d) if derivative == 1 else 2 * c + 6 * x * d
 
 
-def fit(at: Floats, samples: Floats, ends: Floats, slopes: Floats, intervals: int) -> Spline:
+def fit(at: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatArray, intervals: int) -> Spline:
     """The cubic spline nearest to samples in the sense of least squares.
 
     Args:

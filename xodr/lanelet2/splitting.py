@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
-from xodr.lanelet2.polylines import Frame, along, crossing, lengths
+from xodr.lanelet2.polylines import Frame, crossing, lengths, points_at
 
 
 def second(name: str) -> str:
@@ -34,5 +34,5 @@ def _parts(line: Points, frame: Frame) -> tuple[Points, Points]:
     """The parts of a line before and after it crosses a frame; near its end where it does not cross it within."""
     s, at = crossing(line, frame)[0], lengths(line)
     s = min(max(s, 0.05 * at[-1]), 0.95 * at[-1])
-    cut = along(line, np.array([s]))
+    cut = points_at(line, np.array([s]))
     return np.concatenate([line[at < s], cut]), np.concatenate([cut, line[at > s]])

@@ -10,14 +10,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from xodr.array_types import BoolArray, FloatArray, IntArray
 from xodr.model import LaneSection
 from xodr.profiles import Profile
 from xodr.road import NO_WIDTH, Road
-
-Floats = NDArray[np.float64]
-Whole = NDArray[np.int64]
 
 _FINE = 0.02
 """Most that the heading changes from knot to knot, rad: a cubic then misses an arc of 1 km radius by less than 1e-6 m."""
@@ -35,20 +32,20 @@ _TINY = 1e-18
 class Local(NamedTuple):
     """Positions in the frame of a reference line at given s: ahead and to the left (m), and the line's curvature (1/m)."""
 
-    ahead: Floats
-    aside: Floats
-    curvature: Floats
+    ahead: FloatArray
+    aside: FloatArray
+    curvature: FloatArray
 
 
 class OnChord(NamedTuple):
     """Places on chords: s, the s of both ends of the chord, and the distance from the position that each is nearest to, m."""
 
-    s: Floats
-    low: Floats
-    high: Floats
-    distance: Floats
+    s: FloatArray
+    low: FloatArray
+    high: FloatArray
+    distance: FloatArray
 
-    def at(self, rows: Whole) -> OnChord:
+    def at(self, rows: IntArray) -> OnChord:
         """Some of them."""
         return OnChord(*(values[rows] for values in self))
 
@@ -62,19 +59,19 @@ class Part(NamedTuple):
     """
 
     road: Road
-    s: Floats
-    x: Floats
-    y: Floats
-    chords: Whole
+    s: FloatArray
+    x: FloatArray
+    y: FloatArray
+    chords: IntArray
     room: float
     bounds: tuple[float, float, float, float]
 
-    def near(self, x: Floats, y: Floats, reach: float) -> NDArray[np.bool_]:
+    def near(self, x: FloatArray, y: FloatArray, reach: float) -> BoolArray:
         """Positions that may be within this distance (m) of the part's surface."""
         west, east, south, north = self.bounds
         return (x >= west - reach) & (x <= east + reach) & (y >= south - reach) & (y <= north + reach)
 
-    def local(self, x: Floats, y: Floats, s: Floats) -> Local:
+    def local(self, x: FloatArray, y: FloatArray, s: FloatArray) -> Local:
         """Positions in the frame of the line at each s."""
         index = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         u = s - self.s[index]
@@ -83,13 +80,13 @@ class Part(NamedTuple):
         ahead, aside = ((x - px) * dx + (y - py) * dy) / norm, ((y - py) * dx - (x - px) * dy) / norm
         return Local(ahead, aside, (dx * ddy - dy * ddx) / norm**3)
 
-    def heading(self, s: Floats) -> Floats:
+    def heading(self, s: FloatArray) -> FloatArray:
         """Heading of the line at each s, rad."""
         index = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         u = s - self.s[index]
         return np.arctan2(_cubic(self.y[:, index], u)[1], _cubic(self.x[:, index], u)[1])
 
-    def on_chords(self, x: Floats, y: Floats) -> OnChord:
+    def on_chords(self, x: FloatArray, y: FloatArray) -> OnChord:
         """The place on the chords that is nearest to each position."""
         best, s, low, high = np.full(len(x), np.inf), *np.zeros((3, len(x)))
         (ax, ay), start = self._corners(), self.s[self.chords]
@@ -102,14 +99,14 @@ class Part(NamedTuple):
             low[nearer], high[nearer] = since, until
         return OnChord(s, low, high, np.sqrt(best))
 
-    def _corners(self) -> tuple[Floats, Floats]:
+    def _corners(self) -> tuple[FloatArray, FloatArray]:
         """x and y of the ends of the chords."""
         end = self.s[-1:] - self.s[-2:-1]
         x, y = (np.append(line[0], _cubic(line[:, -1:], end)[0])[self.chords] for line in (self.x, self.y))
         return x, y
 
 
-def _cubic(coefficients: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
+def _cubic(coefficients: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Values and two derivatives of cubics."""
     a, b, c, d = coefficients
     return a + u * (b + u * (c + u * d)), b + u * (2.0 * c + 3.0 * u * d), 2.0 * c + 6.0 * u * d
@@ -140,13 +137,13 @@ def _inside(end: float) -> float:
     return math.nextafter(end, -math.inf)
 
 
-def _turned(pieces: Floats) -> Floats:
+def _turned(pieces: FloatArray) -> FloatArray:
     """By how much the heading has changed up to the end of each piece (x, y, heading of its ends), whichever way, rad."""
     begins, ends = pieces[:, 2], pieces[:, 5]
     return np.cumsum(np.abs(ends - begins) + np.abs(begins - np.append(begins[:1], ends[:-1])))
 
 
-def _part(road: Road, knots: Floats, pieces: Floats, turned: Floats) -> Part:
+def _part(road: Road, knots: FloatArray, pieces: FloatArray, turned: FloatArray) -> Part:
     x0, y0, h0, x1, y1, h1 = pieces.T
     length = np.diff(knots)
     x = _hermite(x0, np.cos(h0), x1, np.cos(h1), length)
@@ -158,7 +155,7 @@ def _part(road: Road, knots: Floats, pieces: Floats, turned: Floats) -> Part:
     return Part(road, knots, x, y, chords, room, (west - room, east + room, south - room, north + room))
 
 
-def _hermite(a: Floats, slope_a: Floats, b: Floats, slope_b: Floats, length: Floats) -> Floats:
+def _hermite(a: FloatArray, slope_a: FloatArray, b: FloatArray, slope_b: FloatArray, length: FloatArray) -> FloatArray:
     """Coefficients of the cubics through a and b with the given slopes."""
     rise = (b - a) / length
     return np.stack([a, slope_a, (3.0 * rise - 2.0 * slope_a - slope_b) / length, (slope_a + slope_b - 2.0 * rise) / length**2])
@@ -174,7 +171,7 @@ def _room(road: Road, start: float, end: float) -> float:
 # profiles and lanes -------------------------------------------------------------------------
 
 
-def values(profile: Profile, s: Floats) -> Floats:
+def values(profile: Profile, s: FloatArray) -> FloatArray:
     """A profile at each s."""
     if profile.constant is not None:
         return np.full(len(s), profile.constant)
@@ -183,18 +180,18 @@ def values(profile: Profile, s: Floats) -> Floats:
     return a + u * (b + u * (c + u * d))
 
 
-def sections(road: Road, s: Floats) -> Whole:
+def sections(road: Road, s: FloatArray) -> IntArray:
     """Index of the lane section at each s."""
     return np.maximum(np.searchsorted([section.s for section in road.sections], s, side="right") - 1, 0)
 
 
-def edges(section: LaneSection, s: Floats) -> tuple[Floats, Floats]:
+def edges(section: LaneSection, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """t of the right and left edge at each s: `Road.edges` within one lane section."""
     right, left = (section.lanes[side[-1] if side else 0].outer for side in (section.right, section.left))
     return values(right, s), values(left, s)
 
 
-def lanes(section: LaneSection, s: Floats, t: Floats) -> Whole:
+def lanes(section: LaneSection, s: FloatArray, t: FloatArray) -> IntArray:
     """The lane of each (s, t): `xodr.road.lane_in` for many."""
     centre = values(section.lanes[0].center, s)
     found = np.zeros(len(s), np.int64)
@@ -204,8 +201,8 @@ def lanes(section: LaneSection, s: Floats, t: Floats) -> Whole:
 
 
 def _lanes_of_side(
-    section: LaneSection, s: Floats, away: Floats, centre: Floats, here: tuple[int, ...], beyond: tuple[int, ...]
-) -> Whole:
+    section: LaneSection, s: FloatArray, away: FloatArray, centre: FloatArray, here: tuple[int, ...], beyond: tuple[int, ...]
+) -> IntArray:
     found = np.zeros(len(s), np.int64)
     searching = np.ones(len(s), bool)
     for lane_id in here:

@@ -13,14 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from xodr.array_types import BoolArray, FloatArray, IntArray
 from xodr.lookup import arrays
-from xodr.lookup.arrays import Floats, OnChord, Part, Whole
+from xodr.lookup.arrays import OnChord, Part
 from xodr.lookup.locate import CONVERGED, ON_SURFACE, OTHER_LEVEL
 from xodr.model import RoadError
 from xodr.network import RoadNetwork
 from xodr.road import Road
-
-Flags = NDArray[np.bool_]
 
 _MOST_STEPS, _MOST_HALVINGS = 12, 60
 _FIRST_REACH, _WIDER = 5.0, 8.0
@@ -31,10 +30,10 @@ class Places(NamedTuple):
     """Road coordinates of n positions: those of `xodr.model.RoadPoint`, in arrays of that length."""
 
     road_id: NDArray[np.object_]
-    lane_id: Whole
-    s: Floats
-    t: Floats
-    offset: Floats
+    lane_id: IntArray
+    s: FloatArray
+    t: FloatArray
+    offset: FloatArray
 
 
 def place(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, h: ArrayLike | None = None) -> Places:
@@ -69,17 +68,17 @@ def _parts(network: RoadNetwork) -> list[Part]:
 
 
 class _Users(NamedTuple):
-    x: Floats
-    y: Floats
-    z: Floats | None
-    h: Floats | None
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray | None
+    h: FloatArray | None
 
-    def at(self, rows: Whole) -> _Users:
+    def at(self, rows: IntArray) -> _Users:
         z, h = (None if values is None else values[rows] for values in (self.z, self.h))
         return _Users(self.x[rows], self.y[rows], z, h)
 
 
-def _given(values: ArrayLike | None) -> Floats | None:
+def _given(values: ArrayLike | None) -> FloatArray | None:
     return None if values is None else np.asarray(values, np.float64)
 
 
@@ -90,7 +89,7 @@ class _Best:
         self.rank = np.full((4, count), np.inf)
         self.places = Places(np.full(count, None, object), np.zeros(count, np.int64), *np.zeros((3, count)))
 
-    def offer(self, rows: Whole, part: Part, users: _Users, reach: float) -> None:
+    def offer(self, rows: IntArray, part: Part, users: _Users, reach: float) -> None:
         """Take those of a part's places that are better, and not further away than `reach` (m)."""
         start = part.on_chords(users.x, users.y)
         near = np.flatnonzero(start.distance <= part.room + reach)
@@ -111,7 +110,7 @@ class _Best:
             column[rows] = values[better]
 
 
-def _project(part: Part, x: Floats, y: Floats, start: OnChord) -> tuple[Floats, Floats, Floats]:
+def _project(part: Part, x: FloatArray, y: FloatArray, start: OnChord) -> tuple[FloatArray, FloatArray, FloatArray]:
     """s and t of the feet of perpendiculars onto a part, and the distance of each position from its surface: 0 on it."""
     road, s = part.road, start.s.copy()
     moving = np.arange(len(x))
@@ -137,7 +136,7 @@ def _project(part: Part, x: Floats, y: Floats, start: OnChord) -> tuple[Floats, 
     return np.where(beyond, s + ahead, s), t, np.where(gap <= ON_SURFACE, 0.0, gap)
 
 
-def _bisect(part: Part, x: Floats, y: Floats, low: Floats, high: Floats) -> Floats:
+def _bisect(part: Part, x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Where "ahead" changes its sign: also finds a kink of the line."""
     for _ in range(_MOST_HALVINGS):
         middle = 0.5 * (low + high)
@@ -146,7 +145,7 @@ def _bisect(part: Part, x: Floats, y: Floats, low: Floats, high: Floats) -> Floa
     return 0.5 * (low + high)
 
 
-def _beside(road: Road, s: Floats, t: Floats) -> Floats:
+def _beside(road: Road, s: FloatArray, t: FloatArray) -> FloatArray:
     """How far each place lies outside of the road's edges, m; negative inside."""
     outside, section_of = np.zeros(len(s)), arrays.sections(road, s)
     for index, section in enumerate(road.sections):
@@ -156,7 +155,7 @@ def _beside(road: Road, s: Floats, t: Floats) -> Floats:
     return outside
 
 
-def _lanes(road: Road, s: Floats, t: Floats) -> tuple[Whole, Floats, Flags]:
+def _lanes(road: Road, s: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
     """Lane of each place, offset from its centre, whether its traffic drives towards -s; beyond the road's ends those there."""
     inside = np.clip(s, 0.0, road.length)
     lane_id, offset, against = np.zeros(len(s), np.int64), np.zeros(len(s)), np.zeros(len(s), bool)
@@ -171,10 +170,10 @@ def _lanes(road: Road, s: Floats, t: Floats) -> tuple[Whole, Floats, Flags]:
     return lane_id, offset, against
 
 
-def _mismatch(part: Part, s: Floats, t: Floats, against: Flags, users: _Users) -> tuple[Floats, Floats]:
+def _mismatch(part: Part, s: FloatArray, t: FloatArray, against: BoolArray, users: _Users) -> tuple[FloatArray, FloatArray]:
     """Height on another level (m), and angle between heading and the lane's traffic (rad, coarse)."""
     road, height = part.road, np.zeros(len(s))
-    angle: Floats = np.zeros(len(s))
+    angle: FloatArray = np.zeros(len(s))
     if users.z is not None:
         above = np.abs(users.z - _heights(road, s, t))
         height = np.where(above > OTHER_LEVEL, above, 0.0)
@@ -184,7 +183,7 @@ def _mismatch(part: Part, s: Floats, t: Floats, against: Flags, users: _Users) -
     return height, angle
 
 
-def _heights(road: Road, s: Floats, t: Floats) -> Floats:
+def _heights(road: Road, s: FloatArray, t: FloatArray) -> FloatArray:
     if road.flat:
         return np.zeros(len(s))
     return np.array([road.pose(*one).z for one in zip(s.tolist(), t.tolist(), strict=True)])

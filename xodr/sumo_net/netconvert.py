@@ -8,15 +8,12 @@ import os
 import sys
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lxml import etree
 
 from schemas.errors import ToolchainError, Unsupported
 from schemas.xml import parse
-
-if TYPE_CHECKING:
-    from xodr.sumo_net.plain import PlainNetwork
+from xodr.sumo_net.plain import PlainNetwork
 
 _log = logging.getLogger(__name__)
 

@@ -7,29 +7,30 @@ from collections.abc import Iterable
 from urllib.parse import quote
 
 from xodr.road import Road
+from xodr.sumo_net.connections import LaneConnection
 from xodr.sumo_net.shapes import Point, mouth
-from xodr.sumo_net.ways import Way
 
 _End = tuple[str, ...]
 """("road", its id, "start" or "end"), or ("junction", its id)."""
 
 
 class Nodes:
-    """Names of the nodes at the ends of roads: those at one junction are one, and so are two between which a way leads.
+    """Names of the nodes at the ends of roads: those at one junction are one, and so are two that a connection joins.
 
     Attributes:
         corners: by node, the right and left edges of the roads that end there.
     """
 
-    def __init__(self, roads: Iterable[Road], ways: Iterable[Way]) -> None:
+    def __init__(self, roads: Iterable[Road], connections: Iterable[LaneConnection]) -> None:
         self._parents: dict[_End, _End] = {}
         roads = list(roads)
         for road in roads:
             for end, link in (("start", road.predecessor), ("end", road.successor)):
                 if link and link.element_type == "junction":
                     self._join(("junction", link.element_id), ("road", road.id, end))
-        for way in ways:
-            self._join(_end(way.source.road_id, way.source.at_start), _end(way.target.road_id, way.target.at_start))
+        for connection in connections:
+            source, target = connection.source, connection.target
+            self._join(_end(source.road_id, source.at_start), _end(target.road_id, target.at_start))
         self.corners: dict[str, list[Point]] = defaultdict(list)
         for road in roads:
             self.corners[self.name(road, True)] += mouth(road, 0.0)

@@ -23,15 +23,16 @@ from urllib.parse import quote
 
 from lxml import etree
 
+from xodr.graph.links import next_lane
 from xodr.model import Lane, LaneLink, LaneSection
 from xodr.network import RoadNetwork
 from xodr.road import Road
+from xodr.sumo_net.connections import LaneConnection, lane_connections, stretches
 from xodr.sumo_net.lights import lights
 from xodr.sumo_net.net import DOCK, Track
 from xodr.sumo_net.nodes import Nodes
 from xodr.sumo_net.shapes import Point, centre_line, middle, mouth, outline, text
 from xodr.sumo_net.uses import CLOSED, SPEED_LIMITS, USUAL_SPEED_LIMIT, use_of
-from xodr.sumo_net.ways import Way, next_lane, stretches, ways
 
 LONGEST_BEND = 200.0
 """Longest edge of a road that is not straight, in m."""
@@ -111,10 +112,10 @@ class _Writer:
         self.network = network
         rules = [road.rule for road in network.roads.values()]
         self.plain = PlainNetwork(rules.count("LHT") > len(rules) / 2)
-        self.ways = ways(network)
-        inner = {link.road_id for way in self.ways for link in way.via}
+        self.connections = lane_connections(network)
+        inner = {link.road_id for connection in self.connections for link in connection.via}
         self.roads = [road for road in network.roads.values() if road.id not in inner]
-        self.nodes = Nodes(self.roads, self.ways)
+        self.nodes = Nodes(self.roads, self.connections)
         self.lights = lights(network)
         self.mouths: dict[LaneLink, Place] = {}
         self.end_nodes: dict[str, str] = {}
@@ -123,11 +124,11 @@ class _Writer:
         self.nowhere = text([(x, y), (x + 1.0, y), (x + 1.0, y + 1.0)])
 
     def write(self) -> PlainNetwork:
-        """The network as nodes, edges and connections: all roads first, then the ways through junctions."""
+        """The network as nodes, edges and connections: all roads first, then the connections through junctions."""
         for road in self.roads:
             self._road(road)
-        for way in self.ways:
-            self._way(way)
+        for connection in self.connections:
+            self._connect(connection)
         self._connections()
         return self.plain
 
@@ -211,14 +212,14 @@ class _Writer:
 
     # junctions ------------------------------------------------------------------------------
 
-    def _way(self, way: Way) -> None:
-        """The connection for one way from road to road. SUMO has only one from a lane to a lane: the first shapes it."""
-        source, target = self.mouths.get(way.source), self.mouths.get(way.target)
+    def _connect(self, connection: LaneConnection) -> None:
+        """One connection from road to road. SUMO has only one from a lane to a lane: the first shapes it."""
+        source, target = self.mouths.get(connection.source), self.mouths.get(connection.target)
         if source is None or target is None:
             return
         tracks: list[Track] = []
         shape: list[Point] = []
-        for link in way.via:
+        for link in connection.via:
             road = self.network.roads[link.road_id]
             for section, lane_id in stretches(road, link):
                 start, end = (section.s, section.end) if link.at_start else (section.end, section.s)
@@ -226,15 +227,15 @@ class _Writer:
                 shape += centre_line(road, section.lanes[lane_id], start, end)
         self.shapes.setdefault((source, target), shape)
         self.plain.inside[source, target] = (*self.plain.inside.get((source, target), ()), *tracks)
-        self.plain.signals[source, target] = (*self.plain.signals.get((source, target), ()), *self._held(way))
+        self.plain.signals[source, target] = (*self.plain.signals.get((source, target), ()), *self._held(connection))
 
-    def _held(self, way: Way) -> Iterator[str]:
-        """The lights at the end of the road that the way comes from, and those on the connecting roads."""
-        direction = -1 if way.source.at_start else 1
-        for light in self.lights[way.source.road_id]:
-            if light.s is None and light.holds(way.source.lane_id, direction):
+    def _held(self, connection: LaneConnection) -> Iterator[str]:
+        """The lights at the end of the road that the connection comes from, and those on the connecting roads."""
+        direction = -1 if connection.source.at_start else 1
+        for light in self.lights[connection.source.road_id]:
+            if light.s is None and light.holds(connection.source.lane_id, direction):
                 yield light.signal_id
-        for link in way.via:
+        for link in connection.via:
             direction = 1 if link.at_start else -1
             yield from (light.signal_id for light in self.lights[link.road_id] if light.holds(link.lane_id, direction))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from recognition.labels import Label
 from recognition.study.agreement.survey import Place
-from xodr.sampling import lane_borders
+from xodr.lookup.sampling import lane_borders
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,21 +5,22 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from xodr.array_types import FloatArray
 from xodr.road import Road
 
-Points = NDArray[np.float64]
+Points = FloatArray
 """World coordinates: one row x, y, z [m] for each place."""
 
 
 def sample(road: Road, s: ArrayLike, t: ArrayLike = 0.0) -> Points:
     """World coordinates of many (s, t); the two are broadcast against each other."""
-    along, aside = (values.ravel().tolist() for values in np.broadcast_arrays(np.asarray(s, float), np.asarray(t, float)))
-    return np.array([road.pose(*place)[:3] for place in zip(along, aside, strict=True)], float).reshape(-1, 3)
+    at_s, at_t = (values.ravel().tolist() for values in np.broadcast_arrays(np.asarray(s, float), np.asarray(t, float)))
+    return np.array([road.pose(*place)[:3] for place in zip(at_s, at_t, strict=True)], float).reshape(-1, 3)
 
 
-def stations(road: Road, longest: float = 5.0) -> NDArray[np.float64]:
+def stations(road: Road, longest: float = 5.0) -> FloatArray:
     """s [m] from 0 to the road's length: denser where the line bends, never further apart than `longest`."""
     knots = {0.0, road.length, *(section.s for section in road.sections), *road.line.knots()}
     inside = sorted(s for s in knots if 0.0 <= s <= road.length)

@@ -1,6 +1,6 @@
 """Attributes of OpenDRIVE elements as Python values, with complaints that name line and element.
 
-`xodr.reader.load` adds the file's path to these errors.
+`xodr.load` adds the file's path to these errors.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def optional(element: etree._Element, name: str) -> float | None:
     return number(element, name) if (element.get(name) or "").strip() else None
 
 
-def whole(element: etree._Element, name: str) -> int:
+def integer(element: etree._Element, name: str) -> int:
     """A required attribute as an integer."""
     value = number(element, name)
     if value != int(value):
@@ -103,4 +103,12 @@ def profile(elements: list[etree._Element]) -> Profile:
 
 def validity(element: etree._Element) -> tuple[tuple[int, int], ...]:
     """Lane ranges (from, to) that a signal or object applies to."""
-    return tuple((whole(item, "fromLane"), whole(item, "toLane")) for item in element.iterfind("validity"))
+    return tuple((integer(item, "fromLane"), integer(item, "toLane")) for item in element.iterfind("validity"))
+
+
+def contact_point(element: etree._Element) -> str | None:
+    """Which end of a road a link or connection means: "start", "end" or None where the file does not say."""
+    contact = element.get("contactPoint")
+    if contact not in ("start", "end", None):
+        raise invalid(element, f"contactPoint={contact!r} is neither start nor end")
+    return contact

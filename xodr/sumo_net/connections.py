@@ -1,11 +1,12 @@
-"""The ways from road to road, with the connecting roads between them taken together."""
+"""Connections of lanes from road to road, with the connecting roads between them taken together."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from xodr.model import Lane, LaneLink, LaneSection
+from xodr.graph.links import next_lane
+from xodr.model import LaneLink, LaneSection
 from xodr.network import RoadNetwork
 from xodr.road import Road
 from xodr.sumo_net.uses import use_of
@@ -14,10 +15,10 @@ LONGEST_CHAIN = 8
 """Most connecting roads in a row that are followed through a junction."""
 
 
-class Way(NamedTuple):
+class LaneConnection(NamedTuple):
     """From a lane that ends at a road's end, over connecting lanes, to a lane that begins at a road's end.
 
-    All three name lanes by the end that the way touches: source its end of departure, via and target their entries.
+    All three name lanes by the end that the connection touches: source its end of departure, via and target their entries.
     """
 
     source: LaneLink
@@ -25,8 +26,8 @@ class Way(NamedTuple):
     target: LaneLink
 
 
-def ways(network: RoadNetwork) -> list[Way]:
-    """Every way that some kind of traffic may take from one road that is not a connecting road to the next."""
+def lane_connections(network: RoadNetwork) -> list[LaneConnection]:
+    """Every connection that some kind of traffic may take from one road that is not a connecting road to the next."""
     found = []
     for road in network.roads.values():
         if _connects(network, road):
@@ -35,8 +36,8 @@ def ways(network: RoadNetwork) -> list[Way]:
             for lane in section.lanes.values():
                 if lane.id and (road.direction(lane.id, s) < 0) == at_start:
                     source = LaneLink(road.id, lane.id, at_start)
-                    kind = use_of(lane.type).kind
-                    found += [Way(source, via, target) for via, target in _onward(network, source, kind, LONGEST_CHAIN)]
+                    onward = _onward(network, source, use_of(lane.type).kind, LONGEST_CHAIN)
+                    found += [LaneConnection(source, via, target) for via, target in onward]
     return found
 
 
@@ -52,15 +53,6 @@ def stretches(road: Road, entry: LaneLink) -> list[tuple[LaneSection, int]]:
         if number + 1 < len(sections):
             lane_id = next_lane(section.lanes[lane_id], sections[number + 1], entry.at_start)
     return found
-
-
-def next_lane(lane: Lane, following: LaneSection, towards_s: bool) -> int | None:
-    """The lane that continues this one in the next section of the road, whichever of the two declares it."""
-    linked = lane.successor if towards_s else lane.predecessor
-    if linked in following.lanes:
-        return linked
-    back = (other for other in following.lanes.values() if (other.predecessor if towards_s else other.successor) == lane.id)
-    return next((other.id for other in back if other.id), None)
 
 
 def _connects(network: RoadNetwork, road: Road) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from xodr.sampling import sample
+from xodr.lookup.sampling import sample
 
 if TYPE_CHECKING:
     from runner.interpreter.event_log import LogEntry

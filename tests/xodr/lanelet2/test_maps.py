@@ -15,9 +15,9 @@ from lxml import etree
 import schemas
 import xodr
 from schemas.errors import InvalidFile, ToolchainError, UsageError
-from tests.xodr.lanelet_maps import WIDTH, LaneletMap, four_way, straight, turn, two_lanes
-from xodr.geo import Geodetic, GeoReference
+from tests.xodr.lanelet2.lanelet_maps import WIDTH, LaneletMap, four_way, straight, turn, two_lanes
 from xodr.lanelet2 import Conversion, convert
+from xodr.lookup.geo import Geodetic, GeoReference
 
 REGULATED = '<member type="relation" role="regulatory_element" ref="{}"/>'
 EAST = ((0.0, 0.0), (100.0, 0.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from schemas.errors import InvalidFile, Unsupported
-from xodr.geo import Geodetic, GeoReference
+from xodr.lookup.geo import Geodetic, GeoReference
 
 UTM = "<geoReference><![CDATA[+proj=utm +zone=32 +ellps=WGS84 +units=m +no_defs]]></geoReference>"
 

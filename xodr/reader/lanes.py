@@ -8,9 +8,9 @@ from operator import attrgetter
 
 from lxml import etree
 
-from xodr.elements import ascending, coefficients, invalid, number, optional, profile, speed, whole
 from xodr.model import Lane, LaneSection, RoadMark
 from xodr.profiles import ZERO, Cubic, Profile
+from xodr.reader.elements import ascending, coefficients, integer, invalid, number, optional, profile, speed
 
 
 def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
@@ -40,7 +40,7 @@ def _section(element: etree._Element, start: float, end: float, offset: Profile)
     marks = _marks(middle, start) if middle is not None else ()
     lanes = {0: Lane(0, "none", False, None, None, ZERO, center, center, center, marks=marks)}
     for side, sign in (("left", 1), ("right", -1)):
-        items = {whole(item, "id"): item for item in element.iterfind(f"{side}/lane")}
+        items = {integer(item, "id"): item for item in element.iterfind(f"{side}/lane")}
         inner = center
         for lane_id in sorted(items, key=abs):
             if lane_id * sign <= 0:
@@ -92,7 +92,7 @@ def _relative(elements: list[etree._Element], start: float) -> Profile:
 def _linked(element: etree._Element, name: str) -> int | None:
     """Id of the linked lane. A lane may link several in 1.8; the first is the one that continues it."""
     link = element.find(f"link/{name}")
-    return whole(link, "id") if link is not None else None
+    return integer(link, "id") if link is not None else None
 
 
 def _direction(element: etree._Element) -> str:

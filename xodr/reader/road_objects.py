@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from lxml import etree
 
-from xodr.elements import number, optional, text, validity
 from xodr.model import Corner, RoadObject, Signal, SignalReference
+from xodr.reader.elements import number, optional, text, validity
 
 
 def read_signal(element: etree._Element, road_id: str) -> Signal:

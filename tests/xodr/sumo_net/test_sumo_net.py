@@ -19,8 +19,8 @@ from schemas.errors import InvalidFile, UsageError
 from xodr import builders, sumo_net
 from xodr.builders import RoadMap
 from xodr.sumo_net import SumoNet, Track, convert
+from xodr.sumo_net.building import _build
 from xodr.sumo_net.cache import Entry
-from xodr.sumo_net.net import _build
 from xodr.sumo_net.netconvert import NetconvertFailed
 from xodr.sumo_net.uses import use_of
 

@@ -1,0 +1,104 @@
+"""From an OpenDRIVE file to a `RoadNetwork`: header, roads, junctions, controllers, and what refers to what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from os import PathLike
+from pathlib import Path
+from typing import TypeVar
+
+from lxml import etree
+
+from schemas.errors import ToolchainError
+from schemas.xml import local_name, parse
+from xodr.model import Header, Junction
+from xodr.network import RoadNetwork
+from xodr.reader.elements import integer, invalid, number, text
+from xodr.reader.junctions import read_controller, read_junction
+from xodr.reader.roads import read_road
+from xodr.road import Road
+
+_CACHED_FILES = 64
+
+T = TypeVar("T")
+
+
+def load(path: str | PathLike[str]) -> RoadNetwork:
+    """Read an OpenDRIVE file, or hand back the network read before from the same unchanged file.
+
+    Raises:
+        InvalidFile: missing, malformed, or not OpenDRIVE; names file, line and element.
+        Unsupported: valid, but uses something that is not supported.
+    """
+    path = Path(path)
+    try:
+        status = path.stat()
+        key = (status.st_mtime_ns, status.st_size)
+    except (OSError, ValueError):
+        key = (0, 0)
+    return _load(path, key)
+
+
+@lru_cache(maxsize=_CACHED_FILES)
+def _load(path: Path, _version: tuple[int, int]) -> RoadNetwork:
+    root = parse(path).getroot()
+    try:
+        return _network(path, root)
+    except ToolchainError as error:
+        error.path = error.path or str(path)
+        raise
+
+
+def _network(path: Path, root: etree._Element) -> RoadNetwork:
+    if local_name(root) != "OpenDRIVE":
+        raise invalid(root, "the root element of a road network is OpenDRIVE")
+    if root.tag != "OpenDRIVE":
+        for element in root.iter("{*}*"):
+            element.tag = local_name(element)
+    header = _header(root)
+    roads = _by_id(root, "road", lambda element: read_road(path, element))
+    if not roads:
+        raise invalid(root, "the road network has no road")
+    junctions = _by_id(root, "junction", read_junction)
+    _check_references(root, roads, junctions)
+    controllers = _by_id(root, "controller", read_controller)
+    try:
+        return RoadNetwork(path, header, roads, junctions, controllers)
+    except ValueError as error:
+        raise invalid(root, str(error)) from None
+
+
+def _by_id(root: etree._Element, tag: str, read: Callable[[etree._Element], T]) -> dict[str, T]:
+    found: dict[str, T] = {}
+    for element in root.iterfind(tag):
+        name = text(element, "id")
+        if name in found:
+            raise invalid(element, f"the id {name!r} is used twice")
+        found[name] = read(element)
+    return found
+
+
+def _check_references(root: etree._Element, roads: dict[str, Road], junctions: dict[str, Junction]) -> None:
+    for element in root.iterfind("road/link/*"):
+        kind, name = element.get("elementType"), element.get("elementId")
+        if (kind == "road" and name not in roads) or (kind == "junction" and name not in junctions):
+            raise invalid(element, f"the {kind} {name!r} that is linked here does not exist")
+    for element in root.iterfind("junction/connection"):
+        for attribute in ("incomingRoad", "connectingRoad", "linkedRoad"):
+            name = element.get(attribute)
+            if name is not None and name not in roads:
+                raise invalid(element, f"{attribute}={name!r} does not exist")
+
+
+def _header(root: etree._Element) -> Header:
+    element = root.find("header")
+    if element is None:
+        raise invalid(root, "the element header is missing")
+    reference = element.findtext("geoReference", "").strip() or None
+    offset = element.find("offset")
+    shift = (0.0, 0.0, 0.0, 0.0)
+    if offset is not None:
+        shift = (number(offset, "x", 0.0), number(offset, "y", 0.0), number(offset, "z", 0.0), number(offset, "hdg", 0.0))
+    version = (integer(element, "revMajor"), integer(element, "revMinor"))
+    return Header(version, element.get("name", ""), reference, shift)
