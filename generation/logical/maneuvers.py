@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from generation.logical.geometries import Limits
 from recognition.labels import Label
-from recognition.maneuvers.units.unit import BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE
+from recognition.maneuvers.unit import BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE
 
 EGO = "Ego"
 

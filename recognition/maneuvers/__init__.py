@@ -1,10 +1,5 @@
-"""The manoeuvre in a recorded scene, as seven numbers: gap, speeds, times. What is no such manoeuvre is refused by name.
+"""Manoeuvres and their parameters: names and ranges, what estimates the values in recordings, what writes them as scenarios.
 
-The actor is who changes lane (in car following the lead, who changes its speed). In lane changes, at ramps, junctions and
-roundabouts and in free cruise that is the ego, else the other one. Before the manoeuvre, everyone is taken to keep its speed.
+`parameters` is the table. `estimation` has the one definition of begin and end, gap and speeds. `units` cuts recordings into
+units for densities, `events` gives the manoeuvre of a recognised event for catalogues, `scenario` writes triggers and actions.
 """
-
-from recognition.maneuvers.measuring import maneuver
-from recognition.maneuvers.record import Maneuver, Meeting, Passage, Seven, Span
-
-__all__ = ["Maneuver", "Meeting", "Passage", "Seven", "Span", "maneuver"]

@@ -19,8 +19,8 @@ from generation.search.problem import Episodes
 from generation.study.comparison.measures import curves, last_third
 from generation.study.comparison.report import FIGURES, results
 from generation.study.comparison.study import Key, Study
+from recognition.maneuvers.estimation.reconstruction import reconstruct
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.units.reconstruction import reconstruct
 from recognition.trfe.samples import Floats
 
 REAL, GENERATED, HARMLESS = "#2e7d32", "#c62828", "#f4a6a0"

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from generation.parameters import Space
+from recognition.maneuvers.estimation.reconstruction import progress, reconstruct
+from recognition.maneuvers.estimation.speeds import fitted_speeds, ways
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.speeds import fitted_speeds, ways
-from recognition.maneuvers.units.reconstruction import progress, reconstruct
 from recognition.trfe.samples import Floats
 
 NUMBER = 6

@@ -8,17 +8,17 @@ from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-from recognition.catalogue import variation
 from recognition.catalogue.episodes import Episode, plain
 from recognition.catalogue.scenes import replay
 from recognition.catalogue.scenes.entities import entry
 from recognition.catalogue.scenes.scenes import EGO, Part, Scene, Scope, Stage
-from recognition.catalogue.starting import paths
-from recognition.catalogue.variation import CONTROLLER
 from recognition.catalogue.writing import annotation, index
 from recognition.catalogue.writing.store import Store
 from recognition.datasets import Exclusion, Source
-from recognition.maneuvers import Span, maneuver
+from recognition.maneuvers.events import Span, maneuver
+from recognition.maneuvers.scenario import document as variation
+from recognition.maneuvers.scenario.document import CONTROLLER
+from recognition.maneuvers.scenario.start import paths
 from recognition.sites import Site
 from runner.recording import Recording, Track
 from schemas.errors import Unsupported

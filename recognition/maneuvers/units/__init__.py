@@ -4,12 +4,12 @@
 `reconstruct` is the motion that a logical scenario makes of the parameters, `errors` how far it is from what was recorded.
 """
 
+from recognition.maneuvers.estimation.motion import LaneMotion, lane_motion
+from recognition.maneuvers.estimation.reconstruction import Errors, errors, reconstruct
+from recognition.maneuvers.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
 from recognition.maneuvers.units.extraction import extract, extract_from, parameters_of
-from recognition.maneuvers.units.motion import Motion, motion
-from recognition.maneuvers.units.reconstruction import Errors, errors, reconstruct
 from recognition.maneuvers.units.samples import OWN, Samples
 from recognition.maneuvers.units.segmentation import Thresholds, segment
-from recognition.maneuvers.units.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
 
 __all__ = [
     "ACCELERATION",
@@ -20,14 +20,14 @@ __all__ = [
     "LANE_CHANGE",
     "OWN",
     "Errors",
-    "Motion",
+    "LaneMotion",
     "Samples",
     "Thresholds",
     "Unit",
     "errors",
     "extract",
     "extract_from",
-    "motion",
+    "lane_motion",
     "parameters_of",
     "reconstruct",
     "segment",

@@ -12,18 +12,18 @@ from recognition.datasets import Source
 from recognition.datasets import open as open_data
 from recognition.labels.rules import Rules
 from recognition.labels.scene.scene import prepare
-from recognition.maneuvers.speeds import EVERY, fitted_speeds, ways
-from recognition.maneuvers.units.motion import Motion, motion
-from recognition.maneuvers.units.reconstruction import errors
+from recognition.maneuvers.estimation.motion import LaneMotion, lane_motion
+from recognition.maneuvers.estimation.reconstruction import errors
+from recognition.maneuvers.estimation.speeds import EVERY, fitted_speeds, ways
+from recognition.maneuvers.unit import LANE_CHANGE, Unit
 from recognition.maneuvers.units.samples import Samples
 from recognition.maneuvers.units.segmentation import segment
-from recognition.maneuvers.units.unit import LANE_CHANGE, Unit
 from recognition.sites import site_of
 from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
 
 
-def parameters_of(motion: Motion, unit: Unit) -> tuple[Floats, float] | None:
+def parameters_of(motion: LaneMotion, unit: Unit) -> tuple[Floats, float] | None:
     """The seven parameters (7,) of a unit, and the speed (m/s) of the one who is not the actor when the manoeuvre begins.
 
     The speeds are those with which the reconstruction comes closest to the recorded way and to the speeds recorded at the
@@ -43,7 +43,7 @@ def parameters_of(motion: Motion, unit: Unit) -> tuple[Floats, float] | None:
     return np.array([gap, start, start_time, end, duration, final, rest]), float(scene.speed[other])
 
 
-def _speeds(motion: Motion, unit: Unit, duration: float, rest: float) -> Floats:
+def _speeds(motion: LaneMotion, unit: Unit, duration: float, rest: float) -> Floats:
     """Start, end and final speed (3,), m/s."""
     scene = motion.scene
     rows = np.arange(unit.first, unit.last + 1, scene.rows(EVERY))
@@ -71,12 +71,12 @@ def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Samples:
 def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
     """The units of one recording; see `extract`."""
     recording = source.load()
-    moved = motion(prepare(recording, site_of(source, recording, Path(roads)), Rules()))
+    moved = lane_motion(prepare(recording, site_of(source, recording, Path(roads)), Rules()))
     units = [(unit, found) for unit in segment(moved) if (found := parameters_of(moved, unit)) is not None]
     return _samples(source.name, moved, units)
 
 
-def _samples(name: str, motion: Motion, units: Sequence[tuple[Unit, tuple[Floats, float]]]) -> Samples:
+def _samples(name: str, motion: LaneMotion, units: Sequence[tuple[Unit, tuple[Floats, float]]]) -> Samples:
     scene, names = motion.scene, np.array(motion.scene.names, np.str_)
     theta = np.array([row for _, (row, _) in units]).reshape(-1, 7)
     only = [unit for unit, _ in units]

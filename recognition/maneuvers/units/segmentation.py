@@ -14,10 +14,10 @@ import numpy as np
 from recognition.labels import cuts
 from recognition.labels.scene.leads import NOBODY
 from recognition.labels.scene.stays import stays
+from recognition.maneuvers.estimation.lane_change import LaneChange, lane_changes
+from recognition.maneuvers.estimation.motion import LaneMotion
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.units.lane_change import Change, lane_changes
-from recognition.maneuvers.units.motion import Motion
-from recognition.maneuvers.units.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE, Unit
+from recognition.maneuvers.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE, Unit
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ class Thresholds:
     least: float = 1.0
 
 
-def segment(motion: Motion, thresholds: Thresholds = Thresholds()) -> list[Unit]:
+def segment(motion: LaneMotion, thresholds: Thresholds = Thresholds()) -> list[Unit]:
     """The units of a recording, by actor and time; a lane change is a unit for each one whom it concerns."""
     changes = lane_changes(motion)
     units = [*_lane_changes(motion, changes), *_phases(motion, changes, thresholds)]
     return sorted(units, key=lambda unit: (unit.start, unit.kind, unit.other))
 
 
-def _lane_changes(motion: Motion, changes: list[Change]) -> Iterator[Unit]:
+def _lane_changes(motion: LaneMotion, changes: list[LaneChange]) -> Iterator[Unit]:
     scene = motion.scene
     concerned: dict[int, list[tuple[str, int]]] = {change.row: [] for change in changes}
     for kind, found in ((CUT_IN, cuts.cut_ins(scene)), (CUT_OUT, cuts.cut_outs(scene))):
@@ -51,7 +51,7 @@ def _lane_changes(motion: Motion, changes: list[Change]) -> Iterator[Unit]:
             yield _unit(motion, kind, other, change.start, change.end, first, last, change.shift)
 
 
-def _phases(motion: Motion, changes: list[Change], thresholds: Thresholds) -> Iterator[Unit]:
+def _phases(motion: LaneMotion, changes: list[LaneChange], thresholds: Thresholds) -> Iterator[Unit]:
     """Braking and acceleration of whoever has a follower then, apart from lane changes."""
     scene = motion.scene
     sign = np.where(np.abs(scene.acceleration) > thresholds.acceleration, np.sign(scene.acceleration), 0.0).astype(np.int64)
@@ -72,7 +72,7 @@ def _phases(motion: Motion, changes: list[Change], thresholds: Thresholds) -> It
         yield _unit(motion, BRAKING if busy[row] < 0 else ACCELERATION, int(scene.track[follower]), row, end, first, last)
 
 
-def _unit(motion: Motion, kind: str, other: int, start: int, end: int, first: int, last: int, shift: float = 0.0) -> Unit:
+def _unit(motion: LaneMotion, kind: str, other: int, start: int, end: int, first: int, last: int, shift: float = 0.0) -> Unit:
     """A unit whose scene is cut to the actor's course and to what the parameters reach."""
     scene = motion.scene
     first = max(first, int(motion.first[start]), start - scene.rows(PARAMETERS["start_time"].high))

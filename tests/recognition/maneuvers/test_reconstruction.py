@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import reconstruct
-from tests.generation.units.runs import STEP, recorded
+from tests.recognition.maneuvers.runs import STEP, recorded
 
 SMALL = 1e-5
 LEAST = {"start_time": 0.5, "rest_time": 0.5}

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from recognition.maneuvers.estimation.motion import LaneMotion
+from recognition.maneuvers.estimation.speeds import ways
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.speeds import ways
-from recognition.maneuvers.units.motion import Motion
-from recognition.maneuvers.units.unit import Unit
+from recognition.maneuvers.unit import Unit
 from recognition.sites.lanes import Floats
 
 ROLES = tuple(PARAMETERS)
@@ -48,7 +48,7 @@ def progress(share: Floats) -> Floats:
     return 0.5 - 0.5 * np.cos(np.pi * share)
 
 
-def errors(motion: Motion, unit: Unit, row: Floats) -> Errors:
+def errors(motion: LaneMotion, unit: Unit, row: Floats) -> Errors:
     """How far the reconstruction is from the recording, at 1 Hz through the scene, both at one place when the manoeuvre begins.
 
     Source: METHOD.md §3, RMSE_t and RMSE_s, which are means of these over all units.

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from recognition.maneuvers.estimation.motion import LaneMotion
+from recognition.maneuvers.estimation.reconstruction import progress
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.units.motion import Motion
-from recognition.maneuvers.units.reconstruction import progress
 
 EVERY = 0.2
 """Resolution (s) of beginnings, durations and the motion that is compared."""
@@ -16,7 +16,7 @@ _SCENE = PARAMETERS["start_time"].high
 """Time (s) before and after the border is crossed in which the motion is compared, as far as it is this lane change's"""
 
 
-class Change(NamedTuple):
+class LaneChange(NamedTuple):
     """A lane change: rows of its first and last instant and of its crossing of the border, its lateral way (m, to the left)."""
 
     start: int
@@ -25,10 +25,10 @@ class Change(NamedTuple):
     shift: float
 
 
-def lane_changes(motion: Motion) -> list[Change]:
+def lane_changes(motion: LaneMotion) -> list[LaneChange]:
     """The lane changes of a scene in the order of rows, those whose border is crossed as the rules have it."""
     rows = motion.scene.changes.row.tolist()
-    found: list[Change] = []
+    found: list[LaneChange] = []
     for row, after in zip(rows, (*rows, len(motion.way))[1:], strict=True):
         first, last = int(motion.first[row]), min(int(motion.last[row]), after - 1)
         if found and found[-1].end > first:
@@ -39,7 +39,7 @@ def lane_changes(motion: Motion) -> list[Change]:
     return found
 
 
-def _fitted(motion: Motion, row: int, first: int, last: int) -> Change | None:
+def _fitted(motion: LaneMotion, row: int, first: int, last: int) -> LaneChange | None:
     """The lane change across the border at a row within two other rows; None where there is no room for one."""
     scene, every = motion.scene, motion.scene.rows(EVERY)
     low, high = (PARAMETERS["duration"].low, PARAMETERS["duration"].high)
@@ -55,4 +55,4 @@ def _fitted(motion: Motion, row: int, first: int, last: int) -> Change | None:
     began = motion.aside[start]
     model = began + (centre - began) * progress(np.clip((compared - start) / size, 0.0, 1.0))
     best = int(np.square(motion.aside[compared] - model).sum(axis=1).argmin())
-    return Change(int(start[best, 0]), int(start[best, 0] + size[best, 0]), row, float(centre - began[best, 0]))
+    return LaneChange(int(start[best, 0]), int(start[best, 0] + size[best, 0]), row, float(centre - began[best, 0]))

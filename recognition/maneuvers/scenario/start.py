@@ -10,10 +10,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.declared import BEGIN, DELAY, EGO_SPEED, GAP, OTHER_SPEED, START_SPEED, passive, values
 from recognition.catalogue.scenes.scenes import EGO
-from recognition.maneuvers import Maneuver
-from recognition.maneuvers.lanes import facing
+from recognition.maneuvers.events.lanes import facing
+from recognition.maneuvers.events.maneuver import Maneuver
+from recognition.maneuvers.scenario.declarations import (
+    BEGIN,
+    EGO_SPEED,
+    GAP,
+    OTHER_SPEED,
+    START_SPEED,
+    START_TIME,
+    passive,
+    values,
+)
 from runner.positions.lane import travel_s
 from runner.recording import Track
 from schemas.errors import Unsupported
@@ -106,10 +115,10 @@ def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]
     own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
     boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
     known = values(maneuver) | {passive(maneuver): round(maneuver.speed, 3)}
-    ahead = known[GAP] - (known[own] - known[mine]) * known[DELAY] + boxes
+    ahead = known[GAP] - (known[own] - known[mine]) * known[START_TIME] + boxes
     if travel_s(network, here, side * ahead, network.straightest) is None:
         raise Unsupported("the road is too short for the speeds before the manoeuvre")
-    ds = f"${{{side} * (${GAP} - (${own} - ${mine}) * ${DELAY} + {boxes})}}"
+    ds = f"${{{side} * (${GAP} - (${own} - ${mine}) * ${START_TIME} + {boxes})}}"
     lanes = side * (-1 if maneuver.left else 1) if maneuver.kind == "cut_in" else 0
     return [maneuvers.teleport(maneuvers.relative_lane_position(EGO, lanes, ds)), maneuvers.speed(f"${own}")]
 

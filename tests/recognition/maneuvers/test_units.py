@@ -15,7 +15,7 @@ from recognition.maneuvers.units import (
     KINDS,
     LANE_CHANGE,
     OWN,
-    Motion,
+    LaneMotion,
     Samples,
     Unit,
     errors,
@@ -24,19 +24,19 @@ from recognition.maneuvers.units import (
     segment,
 )
 from schemas.errors import InvalidFile
-from tests.generation.units.runs import recorded
+from tests.recognition.maneuvers.runs import recorded
 from tests.recognition.motorway import write_motorway
 
 VALUES = (20.0, 27.0, 4.0, 25.0, 4.6, 29.0, 6.0)
 
 
-def named(motion: Motion, kind: str, actor: str) -> Unit:
+def named(motion: LaneMotion, kind: str, actor: str) -> Unit:
     """The only unit of a kind and an actor."""
     (found,) = [unit for unit in segment(motion) if unit.kind == kind and motion.scene.names[unit.actor] == actor]
     return found
 
 
-def agrees(motion: Motion, unit: Unit, ego_speed: float) -> None:
+def agrees(motion: LaneMotion, unit: Unit, ego_speed: float) -> None:
     """Whether extracted parameters are those that the run was given, as far as 0.2 s and a time step tell."""
     found = parameters_of(motion, unit)
     assert found is not None

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from recognition.labels.classes import Label
-from recognition.maneuvers.lanes import KINDS, in_lanes
-from recognition.maneuvers.passages import JUNCTION, ROUNDABOUT, passage
-from recognition.maneuvers.record import Maneuver, Span
+from recognition.maneuvers.events.lanes import KINDS, in_lanes
+from recognition.maneuvers.events.maneuver import Maneuver, Span
+from recognition.maneuvers.events.passages import JUNCTION, ROUNDABOUT, passage
 from runner.recording import Recording
 from schemas.errors import Unsupported
 from xodr.network import RoadNetwork

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from recognition.datasets.tables.rows import Floats
-from recognition.maneuvers.courses import Course
-from recognition.maneuvers.record import Meeting
+from recognition.maneuvers.events.maneuver import Conflict
+from recognition.maneuvers.events.paths import RecordedPath
 from runner.recording import Recording, Track
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _STEP = 0.25
 """Distance (m) of the points of the ego's way that others are compared with"""
 
 
-def meeting(recording: Recording, ego: Track, course: Course, time: float, partner: str | None) -> Meeting | None:
+def meeting(recording: Recording, ego: Track, course: RecordedPath, time: float, partner: str | None) -> Conflict | None:
     """The meeting with whom the ego has least time between them, of those whose way meets its own from the side.
 
     Args:
@@ -50,7 +50,7 @@ class _Way:
     def __init__(self, tree: cKDTree, then: Floats, begins: float) -> None:
         self._tree, self._then, self._begins = tree, then, begins
 
-    def met_by(self, track: Track) -> tuple[float, Meeting] | None:
+    def met_by(self, track: Track) -> tuple[float, Conflict] | None:
         """Where a track comes to the way, and the time between its and the ego's visit (s); None where it does not."""
         columns = track.columns
         time = columns["time"]
@@ -64,10 +64,10 @@ class _Way:
             return None
         first = int(near[0])
         place = row + first
-        course = Course.of(track)
+        course = RecordedPath.of(track)
         reach = float(course.at(time[place])) - track.box.x - 0.5 * track.box.length
         if reach <= course.at(self._begins):
             return None
         x, y = (round(float(columns[axis][place]), 3) for axis in ("x", "y"))
-        found = Meeting(track, course, x, y, reach, float(np.interp(reach, course.station, course.time)))
+        found = Conflict(track, course, x, y, reach, float(np.interp(reach, course.station, course.time)))
         return abs(float(time[place] - self._then[nearest[first]])), found

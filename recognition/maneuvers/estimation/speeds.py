@@ -9,11 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.datasets.tables.rows import Floats
-from recognition.maneuvers.courses import Course
-from runner.recording import Track
-
-SMOOTHING = 0.5
-"""Window (s) over which speeds are averaged"""
 
 _WEIGHT = 10.0
 """How many metres of the way one m/s of a speed counts as when speeds are fitted: so much that they stay near those at the
@@ -46,24 +41,3 @@ def fitted_speeds(model: Floats, way: Floats, seen: Floats) -> Floats:
     target = np.concatenate([way, _WEIGHT * seen])
     found = np.linalg.lstsq(np.vstack([model, _WEIGHT * np.eye(3)]), target)[0]
     return np.maximum(found, 0.0)
-
-
-def speed_at(track: Track, time: float) -> float:
-    """Speed (m/s) about a time (s)."""
-    columns = track.columns
-    near = np.abs(columns["time"] - time) <= 0.5 * SMOOTHING
-    return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
-
-
-def recorded_speeds(track: Track, course: Course, first: float, start: float, duration: float, rest: float) -> list[float]:
-    """Start, end and final speed (m/s) of a manoeuvre with which a track covers the way that it was recorded on.
-
-    Args:
-        course: that way.
-        first: from when on its way counts, s.
-        start: of the manoeuvre, s; duration and rest as in `ways`.
-    """
-    time = np.arange(first - start, duration + rest + EVERY / 2, EVERY)
-    seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
-    found: list[float] = fitted_speeds(ways(time, duration, rest), course.at(start + time) - course.at(start), seen).tolist()
-    return found

@@ -10,12 +10,12 @@ import pytest
 
 import runner
 import xosc
-from recognition.catalogue import variation
 from recognition.catalogue.scenes.entities import entry
 from recognition.catalogue.scenes.scenes import EGO
-from recognition.catalogue.starting import paths
 from recognition.labels.classes import Label
-from recognition.maneuvers import Maneuver, Span, maneuver
+from recognition.maneuvers.events import Maneuver, Span, maneuver
+from recognition.maneuvers.scenario import document as variation
+from recognition.maneuvers.scenario.start import paths
 from recognition.sites import Site
 from recognition.sites.placing import place
 from runner.recording import Recording, Track
@@ -77,7 +77,7 @@ def test_a_turn_begins_and_ends_with_the_change_of_heading(crossing: Site) -> No
     found = measured(crossing, car(crossing, "left"))
     assert (found.kind, found.ego_acts, found.other, found.values.gap) == ("passage", True, None, None)
     h = np.unwrap(found.ego.columns["h"])
-    begin = found.start + found.values.start_delay
+    begin = found.start + found.values.start_time
     turned = np.abs(np.interp([begin, begin + found.values.duration], found.ego.columns["time"], h) - h[0])
     assert turned == pytest.approx([0.0, np.pi / 2], abs=0.25)
     assert INSIDE - 0.1 <= begin <= INSIDE + 1.0
@@ -89,7 +89,7 @@ def test_who_stands_in_the_junction_begins_when_setting_off(crossing: Site) -> N
     waits = track("left", whole.columns["x"][rows], whole.columns["y"][rows], heading=None)
     waits.columns["h"][70:101] = waits.columns["h"][69]
     found = measured(crossing, waits)
-    assert found.start + found.values.start_delay == pytest.approx(10.0, abs=0.2)
+    assert found.start + found.values.start_time == pytest.approx(10.0, abs=0.2)
     assert found.values.start_speed < found.values.end_speed
 
 
@@ -98,7 +98,7 @@ def test_the_gap_is_that_of_the_other_ones_front_to_where_the_ways_meet(crossing
     found = measured(crossing, car(crossing, "left"), other)
     assert found.other is other and found.passage is not None and found.passage.meeting is not None
     met = found.passage.meeting
-    begin = found.start + found.values.start_delay
+    begin = found.start + found.values.start_time
     x = np.interp(begin, other.columns["time"], other.columns["x"])
     assert found.values.gap == pytest.approx(met.x - x - other.box.x - other.box.length / 2, abs=0.6)
     assert found.speed == pytest.approx(8.0, abs=0.1)
@@ -140,7 +140,7 @@ def test_a_passage_happens_as_it_was_recorded(
 
 def test_parameters_that_the_ways_are_too_short_for_shorten_the_delay(tmp_path: Path, crossing: Site) -> None:
     path = write(tmp_path, crossing, measured(crossing, car(crossing, "left"), car(crossing, "oncoming", start=2.0)))
-    values = {"StartSpeed_mps": "15", "StartDelay_s": "10", "Gap_m": "20"}
+    values = {"StartSpeed_mps": "15", "StartTime_s": "10", "Gap_m": "20"}
     result = runner.run(path, sut="none", world="kinematic", parameters=values)
     begun = next(event.time for event in result.events if event.kind == "startTransition" and event.subject.endswith("::change"))
     assert begun < 5.0
@@ -148,7 +148,7 @@ def test_parameters_that_the_ways_are_too_short_for_shorten_the_delay(tmp_path: 
 
 def test_entering_a_roundabout_is_what_was_recognised(crossing: Site) -> None:
     found = measured(crossing, car(crossing, "left"), label=Label.ROUNDABOUT_ENTERING)
-    assert found.start + found.values.start_delay == TURN.start
+    assert found.start + found.values.start_time == TURN.start
     assert found.values.duration == pytest.approx(1.5)
 
 

@@ -12,12 +12,12 @@ import pytest
 import runner
 import xosc
 from recognition import datasets
-from recognition.catalogue import variation
 from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.starting import paths
 from recognition.labels.classes import Label
-from recognition.maneuvers import Maneuver, Span, maneuver
-from recognition.maneuvers.speeds import ways
+from recognition.maneuvers.estimation.speeds import ways
+from recognition.maneuvers.events import Maneuver, Span, maneuver
+from recognition.maneuvers.scenario import document as variation
+from recognition.maneuvers.scenario.start import paths
 from runner.measures.relations import Motion, relation
 from runner.recording import Recording, Track
 from schemas import check
@@ -73,9 +73,9 @@ def test_a_cut_in_is_measured(
     values = found.values
     assert values.gap == pytest.approx(gap, abs=1.0)
     assert (values.start_speed, found.speed) == pytest.approx(speeds, abs=0.1)
-    assert values.start_delay == pytest.approx(4.0, abs=0.3)
+    assert values.start_time == pytest.approx(4.0, abs=0.3)
     assert values.duration == pytest.approx(4.0, abs=0.6)
-    assert values.start_delay + values.duration + values.end_delay == pytest.approx(11.96)
+    assert values.start_time + values.duration + values.rest_time == pytest.approx(11.96)
 
 
 def test_car_following_is_the_leads_change_of_speed(recording: Recording) -> None:
@@ -84,7 +84,7 @@ def test_car_following_is_the_leads_change_of_speed(recording: Recording) -> Non
     values, lead = found.values, recording.tracks[m.STOPPING].columns
     fitted = [values.start_speed, values.end_speed, values.final_speed]
     way = np.abs(np.interp([1.0, found.end], lead["time"], lead["x"]) @ [-1.0, 1.0])
-    model = ways(np.array([values.duration + values.end_delay]), values.duration, values.end_delay)
+    model = ways(np.array([values.duration + values.rest_time]), values.duration, values.rest_time)
     off, off_by_instants = np.abs(model @ np.array([fitted, [20.0, 12.0, 0.0]]).T - way)[0]
     assert fitted == sorted(fitted, reverse=True)
     assert off < 0.5 * off_by_instants
@@ -126,11 +126,11 @@ def test_the_manoeuvre_happens_as_its_parameters_say(
     result = runner.run(path, sut="none", world="kinematic")
     values, tracks = found.values, result.recording.locate().tracks
     assert result.status == "completed"
-    assert result.end_time == pytest.approx(values.start_delay + values.duration + values.end_delay, abs=0.25)
+    assert result.end_time == pytest.approx(values.start_time + values.duration + values.rest_time, abs=0.25)
     started = next(
         event.time for event in result.events if event.kind == "startTransition" and event.subject.endswith("::change")
     )
-    assert started == pytest.approx(values.start_delay, abs=0.06)
+    assert started == pytest.approx(values.start_time, abs=0.06)
     actor = tracks["Ego" if found.ego_acts else "Other"].columns
     lanes = actor["lane_id"][[0, -1]]
     recorded = recording.tracks[ego if found.ego_acts or partner is None else partner].columns["lane_id"][[0, -1]]

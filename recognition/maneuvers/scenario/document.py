@@ -10,24 +10,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from recognition.catalogue import starting
-from recognition.catalogue.declared import (
+from recognition.catalogue.scenes.entities import entry
+from recognition.catalogue.scenes.scenes import EGO
+from recognition.maneuvers.events.maneuver import Maneuver
+from recognition.maneuvers.scenario import start as starting
+from recognition.maneuvers.scenario.declarations import (
     BEGIN,
-    DELAY,
     DURATION,
     END_SPEED,
     FINAL_SPEED,
     GAP,
     ONWARDS,
     RANGES,
-    REST,
+    REST_TIME,
+    START_TIME,
     declarations,
     values,
 )
-from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.scenes.scenes import EGO
-from recognition.catalogue.starting import Paths
-from recognition.maneuvers import Maneuver
+from recognition.maneuvers.scenario.start import Paths
 from xodr.network import RoadNetwork
 from xosc import maneuvers
 from xosc.document import Document
@@ -74,10 +74,10 @@ def _change(maneuver: Maneuver) -> Any:
     if maneuver.left is not None:
         lanes = 1 if maneuver.left else -1
         change.insert(0, maneuvers.lane_change(lanes, over_time._replace(shape="sinusoidal"), relative_to="$Actor"))
-    start = [replace(maneuvers.simulation_time(-1.0), delay=f"${DELAY}")]
+    start = [replace(maneuvers.simulation_time(-1.0), delay=f"${START_TIME}")]
     if maneuver.other is not None:
         start.insert(0, _gap_is_there(maneuver))
-    settle = maneuvers.speed(f"${FINAL_SPEED}", over_time._replace(value=f"${REST}"))
+    settle = maneuvers.speed(f"${FINAL_SPEED}", over_time._replace(value=f"${REST_TIME}"))
     events = [
         maneuvers.event("change", change, start),
         maneuvers.event("settle", [settle], maneuvers.element_state("event", "change", "completeState")),
@@ -117,9 +117,9 @@ def scenario(
     roles = _roles(maneuver, other) | {"Actor": actor}
     assigned: dict[str, Number] = {**roles, **_meeting(maneuver), **{name: f"${name}" for name in values(maneuver)}}
     if maneuver.passage is not None:
-        assigned[DELAY] = f"${BEGIN}"
-    done = replace(maneuvers.element_state("event", "change", "completeState"), delay=f"${REST}")
-    limit = maneuvers.simulation_time(f"${{${DELAY} + ${DURATION} + ${REST} + {_PATIENCE}}}")
+        assigned[START_TIME] = f"${BEGIN}"
+    done = replace(maneuvers.element_state("event", "change", "completeState"), delay=f"${REST_TIME}")
+    limit = maneuvers.simulation_time(f"${{${START_TIME} + ${DURATION} + ${REST_TIME} + {_PATIENCE}}}")
     participants = {name: entry(track) for name, track in tracks.items()}
     return maneuvers.scenario(
         stage.path,

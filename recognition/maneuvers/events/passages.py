@@ -12,10 +12,10 @@ import numpy as np
 
 from recognition.labels.classes import Label
 from recognition.labels.scene.stays import held, stays
-from recognition.maneuvers.courses import Course
-from recognition.maneuvers.meetings import meeting
-from recognition.maneuvers.record import LONGEST, SHORTEST, Maneuver, Meeting, Onwards, Passage, Seven, Span
-from recognition.maneuvers.speeds import recorded_speeds
+from recognition.maneuvers.events.conflicts import meeting
+from recognition.maneuvers.events.maneuver import LONGEST, SHORTEST, Conflict, Maneuver, Passage, Span, SpeedChange
+from recognition.maneuvers.events.paths import RecordedPath, recorded_speeds
+from recognition.maneuvers.parameters import Values
 from runner.recording import Recording, Track
 from schemas.errors import Unsupported
 from xodr.network import RoadNetwork
@@ -45,7 +45,7 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     time = own.columns["time"]
     if not time[0] <= start < end <= time[-1]:
         raise Unsupported("the manoeuvre was not recorded whole")
-    course = Course.of(own)
+    course = RecordedPath.of(own)
     alone = Passage.of(course, start)
     if alone.begins >= course.station[-1]:
         raise Unsupported("the ego does not move after the passage begins")
@@ -56,12 +56,12 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     speeds = recorded_speeds(own, course, start, start, duration, rest)
     delay = min(alone.longest(speeds[0]), start - float(time[0]))
     if met is None:
-        values = Seven(None, speeds[0], delay, speeds[1], duration, speeds[2], rest)
+        values = Values(None, speeds[0], delay, speeds[1], duration, speeds[2], rest)
         return Maneuver("passage", own, None, None, values, 0.0, start - delay, end + rest, alone)
     here = float(met.course.at(start))
     speed = (met.reach - here) / (met.time - start)
     delay = min(delay, start - float(met.other.columns["time"][0]), here / speed)
-    values = Seven(met.reach - here, speeds[0], delay, speeds[1], duration, speeds[2], rest)
+    values = Values(met.reach - here, speeds[0], delay, speeds[1], duration, speeds[2], rest)
     both = alone._replace(meeting=met, onwards=_onwards(met, speed, end + rest))
     return Maneuver("passage", own, met.other, None, values, speed, start - delay, end + rest, both)
 
@@ -90,11 +90,11 @@ def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, tu
     return float(at[start]), float(at[min(rows[-1] + 1, len(at) - 1)])
 
 
-def _onwards(met: Meeting, speed: float, end: float) -> Onwards:
+def _onwards(met: Conflict, speed: float, end: float) -> SpeedChange:
     """How the other one comes from the meeting, where it has a speed (m/s), to where it is at the end of the scene (s)."""
     last = min(end, float(met.other.columns["time"][-1]))
     duration = last - met.time
     if duration < SHORTEST:
-        return Onwards(speed, SHORTEST)
+        return SpeedChange(speed, SHORTEST)
     way = float(met.course.at(last)) - met.reach
-    return Onwards(max(2.0 * way / duration - speed, 0.0), duration)
+    return SpeedChange(max(2.0 * way / duration - speed, 0.0), duration)

@@ -5,21 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from recognition.maneuvers import Maneuver
+from recognition.maneuvers.events.maneuver import Maneuver
+from recognition.maneuvers.parameters import PARAMETERS
 from xosc import maneuvers
 
-GAP, START_SPEED, DELAY = "Gap_m", "StartSpeed_mps", "StartDelay_s"
-END_SPEED, DURATION, FINAL_SPEED, REST = "EndSpeed_mps", "Duration_s", "FinalSpeed_mps", "EndDelay_s"
-RANGES: dict[str, tuple[float, float]] = {
-    GAP: (5.0, 80.0),
-    START_SPEED: (10.0, 40.0),
-    DELAY: (0.0, 10.0),
-    END_SPEED: (10.0, 40.0),
-    DURATION: (1.0, 8.0),
-    FINAL_SPEED: (10.0, 40.0),
-    REST: (0.0, 10.0),
-}
-"""The seven parameters and their ranges (m, m/s, s), as in `maneuvers.Seven`; a recorded value beyond widens its range"""
+GAP, START_SPEED, START_TIME, END_SPEED, DURATION, FINAL_SPEED, REST_TIME = (each.name for each in PARAMETERS.values())
+RANGES = {each.name: (each.low, each.high) for each in PARAMETERS.values()}
+"""Ranges of the parameters (m, m/s, s); a recorded value beyond widens its range"""
 EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
 """Speed of the one who is not the actor, by who that is"""
 ONWARDS = "OtherFinalSpeed_mps"
@@ -35,8 +27,7 @@ _STILL = 0.001
 
 def values(maneuver: Maneuver) -> dict[str, float]:
     """The parameters that the manoeuvre has, with their recorded values."""
-    named = dict(zip(RANGES, maneuver.values, strict=True))
-    return {name: round(value, 3) for name, value in named.items() if value is not None}
+    return {name: round(value, 3) for name, value in maneuver.values.named.items()}
 
 
 def passive(maneuver: Maneuver) -> str:
@@ -74,7 +65,7 @@ def _begin(maneuver: Maneuver) -> str:
     """The delay, no longer than both need from where their ways begin."""
     passage = maneuver.passage
     assert passage is not None
-    begin = _lesser(f"${DELAY}", f"{passage.begins:.3f} / (${START_SPEED} + {_STILL})")
+    begin = _lesser(f"${START_TIME}", f"{passage.begins:.3f} / (${START_SPEED} + {_STILL})")
     if passage.meeting is None:
         return begin
     return _lesser(begin, f"({passage.meeting.reach:.3f} - ${GAP}) / (${OTHER_SPEED} + {_STILL})")

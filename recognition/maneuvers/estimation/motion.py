@@ -11,7 +11,7 @@ from recognition.sites.lanes import Floats, Whole
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class LaneMotion:
     """Rows of a scene with what the units ask for.
 
     Attributes:
@@ -40,7 +40,7 @@ class Motion:
         return place if place < hi and self.scene.frame[place] == frame else None
 
 
-def motion(scene: Scene) -> Motion:
+def lane_motion(scene: Scene) -> LaneMotion:
     """The motion along and across the lanes of all rows of a scene."""
     changes = scene.changes
     dx, dy = np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])
@@ -50,4 +50,4 @@ def motion(scene: Scene) -> Motion:
     begins = np.diff(changes.course, prepend=-1) != 0
     starts = np.flatnonzero(begins)
     ends = np.append(starts[1:], len(begins)) - 1
-    return Motion(scene, np.cumsum(np.where(begins, 0.0, along)), changes.side, starts[changes.course], ends[changes.course])
+    return LaneMotion(scene, np.cumsum(np.where(begins, 0.0, along)), changes.side, starts[changes.course], ends[changes.course])

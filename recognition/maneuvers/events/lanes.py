@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from recognition.datasets.tables.rows import Floats
 from recognition.labels.classes import Label
-from recognition.maneuvers.courses import Course
-from recognition.maneuvers.record import EGO_ACTS, LONGEST, SHORTEST, Maneuver, Passage, Seven, Span
-from recognition.maneuvers.speeds import SMOOTHING, recorded_speeds, speed_at
+from recognition.maneuvers.events.maneuver import EGO_ACTS, LONGEST, SHORTEST, Maneuver, Passage, Span
+from recognition.maneuvers.events.paths import SMOOTHING, RecordedPath, recorded_speeds, speed_at
+from recognition.maneuvers.parameters import Values
 from runner.measures.relations import Motion, relation
 from runner.recording import Recording, Track
 from schemas.errors import Unsupported
@@ -67,12 +67,12 @@ def in_lanes(recording: Recording, network: RoadNetwork, kind: str, ego: str, pa
         first = max(first, start - _longest_approach(gap, speed_at(own, start), speed_at(other or own, start)))
     speed = _mean_speed(passive, first, start) if passive is not None else 0.0
     duration, passage = max(end - start, SHORTEST), None
-    course, counted = Course.of(actor), start if kind == "ramp" else first
+    course, counted = RecordedPath.of(actor), start if kind == "ramp" else first
     starting, ending, final = recorded_speeds(actor, course, counted, start, duration, last - end)
     if kind == "ramp":
         passage = Passage.of(course, start)
         first = max(first, start - passage.longest(starting))
-    values = Seven(gap, starting, start - first, ending, duration, final, last - end)
+    values = Values(gap, starting, start - first, ending, duration, final, last - end)
     return Maneuver(kind, own, other, left, values, speed, first, last, passage)
 
 

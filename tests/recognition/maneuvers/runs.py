@@ -9,13 +9,13 @@ from generation.logical.library import ROADS, SCENARIOS
 from recognition.labels.rules import Rules
 from recognition.labels.scene.scene import prepare
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
-from recognition.maneuvers.units import Motion, motion
+from recognition.maneuvers.units import LaneMotion, lane_motion
 from recognition.sites import site_at
 
 STEP = 0.05
 
 
-def recorded(name: str, road: str, actor: str, values: tuple[float, ...], folder: Path, **others: float) -> Motion:
+def recorded(name: str, road: str, actor: str, values: tuple[float, ...], folder: Path, **others: float) -> LaneMotion:
     """What a run without a system under test records.
 
     Args:
@@ -26,4 +26,4 @@ def recorded(name: str, road: str, actor: str, values: tuple[float, ...], folder
     given |= {key: str(value) for key, value in others.items()}
     done = runner.run(SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP)
     assert done.verdict.passed, done.verdict.reasons
-    return motion(prepare(done.recording.locate(), site_at(ROADS / f"{road}.xodr", folder=folder), Rules()))
+    return lane_motion(prepare(done.recording.locate(), site_at(ROADS / f"{road}.xodr", folder=folder), Rules()))

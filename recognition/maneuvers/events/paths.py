@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 
 from recognition.catalogue.scenes.scenes import Scope, needed
 from recognition.datasets.tables.rows import Floats
+from recognition.maneuvers.estimation.speeds import EVERY, fitted_speeds, ways
 from runner.recording import Track
 from xosc import maneuvers
 
+SMOOTHING = 0.5
+"""Window (s) over which speeds are averaged"""
 _SPACING = 0.5
 """Way (m) from point to point: more than who stands still seems to move about"""
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class RecordedPath:
     """Points of a way.
 
     Attributes:
@@ -34,7 +37,7 @@ class Course:
     station: Floats
 
     @classmethod
-    def of(cls, track: Track) -> Course:
+    def of(cls, track: Track) -> RecordedPath:
         """The way of a track, from its first row on."""
         columns = track.columns
         x, y = columns["x"], columns["y"]
@@ -64,3 +67,24 @@ def _spaced(x: Floats, y: Floats) -> NDArray[np.int64]:
         if np.hypot(here - x[taken[-1]], there - y[taken[-1]]) >= _SPACING:
             taken.append(row)
     return np.array(taken, np.int64)
+
+
+def speed_at(track: Track, time: float) -> float:
+    """Speed (m/s) about a time (s)."""
+    columns = track.columns
+    near = np.abs(columns["time"] - time) <= 0.5 * SMOOTHING
+    return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
+
+
+def recorded_speeds(track: Track, course: RecordedPath, first: float, start: float, duration: float, rest: float) -> list[float]:
+    """Start, end and final speed (m/s) of a manoeuvre with which a track covers the way that it was recorded on.
+
+    Args:
+        course: that way.
+        first: from when on its way counts, s.
+        start: of the manoeuvre, s; duration and rest as in `ways`.
+    """
+    time = np.arange(first - start, duration + rest + EVERY / 2, EVERY)
+    seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
+    found: list[float] = fitted_speeds(ways(time, duration, rest), course.at(start + time) - course.at(start), seen).tolist()
+    return found

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from recognition.maneuvers.courses import Course
+from recognition.maneuvers.events.paths import RecordedPath
+from recognition.maneuvers.parameters import Values
 from runner.recording import Track
 
 LONGEST = 10.0
@@ -16,22 +17,7 @@ EGO_ACTS = ("lane_change", "cruise", "ramp", "passage")
 """Kinds of manoeuvres whose actor is the ego"""
 
 
-class Seven(NamedTuple):
-    """The parameters: gap at the trigger (m; None for a manoeuvre without another one), speeds (m/s), times (s).
-
-    The gap is that of the boxes to the lead; in a passage, that from the other one's front to where the ways meet.
-    """
-
-    gap: float | None
-    start_speed: float
-    start_delay: float
-    end_speed: float
-    duration: float
-    final_speed: float
-    end_delay: float
-
-
-class Meeting(NamedTuple):
+class Conflict(NamedTuple):
     """Where the way of another one meets the ego's.
 
     Attributes:
@@ -43,14 +29,14 @@ class Meeting(NamedTuple):
     """
 
     other: Track
-    course: Course
+    course: RecordedPath
     x: float
     y: float
     reach: float
     time: float
 
 
-class Onwards(NamedTuple):
+class SpeedChange(NamedTuple):
     """How one goes on: to which speed (m/s), reached evenly within which time (s)."""
 
     speed: float
@@ -66,13 +52,13 @@ class Passage(NamedTuple):
         meeting: with the way of another one, and `onwards` how that one goes on from there; None where there is nobody.
     """
 
-    course: Course
+    course: RecordedPath
     begins: float
-    meeting: Meeting | None = None
-    onwards: Onwards | None = None
+    meeting: Conflict | None = None
+    onwards: SpeedChange | None = None
 
     @classmethod
-    def of(cls, course: Course, time: float) -> Passage:
+    def of(cls, course: RecordedPath, time: float) -> Passage:
         """That of an ego on its way whose manoeuvre begins where it is at a time (s), without anybody else."""
         return cls(course, float(course.at(time)))
 
@@ -101,7 +87,7 @@ class Maneuver:
     ego: Track
     other: Track | None
     left: bool | None
-    values: Seven
+    values: Values
     speed: float
     start: float
     end: float
