@@ -16,9 +16,9 @@ import numpy as np
 import xosc
 from recognition.maneuvers.parameters import PARAMETERS, Parameter
 from recognition.trfe.samples import Floats
-from schemas.errors import UsageError
+from schemas.errors import UsageError, nearest
 from xosc.node import Node
-from xosc.parameters import Assignment, Scope, nearest
+from xosc.parameters import Assignment, Scope
 
 DIGITS = 6
 """Decimal digits of values in files."""

@@ -6,7 +6,12 @@ would be right. The command lines print `str(error)` and turn the class into an 
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from os import PathLike
+
+_MOST_COMPARED, _LONGEST_COMPARED = 300, 100
+"""Names beyond this number, and characters beyond that, are not compared: that takes its time."""
 
 
 class ToolchainError(Exception):
@@ -82,3 +87,12 @@ def describe(error: Exception) -> tuple[str, int]:
 def one_line(text: str) -> str:
     """Text from files and plug-ins as a terminal may see it: no line breaks, no control characters."""
     return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in text)
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """What a message adds about an unknown name: the most similar of `names`, or all of them."""
+    names = [each for each in names if each]
+    similar = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
+    if similar:
+        return f"did you mean {similar[0]!r}?"
+    return f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}" if names else "there are none"

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,19 @@ def read_bytes(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file cannot be read: {reason}", path=path) from None
+
+
+Stamp = tuple[int, int]
+"""Modification time in nanoseconds and size in bytes: together they tell whether a file has changed."""
+
+
+def stamp(path: str | PathLike[str]) -> Stamp:
+    """The stamp of a file; zeros where there is none."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return (0, 0)
+    return (status.st_mtime_ns, status.st_size)
 
 
 def read_object(path: Path, remedy: str = "") -> dict[str, Any]:

@@ -12,6 +12,7 @@ from lxml import etree
 
 from schemas.errors import InvalidFile, Unsupported, UsageError
 from schemas.registry import OPENSCENARIO, detect
+from schemas.storage import Stamp, stamp
 from schemas.xml import line_of, parse
 from xosc.node import LINE, SOURCE, Node
 
@@ -80,17 +81,8 @@ def to_bytes(document: Document) -> bytes:
     return etree.tostring(tree, xml_declaration=True, encoding="UTF-8") + b"\n"
 
 
-def stamp(path: str) -> tuple[int, int]:
-    """Modification time in nanoseconds and size in bytes, which tell whether a file has changed; zeros where there is none."""
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError):
-        return (0, 0)
-    return (status.st_mtime_ns, status.st_size)
-
-
 @lru_cache(maxsize=256)
-def _load(path: str, _: tuple[int, int]) -> Document:
+def _load(path: str, _: Stamp) -> Document:
     tree = parse(path)
     root = tree.getroot()
     found = detect(tree)

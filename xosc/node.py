@@ -9,6 +9,7 @@ from typing import Any
 
 from lxml import etree
 
+from schemas.catalogs import referred
 from schemas.errors import InvalidFile, Unsupported
 from schemas.values import boolean, number
 
@@ -116,6 +117,10 @@ class Node:
         if text is not default and text not in values:
             raise self.invalid(f"{name}={text!r} is not one of {', '.join(sorted(values))}")
         return text
+
+    def file(self, name: str) -> Path:
+        """Attribute as a path; a relative one starts at the folder of the file that the element stands in."""
+        return referred(self.path, self.get(name))
 
     # children -------------------------------------------------------------------------------
 

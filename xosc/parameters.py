@@ -6,14 +6,13 @@ declaration hides an outer one of the same name.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
 from lxml import etree
 
-from schemas.errors import ToolchainError
+from schemas.errors import ToolchainError, nearest
 from schemas.expressions import ExpressionError, references, substitute
 from schemas.values import Value, holds, literal, operand, quoted, type_named, typed
 from xosc.node import Node
@@ -165,15 +164,6 @@ def variables(declarations: Iterable[Node]) -> dict[str, Variable]:
 def monitors(declarations: Iterable[Node]) -> dict[str, bool]:
     """Initial values of monitors by name, from MonitorDeclaration elements whose attributes are literals."""
     return {name: declaration.bool("value") for name, declaration in _by_name(declarations).items()}
-
-
-def nearest(name: str, names: Iterable[str]) -> str:
-    """What a message adds about an unknown name: the most similar of `names`, or all of them."""
-    names = list(names)
-    similar = difflib.get_close_matches(name, names, 1)
-    if similar:
-        return f"did you mean {similar[0]!r}?"
-    return f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}" if names else "there are none"
 
 
 def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
 from typing import cast
 
 from lxml import etree
 
+from schemas.catalogs import Catalogs, Directory, Entry, NoEntry
 from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError, is_expression
 from schemas.values import quoted
-from xosc.catalogs import Catalogs, Entry, file_reference
-from xosc.document import Document
+from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
 from xosc.parameters import Assignment, Parameter, Scope, Variable, monitors, variables
 
@@ -89,7 +90,7 @@ def resolve(
     violations: list[ToolchainError] = []
     report = _refuse if enforce_constraints else violations.append
     scopes = _bind(node, None, assigned, report)
-    _Inliner(Catalogs(node), report).inline(node, scopes, ())
+    _Inliner(Catalogs(document.path, partial(_directory, node), load), report).inline(node, scopes, ())
     return Resolved(
         path=document.path,
         root=root,
@@ -174,8 +175,16 @@ class _Inliner:
             entry = self._entry(Node(element, top.path), scope, inside)
             cast(etree._Element, element.getparent()).replace(element, entry)
 
+    def _find(self, reference: Node) -> Entry:
+        holder = reference.parent
+        try:
+            assert holder is not None, "references are below the top element"
+            return self._catalogs.find(holder.tag, reference.get("catalogName"), reference.get("entryName"))
+        except NoEntry as error:
+            raise reference.invalid(str(error)) from None
+
     def _entry(self, reference: Node, scope: Scope, inside: tuple[Entry, ...]) -> etree._Element:
-        entry = self._catalogs.find(reference)
+        entry = self._find(reference)
         if entry in inside:
             circle = [*inside[inside.index(entry) :], entry]
             raise reference.invalid(f"catalogue entries refer to each other in a circle: {' → '.join(map(str, circle))}")
@@ -193,6 +202,15 @@ class _Inliner:
         scopes = _bind(node, outer, _assignments(reference), self._report)
         self.inline(node, scopes, (*inside, entry))
         return element
+
+
+def _directory(scenario: Node, location: str) -> Directory | None:
+    """What a catalogue location of a scenario, whose attributes are literals, says."""
+    node = scenario.find("CatalogLocations", location)
+    if node is None:
+        return None
+    directory = node.need("Directory")
+    return Directory(directory.file("path"), directory.where)
 
 
 def _assignments(reference: Node) -> dict[str, Assignment]:
@@ -232,4 +250,4 @@ def _declared(owner: Node, wrapper: str) -> list[Node]:
 
 def _file(scenario: Node, name: str) -> Path | None:
     node = scenario.find("RoadNetwork", name)
-    return file_reference(node, "filepath") if node is not None and node.get("filepath").strip() else None
+    return node.file("filepath") if node is not None and node.get("filepath").strip() else None

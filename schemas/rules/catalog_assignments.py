@@ -11,7 +11,7 @@ from schemas.rules.wording import unknown
 def check(document: Document) -> Iterator[Finding]:
     """A ParameterAssignment of a CatalogReference must name a parameter that the catalogue entry declares."""
     for reference in document.elements("CatalogReference"):
-        entry = document.catalogs.entry(document, reference)
+        entry = document.resolvable_entry(reference)
         if entry is None:
             continue
         for assignment in reference.iter("ParameterAssignment"):

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from schemas.catalogs import locate
 from schemas.rules.document import Document
 from schemas.rules.registry import Finding, rule
 from schemas.xml import local_name
@@ -11,10 +12,16 @@ from schemas.xml import local_name
 def check(document: Document) -> Iterator[Finding]:
     """A catalogue location must name an existing folder, relative to the scenario.
 
-    A warning: templates list locations that they do not use, and some tools look for catalogues elsewhere as well.
+    A warning: templates list locations that they do not use, and libraries that have been moved are found by their name.
     """
     for element in document.elements("Directory"):
         name = document.value(element, "path")
-        if name is not None and not document.has_folder(name):
+        if name is None:
+            continue
+        try:
+            fault = locate(document.file(name), document.path).assumed
+        except (OSError, ValueError):
+            fault = f"there is no folder {name!r}"
+        if fault:
             location = local_name(element.getparent())  # type: ignore[arg-type]  # a Directory is in a location
-            yield Finding(element, f"{location}: there is no folder {name!r}")
+            yield Finding(element, f"{location}: {fault}")

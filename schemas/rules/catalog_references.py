@@ -1,10 +1,11 @@
 """Catalogue entries that are referred to exist."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
+from schemas.catalogs import NoEntry
 from schemas.rules.document import Document
 from schemas.rules.registry import Finding, rule
-from schemas.rules.wording import unknown
 
 
 @rule("asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability", kinds=("scenario",))
@@ -13,19 +14,12 @@ def check(document: Document) -> Iterator[Finding]:
 
     Where a catalogue location is not there the entry may be in it, and this is a warning.
     """
-    catalogs = document.catalogs
-    level = "error" if catalogs.complete else "warning"
     for element in document.elements("CatalogReference"):
-        catalog, name = document.value(element, "catalogName"), document.value(element, "entryName")
-        entry = catalogs.entry(document, element)
-        if catalog is None or name is None:
+        try:
+            entry = document.entry(element)
+        except NoEntry as error:
+            yield Finding(element, str(error), "warning" if error.undecided else None)
             continue
-        if entry is not None:
-            if entry.catalog != catalog:
-                message = f"{entry.document.path.name} has the entry, but its catalogue is called {entry.catalog!r}"
-                yield Finding(element, message, "warning")
-        elif catalog in catalogs.names:
-            known = catalogs.names[catalog]
-            yield Finding(element, f"{unknown('entry', name, known)} in the catalogue {catalog!r}", level)
-        else:
-            yield Finding(element, f"{unknown('catalogue', catalog, catalogs.names)} in the catalogue locations", level)
+        if entry is not None and entry.catalog != document.value(element, "catalogName"):
+            message = f"{Path(entry.path).name} has the entry, but its catalogue is called {entry.catalog!r}"
+            yield Finding(element, message, "warning")

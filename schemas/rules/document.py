@@ -6,17 +6,18 @@ from collections import defaultdict
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from lxml import etree
 
 from schemas import expressions
+from schemas.catalogs import Catalogs, Directory, Entry, NoEntry, referred
 from schemas.errors import InvalidFile, ToolchainError
 from schemas.problems import Problem
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
 from schemas.rules import roads
-from schemas.rules.catalogs import Catalogs
 from schemas.values import operand, type_named, typed
-from schemas.xml import line_of, local_name
+from schemas.xml import line_of, local_name, parse
 
 _MAX_INDIRECTIONS = 50
 
@@ -35,6 +36,7 @@ class Document:
         self.path = path
         self._defaults: dict[etree._Element, expressions.Value | None] = {}
         self._pending: set[etree._Element] = set()
+        self._sources: dict[str, Document] = {}
 
     @property
     def standard(self) -> str:
@@ -180,7 +182,7 @@ class Document:
 
     def file(self, name: str) -> Path:
         """A file that the document names, relative to the document's folder."""
-        return self.path.parent / name
+        return referred(self.path, name)
 
     def has_file(self, name: str) -> bool:
         """Whether a file that the document names exists."""
@@ -189,17 +191,43 @@ class Document:
         except (OSError, ValueError):
             return False
 
-    def has_folder(self, name: str) -> bool:
-        """Whether a folder that the document names exists."""
-        try:
-            return self.file(name).is_dir()
-        except (OSError, ValueError):
-            return False
-
     @cached_property
     def catalogs(self) -> Catalogs:
         """The catalogues in the scenario's catalogue locations."""
-        return Catalogs(self)
+        return Catalogs(self.path, self._directory, _load)
+
+    def _directory(self, location: str) -> Directory | None:
+        for element in self.elements(location):
+            for directory in element.iterchildren("Directory"):
+                name = self.value(directory, "path")
+                path = self.path.parent if name is None else self.file(name)
+                return Directory(path, f"{self.path}:{line_of(directory)}")
+        return None
+
+    def entry(self, reference: etree._Element) -> Entry | None:
+        """The catalogue entry that a CatalogReference stands for; None where its attributes are missing or undecidable.
+
+        Raises:
+            NoEntry: there is none, or more than one.
+        """
+        catalog, name, holder = self.value(reference, "catalogName"), self.value(reference, "entryName"), reference.getparent()
+        if catalog is None or name is None or holder is None:
+            return None
+        return self.catalogs.find(local_name(holder), catalog, name)
+
+    def resolvable_entry(self, reference: etree._Element) -> Entry | None:
+        """The catalogue entry that a CatalogReference stands for, None where there is not exactly one."""
+        try:
+            return self.entry(reference)
+        except NoEntry:
+            return None
+
+    def source(self, entry: Entry) -> Document:
+        """The document that a catalogue entry is in."""
+        root = entry.element.getroottree()
+        if entry.path not in self._sources:
+            self._sources[entry.path] = Document(root, Path(entry.path))
+        return self._sources[entry.path]
 
     @cached_property
     def road_network(self) -> roads.Roads | None:
@@ -212,3 +240,13 @@ class Document:
                 except InvalidFile:
                     return None
         return None
+
+
+class _Catalog(NamedTuple):
+    root: etree._Element
+    version: tuple[int, int]
+
+
+def _load(path: str) -> _Catalog:
+    tree = parse(path)
+    return _Catalog(tree.getroot(), detect(tree).version)

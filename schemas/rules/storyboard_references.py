@@ -48,9 +48,9 @@ def _walk(
     for child in parent.iterchildren(etree.Element):
         tag = local_name(child)
         if tag == "CatalogReference" and local_name(parent) == "ManeuverGroup" and source is document:
-            entry = document.catalogs.entry(document, child)
-            if entry is not None and local_name(entry.element) == "Maneuver":
-                yield from _named(document, entry.document, entry.element, chain)
+            entry = document.resolvable_entry(child)
+            if entry is not None:
+                yield from _named(document, document.source(entry), entry.element, chain)
         elif tag in _NAMED:
             yield from _named(document, source, child, chain)
 

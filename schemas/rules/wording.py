@@ -1,19 +1,15 @@
 """Sentences that several rules say."""
 
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 
+from schemas.errors import nearest
 from schemas.rules.document import Document
 from schemas.rules.registry import Finding
 
-_MOST_COMPARED = 300
-"""Names beyond this are not searched for a near one, which takes its time."""
-
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
-    """There is no such thing; the nearest name where there is a near one."""
-    near = get_close_matches(name[:100], sorted(filter(None, known))[:_MOST_COMPARED], n=1, cutoff=0.7)
-    return f"there is no {what} {name!r}" + (f"; did you mean {near[0]!r}?" if near else "")
+    """There is no such thing; the nearest name, or all that there are."""
+    return f"there is no {what} {name!r}; {nearest(name, sorted(known))}"
 
 
 def negative(document: Document, attributes: Iterable[tuple[str, str]]) -> Iterator[Finding]:

@@ -373,6 +373,8 @@ def test_catalogue_entry_that_contains_itself_ends(project):
     entry = f'<Maneuver name="m"><ManeuverGroup>{itself}</ManeuverGroup></Maneuver>'
     project.edit("catalog", ('<Vehicle name="van"', entry + '<Vehicle name="van"'))
     project.edit("scenario", ('<Maneuver name="maneuver">', itself + '<Maneuver name="maneuver">'))
+    location = '<ManeuverCatalog><Directory path="catalogs"/></ManeuverCatalog>'
+    project.edit("scenario", ("</CatalogLocations>", f"{location}</CatalogLocations>"))
     assert project.check("scenario") == []
 
 

@@ -1,4 +1,4 @@
-"""Checking and loading give one verdict on the values of parameters and variables."""
+"""Checking and loading give one verdict on the values of parameters and variables, and on catalogue references."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from schemas.errors import InvalidFile
 from schemas.values import RULES, TYPES
 from tests.xosc.conftest import SCENARIO
 
+ENTRY = "asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability"
 TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
 CONSTRAINED = "xosc.toolchain:xosc:1.1.0:parameters.default_value_obeys_constraints"
 ODD = ("", " ", "-5", "NaN", "nan", "1_000", "foo", "1e400", "2.0", "2.5", "0x1", "+7", "INF", "-INF", "True", "FALSE", "1",
@@ -87,3 +88,31 @@ def test_the_constraint_of_a_parameter(folder, kind, text, rule, limit):
     )
     named, refused = verdict(write(folder, parameters=declaration), TYPED, CONSTRAINED)
     assert named == refused
+
+
+LOCATION = '<VehicleCatalog><Directory path="{}"/></VehicleCatalog>'
+CATALOGS = {  # location element and directory, names of catalogue and entry; whether they are found
+    "folder": (LOCATION.format("vehicles"), "Cars", "car", True),
+    "file": (LOCATION.format("vehicles/some.xosc"), "Cars", "car", True),
+    "moved": (LOCATION.format("../library/vehicles"), "Cars", "car", True),
+    "backslash": (LOCATION.format(".\\vehicles"), "Cars", "car", True),
+    "named by its file": (LOCATION.format("vehicles"), "some", "car", True),
+    "no such catalogue": (LOCATION.format("vehicles"), "Carts", "car", False),
+    "no such entry": (LOCATION.format("vehicles"), "Cars", "cart", False),
+    "other kind of entry": (LOCATION.format("vehicles"), "Cars", "route", False),
+    "other kind of location": (LOCATION.format("vehicles").replace("Vehicle", "Route"), "Cars", "car", False),
+    "twice": (LOCATION.format("vehicles"), "Cars", "twin", False),
+}
+
+
+@pytest.mark.parametrize("case", CATALOGS)
+def test_an_entry_of_a_catalogue(scenario, catalog, case):
+    locations, name, entry, found = CATALOGS[case]
+    catalog(
+        "vehicles/some.xosc",
+        '<Vehicle name="car"/><Vehicle name="twin"/><Vehicle name="twin"/><Route name="route"/>',
+        name="Cars",
+    )
+    reference = f'<CatalogReference catalogName="{name}" entryName="{entry}"/>'
+    path = scenario(locations=locations, entities=f'<ScenarioObject name="Ego">{reference}</ScenarioObject>')
+    assert verdict(path, ENTRY) == (not found, not found)

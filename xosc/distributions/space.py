@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
-from schemas.errors import UsageError
+from schemas.errors import UsageError, nearest
 from schemas.expressions import ExpressionError, references
 from schemas.values import quoted, type_named, typed
 from xosc.distributions.deterministic import Deterministic
@@ -21,7 +21,7 @@ from xosc.distributions.file import ParameterValueDistribution
 from xosc.distributions.values import text
 from xosc.document import Document, load
 from xosc.node import Node
-from xosc.parameters import Assignment, Scope, nearest
+from xosc.parameters import Assignment, Scope
 
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""

@@ -10,7 +10,6 @@ import math
 from lxml import etree
 
 from schemas.xml import parse
-from xosc.catalogs import file_reference
 from xosc.document import Document
 from xosc.ego import EGO_NAME
 from xosc.exports.starts import Start, actors, beside, first, starts
@@ -108,7 +107,7 @@ def _left_hand(document: Document) -> bool:
 
 def _roads(document: Document) -> list[etree._Element]:
     logic = document.node.find("RoadNetwork", "LogicFile")
-    return list(parse(file_reference(logic, "filepath")).getroot().iter("road")) if logic is not None else []
+    return list(parse(logic.file("filepath")).getroot().iter("road")) if logic is not None else []
 
 
 def _speed(action: Node, known: dict[str, Start], document: Document) -> None:

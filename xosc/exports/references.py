@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from schemas.catalogs import locate
 from schemas.errors import InvalidFile
 from schemas.storage import read_bytes
-from xosc.catalogs import catalog_files, file_reference
 from xosc.document import Document, load
 from xosc.exports.folder import Folder
 from xosc.node import Node
@@ -58,7 +58,7 @@ def take_catalogs(document: Document, folder: Folder, convert: Convert) -> Draft
         node = location.need("Directory")
         source = _literal(node, "path")
         try:
-            files = [Path(file) for file in catalog_files(source, document.path)]
+            files = [Path(file) for file in locate(source, document.path).files]
         except (OSError, ValueError):
             raise node.invalid(f"the directory {source} does not exist or cannot be read") from None
         for catalog in [load(file) for file in files]:
@@ -73,7 +73,7 @@ def _literal(node: Node, attribute: str) -> Path:
         raise node.unsupported(
             f"{attribute}={node.get(attribute)!r} is the value of a parameter, and files are taken along by name"
         )
-    return file_reference(node, attribute)
+    return node.file(attribute)
 
 
 def catalog_name(source: Path, folder: Folder) -> str:

@@ -1,0 +1,234 @@
+"""Catalogues: finding the entry that a CatalogReference names; the one look-up of checks and of runs.
+
+Source: OpenSCENARIO XML 1.3.1, sections 9.4 to 9.6: in the directories that CatalogLocations gives for the kind of element,
+every catalogue file counts; a catalogue is known by its name. Only where none has that name, the one whose file is called
+so is taken: some public libraries rely on it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from lxml import etree
+
+from schemas.errors import ToolchainError, nearest
+from schemas.storage import Stamp, stamp
+from schemas.values import quoted
+
+ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
+KINDS = (*ENTITIES, "Controller", "Environment", "Maneuver", "Trajectory", "Route")
+"""The kinds of entries; each has its directory in CatalogLocations, VehicleCatalog and so on."""
+
+EXPECTED: dict[str, tuple[str, ...]] = {
+    "ScenarioObject": ENTITIES,
+    "ScenarioObjectTemplate": ENTITIES,
+    "Trailer": ENTITIES,
+    "ObjectController": ("Controller",),
+    "AssignControllerAction": ("Controller",),
+    "ControllerDistributionEntry": ("Controller",),
+    "EnvironmentAction": ("Environment",),
+    "ManeuverGroup": ("Maneuver",),
+    "FollowTrajectoryAction": ("Trajectory",),
+    "TrajectoryRef": ("Trajectory",),
+    "AssignRouteAction": ("Route",),
+    "RouteRef": ("Route",),
+}
+"""Kinds of entries that a CatalogReference may stand for, by the element that holds it."""
+
+
+class Loaded(Protocol):
+    """An OpenSCENARIO file that has been read: its root element and its version of the standard."""
+
+    @property
+    def root(self) -> etree._Element: ...
+    @property
+    def version(self) -> tuple[int, int]: ...
+
+
+Load = Callable[[str], Loaded]
+"""Reads a catalogue's file; raises a ToolchainError where it can't."""
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """An element of a catalogue.
+
+    Attributes:
+        kind: its element name, one of `KINDS`.
+        name: its name.
+        element: the element.
+        catalog: name of the catalogue.
+        path: the catalogue's file.
+        version: the catalogue's version of the standard.
+        size: number of elements in it.
+    """
+
+    kind: str
+    name: str
+    element: etree._Element
+    catalog: str
+    path: str
+    version: tuple[int, int]
+    size: int
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name!r} ({self.path}:{self.element.sourceline})"
+
+    @property
+    def parameters(self) -> set[str]:
+        """Names of the parameters that it declares."""
+        return {each.get("name") or "" for each in self.element.iterfind("ParameterDeclarations/ParameterDeclaration")}
+
+
+class Directory(NamedTuple):
+    """What a catalogue location says: the path, and the place in the scenario that says so, for complaints."""
+
+    path: Path
+    where: str
+
+
+class NoEntry(LookupError):
+    """There is no such entry, or more than one.
+
+    Attributes:
+        undecided: whether one of the directories is not there, so that the entry may be in it.
+    """
+
+    def __init__(self, message: str, undecided: bool = False) -> None:
+        super().__init__(message)
+        self.undecided = undecided
+
+
+class _Catalog(NamedTuple):
+    name: str
+    path: str
+    entries: tuple[Entry, ...]
+
+
+class _Found(NamedTuple):
+    """The catalogues for some kinds of entries, what kept others from being read, and whether a directory is missing."""
+
+    catalogs: list[_Catalog]
+    problems: list[str]
+    incomplete: bool
+
+
+class Catalogs:
+    """The catalogues that a scenario can refer to, read when something from them is needed.
+
+    Args:
+        scenario: the scenario's file.
+        location: the directory that a location, named like VehicleCatalog, gives; None where the scenario has none.
+        load: reads a catalogue's file.
+    """
+
+    def __init__(self, scenario: Path, location: Callable[[str], Directory | None], load: Load) -> None:
+        self._scenario = scenario
+        self._location = location
+        self._load = load
+        self._known: dict[tuple[str, ...], _Found] = {}
+
+    def find(self, holder: str, catalog: str, name: str) -> Entry:
+        """The entry that a CatalogReference stands for.
+
+        Args:
+            holder: name of the element that holds the reference.
+            catalog, name: its catalogName and entryName.
+
+        Raises:
+            NoEntry: there is none, or more than one; or the reference stands where none is allowed.
+        """
+        if holder not in EXPECTED:
+            raise NoEntry(f"no catalogue entry can stand in {holder}")
+        kinds = EXPECTED[holder]
+        if kinds not in self._known:
+            self._known[kinds] = self._read(kinds)
+        found = self._known[kinds]
+        named = [each for each in found.catalogs if each.name == catalog]
+        named = named or [each for each in found.catalogs if Path(each.path).stem == catalog]
+        if not named:
+            hint = nearest(catalog, sorted({each.name for each in found.catalogs}))
+            message = "; ".join([f"there is no catalogue {quoted(catalog)}, {hint}", *found.problems])
+            raise NoEntry(message, found.incomplete)
+        entries = [entry for each in named for entry in each.entries if entry.kind in kinds]
+        matching = [entry for entry in entries if entry.name == name]
+        if len(matching) > 1:
+            raise NoEntry(f"more than one entry is meant: {' and '.join(map(str, matching))}")
+        if not matching:
+            hint = nearest(name, [entry.name for entry in entries])
+            message = f"the catalogue {quoted(catalog)} has no {' or '.join(kinds)} {quoted(name)}, {hint}"
+            raise NoEntry(message, found.incomplete)
+        return matching[0]
+
+    def _read(self, kinds: Iterable[str]) -> _Found:
+        names = [f"{kind}Catalog" for kind in kinds]
+        directories = [directory for name in names if (directory := self._location(name)) is not None]
+        problems = [] if directories else [f"CatalogLocations has no {' or '.join(names)}"]
+        files: dict[str, None] = {}
+        incomplete = False
+        for directory in directories:
+            try:
+                files.update(dict.fromkeys(locate(directory.path, self._scenario).files))
+            except (OSError, ValueError):
+                incomplete = True
+                problems.append(f"the directory {directory.path} ({directory.where}) does not exist or cannot be read")
+        results = [_catalog(self._load, file, stamp(file)) for file in files]
+        problems += [f"not readable: {result}" for result in results if isinstance(result, str)]
+        return _Found([result for result in results if isinstance(result, _Catalog)], problems, incomplete)
+
+
+def referred(file: Path, reference: str) -> Path:
+    """The path that a file refers to; a relative one starts at the file's folder."""
+    return file.parent / reference.replace("\\", "/")
+
+
+class Located(NamedTuple):
+    """The files of a catalogue directory, sorted, and what was assumed to find them; empty where it is as it says."""
+
+    files: list[str]
+    assumed: str
+
+
+def locate(path: Path, scenario: Path) -> Located:
+    """Where the files of a catalogue directory are.
+
+    A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: a directory that does
+    not exist is looked for by its name in the scenario's folder and in the folders in that.
+
+    Raises:
+        OSError, ValueError: there is no such directory, or it cannot be read.
+    """
+    if path.is_file():
+        return Located([os.path.normpath(path)], f"{path} is a file, a folder is expected: that file alone is taken")
+    assumed = ""
+    if not path.exists():
+        name = os.path.basename(os.path.normpath(path))
+        places = [scenario.parent, *sorted(scenario.parent.iterdir())]
+        found = next((place / name for place in places if (place / name).is_dir()), None)
+        if found is not None:
+            path, assumed = found, f"there is no folder {path}: {found} is taken, by its name"
+    files = sorted(os.path.normpath(entry.path) for entry in os.scandir(path) if entry.name.lower().endswith(".xosc"))
+    return Located(files, assumed)
+
+
+@lru_cache(maxsize=256)
+def _catalog(load: Load, path: str, _: Stamp) -> _Catalog | str | None:
+    """The catalogue in a file, None where the file is something else, and the reason where it can't be read."""
+    try:
+        document = load(path)
+    except ToolchainError as error:
+        return str(error)
+    catalog = document.root.find("Catalog")
+    if catalog is None:
+        return None
+    name = catalog.get("name", "")
+    entries = tuple(
+        Entry(str(child.tag), child.get("name", ""), child, name, path, document.version, sum(1 for _ in child.iter()))
+        for child in catalog.iterchildren(*KINDS)
+    )
+    return _Catalog(name, path, entries)
