@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.options import Density, Jobs, Kind, Method, Pin, Quiet, Recorded, Sut, Timestep
-from generation.search.method import DEFAULT
+from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
@@ -51,7 +50,9 @@ def xosc_generate(
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
     kind: Kind = None,
-    method: Method = DEFAULT,
+    method: Annotated[
+        str, typer.Option(help="Search method: mcsg, random, kde, conscend, cma-es, gacs, ibo, ccsf, rltester, rlbe, …")
+    ] = "mcsg",
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = 3000,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     weight: Annotated[

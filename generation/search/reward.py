@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,20 @@ from schemas.errors import UsageError
 
 COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
 """Rewards of a collision, of a scenario without any risk, and of R_risk = 1 in addition to that."""
-Criticality = Callable[[Outcomes], Floats]
-"""Reward (n,) without realism."""
+Form = Literal["exclusive", "additive"]
 
 
-def additive(outcomes: Outcomes) -> Floats:
-    """−0.1 + 0.2·R_risk, and 0.25 for a collision on top: of two collisions the one that was dangerous all along counts more.
+def criticality(outcomes: Outcomes, form: Form) -> Floats:
+    """Reward (n,) without realism.
 
-    An episode that failed counts as one without any risk.
+    `exclusive`: 0.25 with a collision, otherwise −0.1 + 0.2·R_risk, so that a collision pays more than any risk. `additive`: a
+    collision's 0.25 on top of the other, so that among collisions those count most that were dangerous all along. An episode
+    that failed counts as one without any risk.
     """
-    return SAFE + RISK * outcomes.r_risk + COLLISION * outcomes.collision
+    risk = SAFE + RISK * outcomes.r_risk
+    if form == "additive":
+        return risk + COLLISION * outcomes.collision
+    return np.where(outcomes.collision, COLLISION, risk)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +52,7 @@ class Realism:
         """By a density that is fitted on recorded parameters (n, d).
 
         Args:
-            name: of the density (`generation.density.model`).
+            name: of the density (`generation.density.fitting`).
             recordings: of each row (n,).
 
         Raises:
@@ -89,14 +93,14 @@ class Reward:
     Attributes:
         realism: how implausible.
         weight: w; 0 leaves realism out.
-        criticality: reward without realism.
+        form: how collisions count, see `criticality`.
     """
 
     realism: Realism
     weight: float = 0.2
-    criticality: Criticality = additive
+    form: Form = "additive"
 
     def __call__(self, theta: Floats, outcomes: Outcomes) -> Floats:
         """Rewards (n,) of rows (n, d) and what came of them."""
-        critical = self.criticality(outcomes)
+        critical = criticality(outcomes, self.form)
         return critical - self.weight * self.realism.penalty(theta) if self.weight else critical

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from runner.contracts.action import PrivateAction, Running
+from runner.contracts.action import PrivateAction
 from runner.contracts.registry import action
+from runner.contracts.running import Running
 from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 _EPSILON = 1e-9
 
@@ -50,16 +52,16 @@ class VisibilityAction(PrivateAction):
         names = tuple(s.get("name") for s in sensors.children("SensorReference")) if sensors is not None else ()
         return cls({name: node.bool(name) for name in ("graphics", "sensors", "traffic")}, names)
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Apply at once."""
         before = actor.visible["sensors"]
         actor.visible = dict(self.visible)
         if self.sensors:
             actor.visible["sensors"] = before
-        sim.world.show(actor, self.visible["traffic"])
-        shown = ", ".join(name for name, visible in self.visible.items() if visible) or "nobody"
+        run.world.show(actor, self.visible["traffic"])
+        shown = ", ".join(name for name, visible in self.visible.items() if visible) or "no one"
         only = f" (sensors: {', '.join(self.sensors)})" if self.sensors else ""
-        sim.note("visibility", actor.name, f"visible to {shown}{only}")
+        run.note("visibility", actor.name, f"visible to {shown}{only}")
 
 
 @action("LightStateAction")
@@ -85,10 +87,10 @@ class LightStateAction(PrivateAction):
         """Each light is a domain of its own."""
         return (f"lighting:{self.light}",)
 
-    def start(self, actor: Entity, sim: Simulation) -> Waiting | None:
+    def start(self, actor: Entity, run: Run) -> Waiting | None:
         """Switch at once, complete after the transition."""
-        actor.lights[self.light] = self.mode
-        sim.note("light", actor.name, f"{self.light} {self.mode}")
+        actor.lights = MappingProxyType({**actor.lights, self.light: self.mode})
+        run.note("light", actor.name, f"{self.light} {self.mode}")
         return Waiting(self.transition) if self.transition > 0.0 else None
 
 
@@ -123,11 +125,11 @@ class AnimationAction(PrivateAction):
         """Each animated thing is a domain of its own."""
         return (f"animation:{self.target}",)
 
-    def start(self, actor: Entity, sim: Simulation) -> Waiting | None:
+    def start(self, actor: Entity, run: Run) -> Waiting | None:
         """Begin; nothing moves in SUMO."""
         text = "started" if self.state is None else f"to state {self.state:g}"
         actor.animations[self.target] = text
-        sim.note("animation", actor.name, f"{self.target} {text}")
+        run.note("animation", actor.name, f"{self.target} {text}")
         if self.loop:
             return Waiting(float("inf"))
         return Waiting(self.duration) if self.duration > 0.0 else None

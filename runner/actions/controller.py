@@ -7,6 +7,7 @@ program that is not at hand: assigning and activating it is written to the event
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from runner.contracts.action import PrivateAction
@@ -15,8 +16,8 @@ from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 _DOMAINS = ("longitudinal", "lateral", "lighting", "animation")
 _PEDALS = ("Throttle", "Brake", "Clutch", "ParkingBrake")
@@ -24,13 +25,13 @@ _AUTOMATIC_GEARS = {"r": -1.0, "n": 0.0, "p": 0.0, "d": 1.0}
 _INPUTS = ("Throttle", "Brake", "Clutch", "ParkingBrake", "SteeringWheel", "Gear")
 
 
-def _activate(actor: Entity, domains: dict[str, bool], sim: Simulation) -> None:
+def _activate(actor: Entity, domains: dict[str, bool], run: Run) -> None:
     if not domains:
         return
-    if actor.system is not None:
-        actor.system.hand_over(domains)
+    if actor.controls.driver is not None:
+        actor.controls.driver.hand_over(domains)
     for domain, active in domains.items():
-        sim.note("controller", actor.name, f"{'activated' if active else 'deactivated'} in the {domain} domain")
+        run.note("controller", actor.name, f"{'activated' if active else 'deactivated'} in the {domain} domain")
 
 
 @action("AssignControllerAction")
@@ -57,11 +58,11 @@ class AssignControllerAction(PrivateAction):
         """Whether this decides when the system under test drives."""
         return bool(self.switches)
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Assign at once."""
-        actor.controllers[self.name] = dict(self.properties)
-        sim.note("controller", actor.name, f"assigned {self.name}")
-        _activate(actor, self.switches, sim)
+        actor.controls.controllers[self.name] = dict(self.properties)
+        run.note("controller", actor.name, f"assigned {self.name}")
+        _activate(actor, self.switches, run)
 
 
 @action("ActivateControllerAction")
@@ -81,9 +82,9 @@ class ActivateControllerAction(PrivateAction):
         """Whether this decides when the system under test drives."""
         return True
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Activate or deactivate at once."""
-        _activate(actor, self.switches, sim)
+        _activate(actor, self.switches, run)
 
 
 @action("OverrideControllerValueAction")
@@ -108,14 +109,12 @@ class OverrideControllerValueAction(PrivateAction):
             inputs[child.tag] = _input(child) if child.bool("active") else None
         return cls(inputs)
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Override at once."""
+        overrides = {**actor.controls.overrides, **self.inputs}
+        actor.controls.overrides = MappingProxyType({name: value for name, value in overrides.items() if value is not None})
         for name, value in self.inputs.items():
-            if value is None:
-                actor.overrides.pop(name, None)
-            else:
-                actor.overrides[name] = value
-            sim.note("override", actor.name, f"{name} {'released' if value is None else format(value, 'g')}")
+            run.note("override", actor.name, f"{name} {'released' if value is None else format(value, 'g')}")
 
 
 def _input(node: Node) -> float:

@@ -11,8 +11,8 @@ from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 
 def _entity(node: Node, context: Context) -> Entity:
@@ -34,13 +34,13 @@ class AddEntityAction(GlobalAction):
         """Build from an AddEntityAction element."""
         return cls(_entity(node, context), context.position(node.need("Position")))
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Add at once."""
         if self.entity.active:
-            sim.note("entity", self.entity.name, "is in the scenario already")
+            run.note("entity", self.entity.name, "is in the scenario already")
             return
-        sim.activate(self.entity, self.position.resolve(sim, self.entity))
-        sim.note("entity", self.entity.name, "added")
+        run.activate(self.entity, self.position.resolve(run, self.entity))
+        run.note("entity", self.entity.name, "added")
 
 
 @action("DeleteEntityAction")
@@ -55,8 +55,8 @@ class DeleteEntityAction(GlobalAction):
         """Build from a DeleteEntityAction element."""
         return cls(_entity(node, context))
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Delete at once."""
         if self.entity.active:
-            sim.deactivate(self.entity)
-            sim.note("entity", self.entity.name, "deleted")
+            run.deactivate(self.entity)
+            run.note("entity", self.entity.name, "deleted")

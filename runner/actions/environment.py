@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from runner.contracts.action import GlobalAction
 from runner.contracts.registry import action
-from runner.interpreter.environment import Environment
+from runner.surroundings.environment import Environment
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 
 @action("EnvironmentAction")
@@ -26,10 +26,11 @@ class EnvironmentAction(GlobalAction):
     def from_xml(cls, node: Node, context: Context) -> EnvironmentAction:
         """Build from an EnvironmentAction element; its values are checked here."""
         environment = node.need("Environment")
-        Environment().apply(environment, 0.0)
+        Environment().after(environment, 0.0)
         return cls(environment)
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Apply at once."""
-        sim.environment.apply(self.environment, sim.time)
-        sim.note("environment", sim.environment.name, f"friction {sim.environment.friction:g}")
+        environment = run.environment.after(self.environment, run.time)
+        run.set_environment(environment)
+        run.note("environment", environment.name, f"friction {environment.friction:g}")

@@ -5,16 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.action import LATERAL, LONGITUDINAL, PrivateAction, Running
-from runner.motion.following import JOINING, PathMotion, back_to_lane, join
+from runner.contracts.action import LATERAL, LONGITUDINAL, PrivateAction
+from runner.contracts.running import Running
+from runner.motion.following import JOINING, PathMotion, join
 from runner.motion.paths import Chain, Schedule, nearest
 from runner.motion.trajectories import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
     from runner.participants.entity import Entity
     from xosc.node import Node
 
@@ -63,7 +64,6 @@ class FollowTrajectoryAction(PrivateAction):
             raise node.invalid(f"TimeReference/Timing needs times in the trajectory {trajectory.name!r}, from start to end")
         if timing is not None and trajectory.fixed is not None:
             trajectory.schedule(trajectory.fixed, timing.scale)
-        self.places = not follow
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> FollowTrajectoryAction:
@@ -77,6 +77,11 @@ class FollowTrajectoryAction(PrivateAction):
             node.need("TrajectoryFollowingMode").choice("followingMode", ("position", "follow")) == "follow",
         )
 
+    @property
+    def places(self) -> bool:
+        """Whether it puts the actor on the trajectory at once."""
+        return not self.follow
+
     def claims(self) -> tuple[str, ...]:
         """Lateral control; with times also longitudinal control."""
         return (LATERAL,) if self.timing is None else (LATERAL, LONGITUDINAL)
@@ -85,9 +90,9 @@ class FollowTrajectoryAction(PrivateAction):
         """Entities that the shape's positions are relative to."""
         return self.trajectory.references()
 
-    def start(self, actor: Entity, sim: Simulation) -> Running:
+    def start(self, actor: Entity, run: Run) -> Running:
         """Begin at the trajectory's start, where the time says, or (`follow` without times) where the actor is closest."""
-        track = self.trajectory.track(sim, actor)
+        track = self.trajectory.track(run, actor)
         path = track.path
         if self.skip > path.length:
             raise self.node.invalid(f"initialDistanceOffset={self.skip:g} is beyond the trajectory's {path.length:.2f} m")
@@ -96,24 +101,23 @@ class FollowTrajectoryAction(PrivateAction):
         if self.timing is not None:
             schedule = self.trajectory.schedule(track, self.timing.scale)
             skipped = schedule.time(self.skip) - schedule.times[0] if self.skip else 0.0
-            pace = Pace(schedule, self.timing.origin(sim.time, skipped), self.timing.scale)
-            s = max(pace.station(sim.time), self.skip)
+            pace = Pace(schedule, self.timing.origin(run.time, skipped), self.timing.scale)
+            s = max(pace.station(run.time), self.skip)
         elif self.follow and actor.placed:
             s = max(nearest(path, actor.x, actor.y), self.skip)
         again = path if self.trajectory.closed and pace is None else None
-        motion = PathMotion(sim, path, s, again, track.grounded, pace is not None)
+        motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None)
         if self.follow and actor.placed:
-            _join(motion, actor, pace)
+            _join(motion, actor, pace, run.time)
         else:
-            motion.put(actor, actor.demand)
+            motion.put(actor, actor.controls.target_speed)
             actor.placed = True
-        actor.motion, actor.on_lane, actor.next_offset = motion, False, None
-        return _Following(actor, sim, motion, pace)
+        actor.controls.motion, actor.on_lane, actor.controls.target_offset = motion, False, None
+        return _Following(actor, run, motion, pace)
 
 
-def _join(motion: PathMotion, actor: Entity, pace: Pace | None) -> None:
-    """Let the actor steer to the path from where it is."""
-    now = motion.sim.time
+def _join(motion: PathMotion, actor: Entity, pace: Pace | None, now: float) -> None:
+    """Let the actor steer to the path from where it is, at a time (s)."""
     ahead = pace.station(now + JOINING) if pace is not None else motion.s
     detour = join(motion.path, motion.s, ahead, actor)
     if detour is not None:
@@ -141,7 +145,7 @@ class Pace:
 
     @property
     def end(self) -> float:
-        """Simulation time (s) at which the path's end is due."""
+        """Run time (s) at which the path's end is due."""
         return self.schedule.times[-1] + self.late
 
     def station(self, time: float) -> float:
@@ -166,36 +170,36 @@ class Pace:
 class _Following:
     """One actor on a trajectory."""
 
-    def __init__(self, actor: Entity, sim: Simulation, motion: PathMotion, pace: Pace | None) -> None:
-        self.actor, self.sim, self.motion, self.pace = actor, sim, motion, pace
+    def __init__(self, actor: Entity, run: Run, motion: PathMotion, pace: Pace | None) -> None:
+        self.actor, self.run, self.motion, self.pace = actor, run, motion, pace
         self.expected = motion.s
         self.done = False
 
     def step(self, dt: float) -> bool:
         """Ask for the speed that the times prescribe, and see whether this step leads to the end."""
         motion = self.motion
-        if self.actor.motion is not motion:  # something has put the actor elsewhere, or the end came early
+        if self.actor.controls.motion is not motion:  # something has put the actor elsewhere, or the end came early
             return True
         if self.pace is not None:
             self.done = self._keep_pace(self.pace, dt)
         elif motion.again is None:
-            self.done = motion.s + abs(self.actor.demand) * dt >= motion.path.length - _SAME_PLACE
+            self.done = motion.s + abs(self.actor.controls.target_speed) * dt >= motion.path.length - _SAME_PLACE
         return self.done
 
     def _keep_pace(self, pace: Pace, dt: float) -> bool:
-        motion, now = self.motion, self.sim.time
+        motion, now = self.motion, self.run.time
         if abs(motion.s - self.expected) > _SAME_PLACE:
             pace.resume(now, motion.s)
         self.expected = max(pace.station(now + dt), motion.s)
         speed = (self.expected - motion.s) / dt
-        self.actor.demand = -speed if motion.backwards() else speed
+        self.actor.controls.target_speed = -speed if motion.backwards() else speed
         return now + dt >= pace.end - _SAME_TIME
 
     def stop(self) -> None:
         """Back to the lane: at the end of this step where the trajectory is done, else at once."""
-        if self.actor.motion is not self.motion:
+        if self.actor.controls.motion is not self.motion:
             return
         if self.done:
             self.motion.ending = True
         else:
-            back_to_lane(self.sim, self.actor)
+            self.run.roads.back_to_lane(self.actor)

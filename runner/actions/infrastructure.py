@@ -10,8 +10,8 @@ from runner.contracts.registry import action
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 
 @action("TrafficSignalStateAction")
@@ -27,9 +27,9 @@ class TrafficSignalStateAction(GlobalAction):
         """Build from a TrafficSignalStateAction element."""
         return cls(context.signals.signal(node, "name"), node.get("state"))
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Set at once."""
-        sim.signals.set_state(sim, self.signal, self.state)
+        run.signals.set_state(run, self.signal, self.state)
 
 
 @action("TrafficSignalControllerAction")
@@ -45,6 +45,6 @@ class TrafficSignalControllerAction(GlobalAction):
         """Build from a TrafficSignalControllerAction element."""
         return cls(*context.signals.phase(node))
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Switch at once."""
-        sim.signals.set_phase(sim, self.controller, self.phase)
+        run.signals.set_phase(run, self.controller, self.phase)

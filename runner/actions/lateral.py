@@ -12,16 +12,17 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner.contracts.action import LATERAL, PrivateAction, Running, need_places
+from runner.contracts.action import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
+from runner.contracts.running import Running
 from runner.motion.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
 from runner.participants.entity import Entity
 from xodr.model import RoadPoint
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
@@ -59,27 +60,27 @@ class LaneChangeAction(PrivateAction):
         """The entity that lanes are counted from."""
         return (self.reference,) if self.reference is not None else ()
 
-    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+    def start(self, actor: Entity, run: Run) -> Running | None:
         """Express the entity's place in the target lane, and begin to move there."""
-        follow_road(actor, sim, self.node)
+        follow_road(actor, run, self.node)
         assert actor.road is not None
-        lane = self._lane(actor, sim)
+        lane = self._lane(actor, run)
         actor.offset = actor.t - actor.road.lane_t(actor.s, lane)
         actor.lane = lane
-        change = (self.offset - actor.offset) * actor.along
+        change = (self.offset - actor.offset) * actor.direction
         extent = self.dynamics.extent(change)
-        goal = self.offset * actor.along
+        goal = self.offset * actor.direction
         running = _Transition(actor, goal, self.dynamics.shape, extent, self.dynamics.dimension == "distance", True)
-        return _begin(running, extent, actor, sim)
+        return _begin(running, extent, actor, run)
 
-    def _lane(self, actor: Entity, sim: Simulation) -> int:
+    def _lane(self, actor: Entity, run: Run) -> int:
         road = actor.road
         assert road is not None
         there = road.lane_ids(actor.s)
         lane: int | None = self.value
         if self.reference is not None:
-            point, along = _place(self.reference, sim, self.node)
-            lane = road.lane_beside(actor.s, point.lane_id, self.value * along) if point.lane_id in there else None
+            point, direction = _place(self.reference, run, self.node)
+            lane = road.lane_beside(actor.s, point.lane_id, self.value * direction) if point.lane_id in there else None
         if lane is None or lane not in there:
             wanted = f"{self.value}" if self.reference is None else f"{self.value:+d} from that of {self.reference.name}"
             raise self.node.invalid(
@@ -123,21 +124,21 @@ class LaneOffsetAction(PrivateAction):
         """The entity that the offset is relative to."""
         return (self.reference,) if self.reference is not None else ()
 
-    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+    def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin to move sideways."""
-        follow_road(actor, sim, self.node)
-        goal = self.goal(actor, sim)
-        extent = self._duration(goal - actor.offset * actor.along)
+        follow_road(actor, run, self.node)
+        goal = self.goal(actor, run)
+        extent = self._duration(goal - actor.offset * actor.direction)
         running = _Transition(actor, goal, self.shape, extent, False, False)
         if not self.continuous:
-            return _begin(running, extent, actor, sim)
-        return _Kept(running, lambda: goal if self.reference is None else self.goal(actor, sim))
+            return _begin(running, extent, actor, run)
+        return _Kept(running, lambda: goal if self.reference is None else self.goal(actor, run))
 
-    def goal(self, actor: Entity, sim: Simulation) -> float:
+    def goal(self, actor: Entity, run: Run) -> float:
         """Offset (m) to be reached, positive to the actor's left."""
         if self.reference is None:
-            return self.value * actor.along
-        return (_place(self.reference, sim, self.node)[0].offset + self.value) * actor.along
+            return self.value * actor.direction
+        return (_place(self.reference, run, self.node)[0].offset + self.value) * actor.direction
 
     def _duration(self, change: float) -> float:
         if self.shape.bend == 0.0 or change == 0.0:
@@ -145,7 +146,7 @@ class LaneOffsetAction(PrivateAction):
         return math.sqrt(self.shape.bend * abs(change) / self.acceleration) if self.acceleration > 0.0 else math.inf
 
 
-def follow_road(actor: Entity, sim: Simulation, node: Node) -> None:
+def follow_road(actor: Entity, run: Run, node: Node) -> None:
     """Have an entity follow the lane that it is on, where it does not do so already.
 
     Raises:
@@ -153,27 +154,27 @@ def follow_road(actor: Entity, sim: Simulation, node: Node) -> None:
     """
     if actor.on_lane:
         return
-    point, along = _place(actor, sim, node)
-    sim.follow_lane(actor, point, along)
+    point, direction = _place(actor, run, node)
+    run.roads.follow_lane(actor, point, direction)
 
 
-def _place(entity: Entity, sim: Simulation, node: Node) -> tuple[RoadPoint, int]:
+def _place(entity: Entity, run: Run, node: Node) -> tuple[RoadPoint, int]:
     """Road point of an entity, and +1 where it faces increasing s."""
     need_places(node, entity)
-    point = sim.road_point(entity)
-    if point is None or sim.network is None:
+    point = run.roads.road_point(entity)
+    if point is None or run.roads.network is None:
         raise node.invalid(f"{entity.name} is not on a road, so it has no lane")
     if entity.on_lane:
-        return point, entity.along
-    return point, 1 if math.cos(entity.h - sim.network.pose(point).h) >= 0.0 else -1
+        return point, entity.direction
+    return point, 1 if math.cos(entity.h - run.roads.network.pose(point).h) >= 0.0 else -1
 
 
-def _begin(running: _Transition, extent: float, actor: Entity, sim: Simulation) -> Running | None:
+def _begin(running: _Transition, extent: float, actor: Entity, run: Run) -> Running | None:
     """An initial action that takes no time sets the place at time 0."""
-    if not sim.initialising or extent > 0.0:
+    if not run.initialising or extent > 0.0:
         return running
     running.step(0.0)
-    actor.motion.advance(actor, 0.0, sim.dt)
+    actor.controls.motion.advance(actor, 0.0, run.dt)
     running.stop()
     return None
 
@@ -184,14 +185,16 @@ def settle_lane(actor: Entity) -> None:
     if road is None or not actor.on_lane:
         return
     center = road.lane_t(actor.s, actor.lane)
-    lane = road.lane_at(actor.s, center + (actor.offset if actor.next_offset is None else actor.next_offset))
+    lane = road.lane_at(
+        actor.s, center + (actor.offset if actor.controls.target_offset is None else actor.controls.target_offset)
+    )
     if lane in (0, actor.lane):
         return
     shift = road.lane_t(actor.s, lane) - center
     actor.lane = lane
     actor.offset -= shift
-    if actor.next_offset is not None:
-        actor.next_offset -= shift
+    if actor.controls.target_offset is not None:
+        actor.controls.target_offset -= shift
 
 
 class _Transition(Running):
@@ -202,7 +205,7 @@ class _Transition(Running):
     def __init__(self, actor: Entity, goal: float, shape: Shape, extent: float, over_distance: bool, compensated: bool) -> None:
         self.goal = goal
         self._actor = actor
-        self._start = actor.offset * actor.along
+        self._start = actor.offset * actor.direction
         self._value = shape.value
         self._extent = extent
         self._over_distance = over_distance
@@ -219,10 +222,10 @@ class _Transition(Running):
         over = progress >= 1.0 - EPSILON
         wanted = self.goal if over else self._start + (self.goal - self._start) * self._value(progress)
         if self._extent > 0.0:
-            left = actor.offset * actor.along
+            left = actor.offset * actor.direction
             wanted = min(max(wanted, left - way), left + way)
-        actor.next_offset = wanted * actor.along
-        actor.path_compensated = self._compensated
+        actor.controls.target_offset = wanted * actor.direction
+        actor.controls.path_compensated = self._compensated
         return over and wanted == self.goal
 
     def stop(self) -> None:

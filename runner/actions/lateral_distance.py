@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 from runner.actions.lateral import follow_road, settle_lane
 from runner.actions.longitudinal_distance import read_system
-from runner.contracts.action import LATERAL, PrivateAction, Running, need_places
+from runner.contracts.action import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
+from runner.contracts.running import Running
 from runner.motion.dynamics import GapController, read_constraints
 from runner.motion.placement import wrap
 from runner.participants.boxes import box_corners
@@ -20,8 +21,8 @@ from runner.spacing import distances
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 _SIDES = {"leftToReferencedEntity": 1, "rightToReferencedEntity": -1, "any": 0}
 _REACHED = 0.01
@@ -69,15 +70,15 @@ class LateralDistanceAction(PrivateAction):
         """The entity that the distance is kept to."""
         return (self.reference,)
 
-    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+    def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin; an initial action without limits sets the place at time 0."""
         need_places(self.node, self.reference)
-        follow_road(actor, sim, self.node)
-        running = _Sidestep(self, actor, sim)
-        if not sim.initialising or self.constraints is not None:
+        follow_road(actor, run, self.node)
+        running = _Sidestep(self, actor, run)
+        if not run.initialising or self.constraints is not None:
             return running
-        running.step(sim.dt)
-        actor.motion.advance(actor, 0.0, sim.dt)
+        running.step(run.dt)
+        actor.controls.motion.advance(actor, 0.0, run.dt)
         settle_lane(actor)
         return running if self.continuous else None
 
@@ -94,12 +95,12 @@ def _both_ways(limits: Performance | None) -> Performance | None:
 class _Sidestep(Running):
     """The distance is reached, and kept."""
 
-    __slots__ = ("_action", "_actor", "_controller", "_distance", "_side", "_sim", "_speed")
+    __slots__ = ("_action", "_actor", "_controller", "_distance", "_run", "_side", "_speed")
 
-    def __init__(self, action: LateralDistanceAction, actor: Entity, sim: Simulation) -> None:
+    def __init__(self, action: LateralDistanceAction, actor: Entity, run: Run) -> None:
         self._action = action
         self._actor = actor
-        self._sim = sim
+        self._run = run
         self._controller = GapController(action.constraints) if action.constraints is not None else None
         self._speed = 0.0
         left = self._left() or 0.0
@@ -113,7 +114,7 @@ class _Sidestep(Running):
         action = self._action
         if not action.reference.active:
             return None
-        return distances.lateral(self._sim, action.reference, self._actor, action.system, False)
+        return distances.lateral(self._run.roads, action.reference, self._actor, action.system, False)
 
     def _cover(self) -> float:
         """Width (m) between the two reference points that the boxes cover."""
@@ -142,8 +143,8 @@ class _Sidestep(Running):
         if error is None:
             return False
         step = error if self._controller is None else self._limited(self._controller, error, dt)
-        actor.next_offset = actor.offset + actor.along * step
-        actor.path_compensated = self._controller is not None
+        actor.controls.target_offset = actor.offset + actor.direction * step
+        actor.controls.path_compensated = self._controller is not None
         return not self._action.continuous and abs(error) < _REACHED
 
     def _limited(self, controller: GapController, error: float, dt: float) -> float:

@@ -7,15 +7,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner.contracts.action import LONGITUDINAL, PrivateAction, Running
+from runner.contracts.action import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
+from runner.contracts.running import Running
 from runner.motion.dynamics import EPSILON, Shape, TransitionDynamics
 from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 RELATIVE: dict[str, Callable[[float, float], float]] = {
     "delta": lambda speed, value: speed + value,
@@ -59,24 +60,24 @@ class SpeedAction(PrivateAction):
     def target(self, actor: Entity) -> float:
         """Target speed now, m/s."""
         speed = self.value if self.reference is None else RELATIVE[self.relation](self.reference.speed, self.value)
-        limit = math.inf if self.dynamics.strict else actor.performance.max_speed
+        limit = math.inf if self.dynamics.strict else actor.declared.performance.max_speed
         return min(max(speed, -limit), limit)
 
-    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+    def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin; a change that takes no time is complete at once, unless it goes on for ever."""
         target = self.target(actor)
-        duration = self.dynamics.speed_duration(actor.speed, target, actor.performance)
+        duration = self.dynamics.speed_duration(actor.speed, target, actor.declared.performance)
         if duration <= 0.0:
-            set_speed(actor, target, sim)
+            set_speed(actor, target, run)
         if self.continuous:
             return _Tracking(self, actor, duration)
         return _Transition(actor, target, duration, self.dynamics.shape) if duration > 0.0 else None
 
 
-def set_speed(actor: Entity, speed: float, sim: Simulation) -> None:
+def set_speed(actor: Entity, speed: float, run: Run) -> None:
     """Have the entity drive at a speed (m/s) from the coming step on; an initial action sets its state as well."""
-    actor.demand = speed
-    if sim.initialising:
+    actor.controls.target_speed = speed
+    if run.initialising:
         actor.speed = speed
 
 
@@ -99,9 +100,9 @@ class _Transition(Running):
         self._elapsed += dt
         progress = self._elapsed / self._duration
         if progress >= 1.0 - EPSILON:
-            self._actor.demand = self._target
+            self._actor.controls.target_speed = self._target
             return True
-        self._actor.demand = self._start + self._change * self._value(progress)
+        self._actor.controls.target_speed = self._start + self._change * self._value(progress)
         return False
 
 
@@ -131,5 +132,5 @@ class _Tracking(Running):
             wanted = min(max(wanted, actor.speed - reach), actor.speed + reach)
         elif self._elapsed < self._duration:
             wanted = self._start + (wanted - self._start) * dynamics.shape.value(self._elapsed / self._duration)
-        actor.demand = wanted
+        actor.controls.target_speed = wanted
         return False

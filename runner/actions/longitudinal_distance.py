@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from runner.actions.longitudinal import set_speed
-from runner.contracts.action import LONGITUDINAL, PrivateAction, Running, need_places
+from runner.contracts.action import LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
+from runner.contracts.running import Running
 from runner.motion.dynamics import GapController, read_constraints, tighter
 from runner.motion.following import PathMotion
 from runner.motion.placement import wrap
@@ -20,8 +21,8 @@ from runner.spacing import distances
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 
 _SIDES = {"trailingReferencedEntity": 1, "leadingReferencedEntity": -1, "any": 0}
@@ -77,17 +78,17 @@ class LongitudinalDistanceAction(PrivateAction):
         """The entity that the distance is kept to."""
         return (self.reference,)
 
-    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+    def start(self, actor: Entity, run: Run) -> Running | None:
         """Take the place at once where nothing limits the motion, and keep it where `continuous`."""
         need_places(self.node, actor, self.reference)
         if self.system in ("road", "lane"):
-            sim.keep_to_road(actor)
-        gap = _Gap(self, actor, sim)
-        if self.constraints is not None or (actor.system is not None and not sim.initialising):
-            limits = tighter(self.constraints or Performance(), actor.performance)
+            run.roads.keep_to_road(actor)
+        gap = _Gap(self, actor, run)
+        if self.constraints is not None or (actor.controls.driver is not None and not run.initialising):
+            limits = tighter(self.constraints or Performance(), actor.declared.performance)
             return _Approach(gap, limits, self.continuous)
         gap.close()
-        set_speed(actor, self.reference.speed if sim.initialising else self.reference.demand, sim)
+        set_speed(actor, self.reference.speed if run.initialising else self.reference.controls.target_speed, run)
         return _Rigid(gap) if self.continuous else None
 
 
@@ -106,18 +107,18 @@ def read_system(node: Node) -> str:
 class _Gap:
     """The distance to be kept, as a reference-point distance along the actor's way."""
 
-    __slots__ = ("action", "actor", "side", "sim")
+    __slots__ = ("action", "actor", "run", "side")
 
-    def __init__(self, action: LongitudinalDistanceAction, actor: Entity, sim: Simulation) -> None:
+    def __init__(self, action: LongitudinalDistanceAction, actor: Entity, run: Run) -> None:
         self.action = action
         self.actor = actor
-        self.sim = sim
+        self.run = run
         self.side = action.side or (1 if (self._ahead() or 0.0) >= 0.0 else -1)
 
     def _ahead(self) -> float | None:
         if not self.action.reference.active:
             return None
-        return distances.longitudinal(self.sim, self.actor, self.action.reference, self.action.system, False)
+        return distances.longitudinal(self.run.roads, self.actor, self.action.reference, self.action.system, False)
 
     def error(self) -> float | None:
         """How far (m) the actor has to go forward for the distance to hold; None where it is not defined (any more)."""
@@ -136,24 +137,24 @@ class _Gap:
         if self.action.system != "entity":
             angle = 0.0 if abs(angle) <= math.pi / 2 else math.pi
         along = [x for x, _ in box_corners(0.0, 0.0, angle, reference.box)]
-        rear = actor.front - actor.box.length
-        return actor.front - min(along) if self.side > 0 else max(along) - rear
+        rear = actor.declared.front - actor.box.length
+        return actor.declared.front - min(along) if self.side > 0 else max(along) - rear
 
     def close(self) -> None:
         """Move the actor along its own way to where the distance holds."""
         actor = self.actor
-        sideways, actor.next_offset = actor.next_offset, None
+        sideways, actor.controls.target_offset = actor.controls.target_offset, None
         for _ in range(_CORRECTIONS):
             error = self.error()
             if error is None or abs(error) < _EXACT:
                 break
             _move(actor, error)
-        actor.next_offset = sideways
+        actor.controls.target_offset = sideways
 
 
 def _move(actor: Entity, distance: float) -> None:
     """Move an entity forward (m; backward where negative) on the way that it follows, in no time."""
-    motion = actor.motion
+    motion = actor.controls.motion
     if isinstance(motion, PathMotion):
         motion.s = max(motion.s + distance, 0.0)
         motion.put(actor, actor.speed)
@@ -172,7 +173,7 @@ class _Rigid(Running):
     def step(self, dt: float) -> bool:
         """Correct what the last step has left, and move as the reference does."""
         self._gap.close()
-        self._gap.actor.demand = self._gap.action.reference.demand
+        self._gap.actor.controls.target_speed = self._gap.action.reference.controls.target_speed
         return False
 
 
@@ -193,5 +194,5 @@ class _Approach(Running):
         if error is None:
             return False
         actor, reference = gap.actor, gap.action.reference
-        actor.demand = max(self._controller.speed(error, actor.speed, reference.speed, dt), 0.0)
+        actor.controls.target_speed = max(self._controller.speed(error, actor.speed, reference.speed, dt), 0.0)
         return not self._continuous and abs(error) < _REACHED

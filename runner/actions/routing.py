@@ -8,17 +8,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.action import PrivateAction, Running
-from runner.contracts.position import network_of
+from runner.contracts.action import PrivateAction
+from runner.contracts.running import Running
 from runner.motion.routes import AssignedRoute, RandomRoute, Route
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.position import Position
+    from runner.contracts.run import Run
     from runner.participants.entity import Entity
-    from runner.positions import Position
     from xodr.network import RoadNetwork
     from xosc.node import Node
 
@@ -41,9 +41,9 @@ class AssignRouteAction(PrivateAction):
         """Entities that the waypoints are relative to."""
         return self.route.references()
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Assign."""
-        actor.route = AssignedRoute(self.route.path(sim, actor), self.route.closed)
+        actor.controls.route = AssignedRoute(self.route.path(run, actor), self.route.closed)
 
 
 @registry.action("RandomRouteAction")
@@ -53,12 +53,12 @@ class RandomRouteAction(PrivateAction):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> RandomRouteAction:
         """Nothing to read."""
-        network_of(node, context)
+        context.need_network(node)
         return cls()
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Assign."""
-        actor.route = RandomRoute(sim.random)
+        actor.controls.route = RandomRoute(run.random)
 
 
 @registry.action("AcquirePositionAction")
@@ -71,35 +71,35 @@ class AcquirePositionAction(PrivateAction):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> AcquirePositionAction:
         """Read the position."""
-        return cls(node, context.position(node.need("Position")), network_of(node, context))
+        return cls(node, context.position(node.need("Position")), context.need_network(node))
 
     def references(self) -> Iterable[Entity]:
         """Entities that the position is relative to."""
         return self.position.references()
 
-    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+    def start(self, actor: Entity, run: Run) -> Running | None:
         """Find the way and assign it."""
-        here = sim.road_point(actor)
-        place = self.position.resolve(sim, actor)
+        here = run.roads.road_point(actor)
+        place = self.position.resolve(run, actor)
         there = place.point or self.network.locate(place.x, place.y, place.z)
         path = self.network.route([here, there]) if here is not None else None
         if path is None:
             raise self.node.invalid(f"no way leads {actor.name!r} to the position")
-        actor.route = AssignedRoute(path)
-        return _Acquiring(actor, sim, path.length)
+        route = actor.controls.route = AssignedRoute(path)
+        return _Acquiring(actor, run, route)
 
 
 class _Acquiring(Running):
     """On the way to a position."""
 
-    def __init__(self, actor: Entity, sim: Simulation, length: float) -> None:
-        self.actor, self.sim, self.length = actor, sim, length
-        self.route = actor.route
+    def __init__(self, actor: Entity, run: Run, route: AssignedRoute) -> None:
+        self.actor, self.run, self.route = actor, run, route
+        self.length = route.path.length
 
     def step(self, dt: float) -> bool:
         """Nothing to do but to see whether this step leads to the end of the route."""
-        if self.actor.route is not self.route:
+        if self.actor.controls.route is not self.route:
             return True
-        point = self.sim.road_point(self.actor)
+        point = self.run.roads.road_point(self.actor)
         gone = self.route.path.position(point, self.length) if point is not None else None
-        return gone is not None and gone + abs(self.actor.demand) * dt >= self.length - _REACHED
+        return gone is not None and gone + abs(self.actor.controls.target_speed) * dt >= self.length - _REACHED

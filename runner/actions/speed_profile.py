@@ -9,16 +9,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from runner.contracts.action import LONGITUDINAL, PrivateAction, Running
+from runner.contracts.action import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
+from runner.contracts.running import Running
 from runner.motion.dynamics import FOLLOWING_MODES, read_constraints, tighter
 from runner.participants.declaration import Performance
 from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 _UNLIMITED = Performance()
 _STRETCH, _STRETCHES = 1.25, 100
@@ -64,9 +65,9 @@ class SpeedProfileAction(PrivateAction):
         """The entity whose speed the targets are relative to."""
         return (self.reference,) if self.reference is not None else ()
 
-    def start(self, actor: Entity, sim: Simulation) -> Running:
+    def start(self, actor: Entity, run: Run) -> Running:
         """Plan the profile from the present speed."""
-        limits = tighter(self.constraints, actor.performance) if self.smooth else self.constraints
+        limits = tighter(self.constraints, actor.declared.performance) if self.smooth else self.constraints
         speed = actor.speed - (self.reference.speed if self.reference is not None else 0.0)
         return _Profile(actor, self.reference, plan(speed, self.entries, limits, self.smooth))
 
@@ -209,5 +210,5 @@ class _Profile(Running):
         time = self._elapsed + _EPSILON
         piece = self._pieces[bisect_right(self._times, time) - 1]
         base = self._reference.speed if self._reference is not None else 0.0
-        self._actor.demand = base + piece.at(self._elapsed)
+        self._actor.controls.target_speed = base + piece.at(self._elapsed)
         return time >= self._times[-1]

@@ -15,15 +15,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from runner.actions.longitudinal import RELATIVE
-from runner.contracts.action import LONGITUDINAL, PrivateAction, Running, need_places
+from runner.contracts.action import LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
+from runner.contracts.running import Running
 from runner.motion.placement import Placement
 from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 _STILL = 1e-6
 """Speed (m/s) below which an entity is taken to stand."""
@@ -103,51 +104,49 @@ class SynchronizeAction(PrivateAction):
         """The master."""
         return (self.master,)
 
-    def start(self, actor: Entity, sim: Simulation) -> Running:
+    def start(self, actor: Entity, run: Run) -> Running:
         """Find both targets on the ways that lead to them.
 
         Raises:
             InvalidFile: a target is not on the way of its entity.
         """
         need_places(self.node, actor, self.master)
-        targets = self.master_target.resolve(sim, self.master), self.target.resolve(sim, actor)
+        targets = self.master_target.resolve(run, self.master), self.target.resolve(run, actor)
         for entity, target in zip((self.master, actor), targets, strict=True):
-            if entity.motion.distance_to(entity, target, sim) is None:
+            if entity.controls.motion.distance_to(entity, target) is None:
                 raise self.node.invalid(f"the target position of {entity.name} is not on the way that it follows")
-        return _Synchronisation(self, actor, sim, *targets)
+        return _Synchronisation(self, actor, run, *targets)
 
 
 class _Synchronisation(Running):
     """Under way to the target; while a way is lost (an entity has left its road, say), the speed stays."""
 
-    __slots__ = ("_action", "_actor", "_master_target", "_sim", "_target")
+    __slots__ = ("_action", "_actor", "_master_target", "_run", "_target")
 
-    def __init__(
-        self, action: SynchronizeAction, actor: Entity, sim: Simulation, master_target: Placement, target: Placement
-    ) -> None:
+    def __init__(self, action: SynchronizeAction, actor: Entity, run: Run, master_target: Placement, target: Placement) -> None:
         self._action = action
         self._actor = actor
-        self._sim = sim
+        self._run = run
         self._master_target = master_target
         self._target = target
 
     def step(self, dt: float) -> bool:
         """Ask for the planned speed at the end of the step."""
         action, actor, master = self._action, self._actor, self._action.master
-        left = actor.motion.distance_to(actor, self._target, self._sim)
-        master_left = master.motion.distance_to(master, self._master_target, self._sim)
+        left = actor.controls.motion.distance_to(actor, self._target)
+        master_left = master.controls.motion.distance_to(master, self._master_target)
         if left is None or master_left is None or not master.active:
             return False
         left, master_left = left - action.tolerance, master_left - action.master_tolerance
         arrived = left <= 0.0 or master_left <= 0.0
         time = master_left / abs(master.speed) if abs(master.speed) > _STILL else math.inf
         if action.final is None:
-            actor.demand = actor.speed if arrived else free_speed(actor.speed, left, time, dt)
+            actor.controls.target_speed = actor.speed if arrived else free_speed(actor.speed, left, time, dt)
             return arrived
         final, steady = action.final.speed(master), action.final.steady
         way = left - max(steady.distance, steady.time * final)
         hold = max(steady.time, steady.distance / final if final > 0.0 else 0.0)
-        actor.demand = final if arrived else planned_speed(actor.speed, final, way, time - hold, dt)
+        actor.controls.target_speed = final if arrived else planned_speed(actor.speed, final, way, time - hold, dt)
         return arrived
 
 

@@ -10,18 +10,16 @@ from runner.contracts.action import PrivateAction
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.position import Position
+    from runner.contracts.run import Run
     from runner.participants.entity import Entity
-    from runner.positions import Position
     from xosc.node import Node
 
 
 @registry.action("TeleportAction")
 class TeleportAction(PrivateAction):
     """Puts the actor at a position at once; it keeps its speed."""
-
-    places = True
 
     def __init__(self, position: Position) -> None:
         self.position = position
@@ -31,10 +29,15 @@ class TeleportAction(PrivateAction):
         """Read the position."""
         return cls(context.position(node.need("Position")))
 
+    @property
+    def places(self) -> bool:
+        """It does."""
+        return True
+
     def references(self) -> Iterable[Entity]:
         """Entities that the position is relative to."""
         return self.position.references()
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Jump."""
-        sim.place(actor, self.position.resolve(sim, actor))
+        run.place(actor, self.position.resolve(run, actor))

@@ -12,17 +12,17 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.action import GlobalAction, Running
-from runner.contracts.position import network_of
+from runner.contracts.action import GlobalAction
+from runner.contracts.running import Running
 from runner.participants.boxes import Spot, gap
 from runner.spacing.regions import Ellipse, Polygon, Region, RoadRanges
 from runner.traffic.traffic import Mix, Place, Spawner, categories, place_on, places_of
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.position import Position
+    from runner.contracts.run import Run
     from runner.participants.entity import Entity
-    from runner.positions import Position
     from xosc.node import Node
 
 _REFILL = 1.0
@@ -71,8 +71,8 @@ def _optional(node: Node, *attributes: str) -> float | None:
 class _Running(Running, ABC):
     """What the running actions have in common: TrafficStopAction ends them."""
 
-    def __init__(self, name: str, sim: Simulation) -> None:
-        self.name, self.sim = name, sim
+    def __init__(self, name: str, run: Run) -> None:
+        self.name, self.run = name, run
         self.stopped = False
 
     def step(self, dt: float) -> bool:
@@ -101,42 +101,42 @@ class TrafficSourceAction(GlobalAction):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TrafficSourceAction:
         """Read position and traffic."""
-        network_of(node, context)
+        context.need_network(node)
         return cls(node, _name(node), Mix.from_xml(node), context.position(node.need("Position")))
 
-    def start(self, sim: Simulation) -> _Source:
+    def start(self, run: Run) -> _Source:
         """Begin."""
-        return _Source(self, sim)
+        return _Source(self, run)
 
 
 class _Source(_Running):
     """A source at work."""
 
-    def __init__(self, action: TrafficSourceAction, sim: Simulation) -> None:
-        super().__init__(action.name, sim)
+    def __init__(self, action: TrafficSourceAction, run: Run) -> None:
+        super().__init__(action.name, run)
         self.action, self.spawner = action, Spawner(action.name, action.mix)
         self.elapsed, self.made = 0.0, 0
         self.places = self._places()
 
     def _places(self) -> list[Place]:
         """Places within the radius; the one nearest to the position where no other is that near."""
-        sim, action = self.sim, self.action
-        assert sim.network is not None
-        centre = action.position.resolve(sim)
+        run, action = self.run, self.action
+        assert run.roads.network is not None
+        centre = action.position.resolve(run)
         near = Ellipse(centre.x, centre.y, 0.0, action.radius, action.radius)
-        found = [place for place in places_of(sim.network) if near.contains(place.x, place.y)]
+        found = [place for place in places_of(run.roads.network) if near.contains(place.x, place.y)]
         if found:
             return found
-        point = centre.point or sim.network.locate(centre.x, centre.y, centre.z, centre.h)
-        if not sim.network.on_road(point):
+        point = centre.point or run.roads.network.locate(centre.x, centre.y, centre.z, centre.h)
+        if not run.roads.network.on_road(point):
             raise action.node.invalid("there is no lane within the radius of the position")
-        return [place_on(sim.network, point.road_id, point.lane_id, point.s)]
+        return [place_on(run.roads.network, point.road_id, point.lane_id, point.s)]
 
     def act(self, dt: float) -> None:
         """Bring in what is due."""
         given = self.action.speed
         while self.made <= _due(self.action.rate, self.elapsed):
-            if not self.spawner.spawn(self.sim, self.places, lambda place: place.speed if given is None else given):
+            if not self.spawner.spawn(self.run, self.places, lambda place: place.speed if given is None else given):
                 break
             self.made += 1
         self.elapsed += dt
@@ -160,33 +160,33 @@ class TrafficSinkAction(GlobalAction):
         """Read position and traffic."""
         return cls(node, context.position(node.need("Position")))
 
-    def start(self, sim: Simulation) -> _Sink:
+    def start(self, run: Run) -> _Sink:
         """Begin."""
-        return _Sink(self, sim)
+        return _Sink(self, run)
 
 
 class _Sink(_Running):
     """A sink at work."""
 
-    def __init__(self, action: TrafficSinkAction, sim: Simulation) -> None:
-        super().__init__(action.name, sim)
-        self.action, self.place = action, action.position.resolve(sim)
+    def __init__(self, action: TrafficSinkAction, run: Run) -> None:
+        super().__init__(action.name, run)
+        self.action, self.place = action, action.position.resolve(run)
         self.elapsed, self.taken = 0.0, 0
 
     def act(self, dt: float) -> None:
         """Take out what is there, as far as it is due."""
-        for entity in [entity for entity in self.sim.entities.values() if entity.spawned]:
+        for entity in [entity for entity in self.run.entities.values() if entity.spawned]:
             if self.taken > _due(self.action.rate, self.elapsed):
                 break
             if self._takes(entity):
-                self.sim.note("sink", entity.name, f"taken out by {self.name}")
-                self.sim.despawn(entity)
+                self.run.note("sink", entity.name, f"taken out by {self.name}")
+                self.run.despawn(entity)
                 self.taken += 1
         self.elapsed += dt
 
     def _takes(self, entity: Entity) -> bool:
         wanted = self.action.categories
-        if wanted is not None and entity.category not in wanted:
+        if wanted is not None and entity.declared.category not in wanted:
             return False
         return gap(entity, Spot(self.place.x, self.place.y, entity.z, 0.0)) <= self.action.radius
 
@@ -194,8 +194,8 @@ class _Sink(_Running):
 class _Population(_Running):
     """Keeps a number of participants in a region; those that leave it are taken out."""
 
-    def __init__(self, name: str, sim: Simulation, mix: Mix, number: int) -> None:
-        super().__init__(name, sim)
+    def __init__(self, name: str, run: Run, mix: Mix, number: int) -> None:
+        super().__init__(name, run)
         self.spawner, self.number = Spawner(name, mix), number
         self._wait = 0.0
 
@@ -205,9 +205,9 @@ class _Population(_Running):
 
     def places(self) -> list[Place]:
         """Where it can appear now."""
-        assert self.sim.network is not None
+        assert self.run.roads.network is not None
         region = self.region()
-        return [place for place in places_of(self.sim.network) if region.contains(place.x, place.y)]
+        return [place for place in places_of(self.run.roads.network) if region.contains(place.x, place.y)]
 
     def wanted(self, places: list[Place]) -> list[Place]:
         """Where the next one shall appear."""
@@ -222,8 +222,8 @@ class _Population(_Running):
         region = self.region()
         for entity in self.spawner.present():
             if not region.contains(entity.x, entity.y):
-                self.sim.note("left", entity.name, f"has left {self.name}")
-                self.sim.despawn(entity)
+                self.run.note("left", entity.name, f"has left {self.name}")
+                self.run.despawn(entity)
         self._wait -= dt
         if self._wait <= _EPSILON:
             self._wait = _REFILL
@@ -233,7 +233,7 @@ class _Population(_Running):
         """Bring in those that are missing, as far as there is room."""
         missing = self.number - len(self.spawner.present())
         places = self.places() if missing > 0 else []
-        while missing > 0 and self.spawner.spawn(self.sim, self.wanted(places), self.speed):
+        while missing > 0 and self.spawner.spawn(self.run, self.wanted(places), self.speed):
             missing -= 1
 
 
@@ -257,12 +257,12 @@ class TrafficSwarmAction(GlobalAction):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TrafficSwarmAction:
         """Read what the swarm is."""
-        network_of(node, context)
+        context.need_network(node)
         return cls(node, context)
 
-    def start(self, sim: Simulation) -> _Swarm:
+    def start(self, run: Run) -> _Swarm:
         """Begin."""
-        return _Swarm(self, sim)
+        return _Swarm(self, run)
 
 
 def _speeds(node: Node) -> tuple[float, float] | None:
@@ -288,8 +288,8 @@ def _share(node: Node) -> float:
 class _Swarm(_Population):
     """A swarm at work."""
 
-    def __init__(self, action: TrafficSwarmAction, sim: Simulation) -> None:
-        super().__init__(action.name, sim, action.mix, action.number)
+    def __init__(self, action: TrafficSwarmAction, run: Run) -> None:
+        super().__init__(action.name, run, action.mix, action.number)
         self.action = action
 
     def act(self, dt: float) -> None:
@@ -313,13 +313,13 @@ class _Swarm(_Population):
         """In one direction of travel, drawn by the shares where they are given."""
         if self.action.same is None:
             return places
-        same = self.sim.random.random() < self.action.same
+        same = self.run.random.random() < self.action.same
         return [place for place in places if (math.cos(place.h - self.action.central.h) > 0.0) == same]
 
     def speed(self, place: Place) -> float:
         """In the range given."""
         limits = self.action.speeds
-        return place.speed if limits is None else self.sim.random.uniform(*limits)
+        return place.speed if limits is None else self.run.random.uniform(*limits)
 
 
 @registry.action("TrafficAreaAction")
@@ -330,7 +330,7 @@ class TrafficAreaAction(GlobalAction):
     """
 
     def __init__(self, node: Node, context: Context) -> None:
-        self.network = network_of(node, context)
+        self.network = context.need_network(node)
         self.name, self.mix = _name(node), Mix.from_xml(node)
         self.number, self.continuous = _count(node, "numberOfEntities"), node.bool("continuous")
         area = node.need("TrafficArea")
@@ -347,17 +347,17 @@ class TrafficAreaAction(GlobalAction):
         """Read area and traffic."""
         return cls(node, context)
 
-    def start(self, sim: Simulation) -> _Area:
+    def start(self, run: Run) -> _Area:
         """Begin; the corners of a polygon are where they are now."""
-        corners = [corner.resolve(sim) for corner in self.corners]
-        return _Area(self, sim, self.region or Polygon([(corner.x, corner.y) for corner in corners]))
+        corners = [corner.resolve(run) for corner in self.corners]
+        return _Area(self, run, self.region or Polygon([(corner.x, corner.y) for corner in corners]))
 
 
 class _Area(_Population):
     """An area at work."""
 
-    def __init__(self, action: TrafficAreaAction, sim: Simulation, region: Region) -> None:
-        super().__init__(action.name, sim, action.mix, action.number)
+    def __init__(self, action: TrafficAreaAction, run: Run, region: Region) -> None:
+        super().__init__(action.name, run, action.mix, action.number)
         self._continuous, self._region = action.continuous, region
         self._places: list[Place] | None = None
 
@@ -393,8 +393,8 @@ class TrafficStopAction(GlobalAction):
             raise node.invalid(f"no traffic action of this scenario has the trafficName {name!r}")
         return cls(name)
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Stop at once."""
-        for process in sim.processes:
-            if isinstance(process.running, _Running) and self.name in (None, process.running.name):
-                process.running.stopped = True
+        for running in run.running:
+            if isinstance(running, _Running) and self.name in (None, running.name):
+                running.stopped = True

@@ -11,8 +11,8 @@ from runner.participants.trailers import connect, disconnect, train
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
     from runner.participants.entity import Entity
     from xosc.node import Node
 
@@ -28,7 +28,7 @@ class ConnectTrailerAction(PrivateAction):
     def from_xml(cls, node: Node, context: Context) -> ConnectTrailerAction:
         """Read the reference."""
         trailer = context.entity(node, "trailerRef")
-        if trailer.coupler is None:
+        if trailer.declared.coupler is None:
             raise node.invalid(f"{trailer.name!r} has no TrailerCoupler, so it can't be towed")
         return cls(node, trailer)
 
@@ -36,20 +36,21 @@ class ConnectTrailerAction(PrivateAction):
         """The trailer."""
         return (self.trailer,)
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Connect."""
         trailer = self.trailer
-        if actor.hitch is None:
+        if actor.declared.hitch is None:
             raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
-        if actor.trailer is trailer:
+        if actor.controls.trailer is trailer:
             return
-        if actor.trailer is not None:
-            raise self.node.invalid(f"{actor.name!r} tows {actor.trailer.name!r} already")
-        if trailer.tractor is not None:
-            raise self.node.invalid(f"{trailer.name!r} is towed by {trailer.tractor.name!r} already")
+        if actor.controls.trailer is not None:
+            raise self.node.invalid(f"{actor.name!r} tows {actor.controls.trailer.name!r} already")
+        if trailer.controls.tractor is not None:
+            raise self.node.invalid(f"{trailer.name!r} is towed by {trailer.controls.tractor.name!r} already")
         if actor in train(trailer):
             raise self.node.invalid(f"{trailer.name!r} can't be towed by {actor.name!r}, which it tows itself")
-        connect(sim, actor, trailer)
+        run.end_actions(trailer, f"{trailer.name} is towed by {actor.name}")
+        connect(run.roads, actor, trailer)
 
 
 @registry.action("DisconnectTrailerAction")
@@ -64,9 +65,9 @@ class DisconnectTrailerAction(PrivateAction):
         """Nothing to read."""
         return cls(node)
 
-    def start(self, actor: Entity, sim: Simulation) -> None:
+    def start(self, actor: Entity, run: Run) -> None:
         """Disconnect."""
-        if actor.trailer is None:
-            sim.note("trailer", actor.name, "has no trailer to disconnect")
+        if actor.controls.trailer is None:
+            run.note("trailer", actor.name, "has no trailer to disconnect")
             return
-        disconnect(sim, actor)
+        disconnect(run.roads, actor)

@@ -10,8 +10,8 @@ from runner.contracts.registry import action
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 
 @action("CustomCommandAction")
@@ -27,6 +27,6 @@ class CustomCommandAction(GlobalAction):
         """Build from a CustomCommandAction element."""
         return cls(node.get("type"), node.text())
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Complete at once."""
-        sim.note("userDefined", self.type, self.content)
+        run.note("userDefined", self.type, self.content)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,8 +13,8 @@ from schemas.values import Value, typed
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Run
 
 _NUMBERS = ("double", "int", "unsignedInt", "unsignedShort")
 _CHANGES: dict[str, Callable[[float, float], float]] = {"AddValue": operator.add, "MultiplyByValue": operator.mul}
@@ -39,14 +39,14 @@ class _Target(NamedTuple):
             raise above.invalid(f"{what}Ref={name!r} is not a {what} that the scenario declares")
         return cls(what, name, types[name])
 
-    def table(self, sim: Simulation) -> dict[str, Value]:
+    def table(self, run: Run) -> MutableMapping[str, Value]:
         """The table of values that it is in."""
-        return sim.parameters if self.what == "parameter" else sim.variables
+        return run.parameters if self.what == "parameter" else run.variables
 
-    def write(self, sim: Simulation, value: Value) -> None:
+    def write(self, run: Run, value: Value) -> None:
         """Put a value into the table; ParameterConditions and VariableConditions see it."""
-        self.table(sim)[self.name] = value
-        sim.note(self.what, self.name, f"set to {value}")
+        self.table(run)[self.name] = value
+        run.note(self.what, self.name, f"set to {value}")
 
 
 @action("ParameterAction/SetAction", "VariableAction/SetAction")
@@ -66,9 +66,9 @@ class SetAction(GlobalAction):
         except ValueError as error:
             raise node.invalid(f"value: {error}") from None
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Set the value at once."""
-        self.target.write(sim, self.value)
+        self.target.write(run, self.value)
 
 
 @action("ParameterAction/ModifyAction", "VariableAction/ModifyAction")
@@ -92,9 +92,9 @@ class ModifyAction(GlobalAction):
             raise rule.invalid(f"{' or '.join(_CHANGES)} is expected")
         return cls(node, target, _CHANGES[rule.tag], rule.finite("value"))
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Modify the value at once."""
-        before = self.target.table(sim)[self.target.name]
+        before = self.target.table(run)[self.target.name]
         assert isinstance(before, float | int)
         after = self.change(before, self.operand)
         target = self.target
@@ -102,7 +102,7 @@ class ModifyAction(GlobalAction):
             value = typed(target.type, repr(after if target.type == "double" else round(after)))
         except (ValueError, OverflowError):
             raise self.node.invalid(f"{target.what} {target.name} would become {after:g}, which is no {target.type}") from None
-        target.write(sim, value)
+        target.write(run, value)
 
 
 @action("SetMonitorAction")
@@ -121,7 +121,7 @@ class SetMonitorAction(GlobalAction):
             raise node.invalid(f"monitorRef={name!r} is not a monitor that the scenario declares")
         return cls(name, node.bool("value"))
 
-    def start(self, sim: Simulation) -> None:
+    def start(self, run: Run) -> None:
         """Set the monitor at once."""
-        sim.monitors[self.name] = self.value
-        sim.note("monitor", self.name, f"set to {str(self.value).lower()}")
+        run.monitors[self.name] = self.value
+        run.note("monitor", self.name, f"set to {str(self.value).lower()}")

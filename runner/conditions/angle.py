@@ -15,8 +15,8 @@ from runner.spacing.distances import trajectory
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Instant
 
 _TYPES = ("heading", "pitch", "roll")
 _SYSTEMS = ("entity", "lane", "road", "trajectory", "world")
@@ -51,9 +51,9 @@ class Aim(NamedTuple):
             node.choice("coordinateSystem", _SYSTEMS, system),
         )
 
-    def of(self, entity: Entity, sim: Simulation) -> float | None:
+    def of(self, entity: Entity, run: Instant) -> float | None:
         """The entity's angle in the coordinate system, in (−π, π]; None where there is no such system."""
-        reference = _reference(entity, sim, self.system)
+        reference = _reference(entity, run, self.system)
         if reference is None:
             return None
         own = Angles(entity.h, entity.pitch, entity.roll)
@@ -69,7 +69,7 @@ class Aim(NamedTuple):
         return f"{self.kind} of {whose} ({self.system}) = {seen}, {self.angle:g} ± {self.tolerance:g} rad expected"
 
 
-def _reference(entity: Entity, sim: Simulation, system: str) -> Angles | None:
+def _reference(entity: Entity, run: Instant, system: str) -> Angles | None:
     """Orientation of a coordinate system where the entity is: roads and lanes point towards +s, whatever the traffic does."""
     if system == "world":
         return Angles(0.0, 0.0, 0.0)
@@ -79,10 +79,10 @@ def _reference(entity: Entity, sim: Simulation, system: str) -> Angles | None:
         path = trajectory(entity)
         pose = path.at(nearest(path, entity.x, entity.y)) if path is not None else None
         return Angles(pose.h, pose.pitch, pose.roll) if pose is not None else None
-    point = sim.road_point(entity)
-    if point is None or sim.network is None:
+    point = run.roads.road_point(entity)
+    if point is None or run.roads.network is None:
         return None
-    road = sim.network.roads[point.road_id]
+    road = run.roads.network.roads[point.road_id]
     pose = road.pose(point.s, point.t)
     drift = 0.0
     if system == "lane":
@@ -102,13 +102,13 @@ class AngleCondition(EntityCondition):
         """Read the attributes."""
         return cls(Aim.from_xml(node, "world"))
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the angle is within the tolerance."""
-        return self.aim.meets(self.aim.of(entity, sim))
+        return self.aim.meets(self.aim.of(entity, run))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The angle compared."""
-        return self.aim.describe(entity.name, self.aim.of(entity, sim))
+        return self.aim.describe(entity.name, self.aim.of(entity, run))
 
 
 @condition("RelativeAngleCondition")
@@ -128,17 +128,17 @@ class RelativeAngleCondition(EntityCondition):
         """Read the attributes."""
         return cls(context.entity(node), Aim.from_xml(node, "entity"))
 
-    def _angle(self, entity: Entity, sim: Simulation) -> float | None:
+    def _angle(self, entity: Entity, run: Instant) -> float | None:
         if not self.other.active:
             return None
         aim = self.aim._replace(system="world") if self.aim.system == "entity" else self.aim
-        own, other = aim.of(entity, sim), aim.of(self.other, sim)
+        own, other = aim.of(entity, run), aim.of(self.other, run)
         return wrap(own - other) if own is not None and other is not None else None
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the relative angle is within the tolerance."""
-        return self.aim.meets(self._angle(entity, sim))
+        return self.aim.meets(self._angle(entity, run))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The relative angle compared."""
-        return self.aim.describe(f"{entity.name} relative to {self.other.name}", self._angle(entity, sim))
+        return self.aim.describe(f"{entity.name} relative to {self.other.name}", self._angle(entity, run))

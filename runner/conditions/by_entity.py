@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.condition import EntityCondition
 from runner.contracts.registry import condition
-from runner.interpreter.departures import is_off_road
 from runner.spacing.closing import velocity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Instant
     from runner.participants.entity import Entity
 
 DIRECTIONS = ("longitudinal", "lateral", "vertical")
@@ -46,11 +45,11 @@ class _Lasting(EntityCondition):
 class EndOfRoadCondition(_Lasting):
     """True once the entity has stood at the end of its road for the duration."""
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the road has ended long enough ago."""
         return self._lasted(entity.road_end)
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """Time at the end of the road."""
         return self._text(entity, "at the end of the road", entity.road_end)
 
@@ -59,11 +58,11 @@ class EndOfRoadCondition(_Lasting):
 class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it stands long enough."""
         return self._lasted(entity.standstill)
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """Time of standing still."""
         return self._text(entity, "standing still", entity.standstill)
 
@@ -83,19 +82,23 @@ class OffroadCondition(_Lasting):
         above = node.parent
         by_entity = above.parent if above is not None else None
         entities = context.triggering_entities(by_entity.need("TriggeringEntities")) if by_entity is not None else []
-        context.each_step(lambda sim: self._observe(entities, sim))
+        context.each_step(lambda run: self._observe(entities, run))
         return self
 
-    def _observe(self, entities: list[Entity], sim: Simulation) -> None:
-        for entity in entities:
-            off = entity.active and entity.placed and is_off_road(entity, sim)
-            self._since[entity.name] = self._since.get(entity.name, 0.0) + sim.dt if off else 0.0
+    def reset(self) -> None:
+        """Everyone is on the road."""
+        self._since.clear()
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def _observe(self, entities: list[Entity], run: Instant) -> None:
+        for entity in entities:
+            off = entity.active and entity.placed and run.roads.is_off_road(entity)
+            self._since[entity.name] = self._since.get(entity.name, 0.0) + run.dt if off else 0.0
+
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it left the road long enough ago."""
         return self._lasted(self._since.get(entity.name, 0.0))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """Time off the road."""
         return self._text(entity, "off the road", self._since.get(entity.name, 0.0))
 
@@ -117,15 +120,15 @@ class CollisionCondition(EntityCondition):
         if target.tag != "ByType":
             raise target.invalid("EntityRef or ByType is expected")
         kind = target.choice("type", OBJECT_TYPES)
-        return cls(frozenset(e.name for e in context.all.values() if e.kind == kind), f"any {kind}")
+        return cls(frozenset(e.name for e in context.declared.values() if e.declared.kind == kind), f"any {kind}")
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether a contact exists now."""
-        return bool(sim.contacts.pairs) and any(other.name in self.others for other in sim.contacts.of(entity))
+        return any(other.name in self.others for other in run.touching(entity))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """Whom it touches."""
-        touched = ", ".join(other.name for other in sim.contacts.of(entity)) or "nobody"
+        touched = ", ".join(other.name for other in run.touching(entity)) or "no one"
         return f"collision of {entity.name} with {self.what}: {entity.name} touches {touched}"
 
 
@@ -147,11 +150,11 @@ class SpeedCondition(EntityCondition):
             return entity.speed
         return project(entity, *velocity(entity), self.direction)
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the comparison is true."""
         return self.comparison.holds(self._speed(entity))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The speed compared."""
         return self.comparison.describe(_called(self.direction, "speed", entity.name), self._speed(entity))
 
@@ -182,11 +185,11 @@ class RelativeSpeedCondition(EntityCondition):
         (vx, vy), (ox, oy) = velocity(entity), velocity(self.other)
         return project(entity, vx - ox, vy - oy, self.direction)
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the comparison is true."""
         return self.comparison.holds(self._speed(entity))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The relative speed compared."""
         what = _called(self.direction, "relative speed", f"{entity.name}–{self.other.name}")
         return self.comparison.describe(what, self._speed(entity))
@@ -217,11 +220,11 @@ class AccelerationCondition(EntityCondition):
             return math.hypot(entity.ax, entity.ay)
         return project(entity, entity.ax, entity.ay, self.direction)
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the comparison is true."""
         return self.comparison.holds(self._acceleration(entity))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The acceleration compared."""
         return self.comparison.describe(_called(self.direction, "acceleration", entity.name), self._acceleration(entity))
 
@@ -238,11 +241,11 @@ class TraveledDistanceCondition(EntityCondition):
         """Read the distance."""
         return cls(node.float("value"))
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it has gone so far."""
         return entity.odometer >= self.distance - TOLERANCE
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The distance travelled."""
         return f"distance travelled by {entity.name} = {entity.odometer:.2f} m ≥ {self.distance:g} m"
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from runner.conditions.comparison import RULES, Comparison
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
-from runner.interpreter.environment import read_date
+from runner.surroundings.environment import read_date
 from schemas.values import Value, number, typed
 from schemas.values import holds as compare
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Instant
     from xosc.parameters import Parameter
 
 
@@ -33,13 +33,13 @@ class SimulationTimeCondition(Condition):
         """Read rule and value."""
         return cls(Comparison.from_xml(node, "s"))
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true now."""
-        return self.comparison.holds(sim.time)
+        return self.comparison.holds(run.time)
 
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """The simulation time."""
-        return self.comparison.describe("simulation time", sim.time)
+        return self.comparison.describe("simulation time", run.time)
 
 
 @condition("TimeOfDayCondition")
@@ -58,14 +58,14 @@ class TimeOfDayCondition(Condition):
         """Read rule and dateTime."""
         return cls(node.choice("rule", RULES), read_date(node, "dateTime"))
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true now; the tolerance is that of times."""
-        now = sim.environment.time_of_day(sim.time)
+        now = run.environment.time_of_day(run.time)
         return now is not None and Comparison(self.rule, 0.0).holds((now - self.value).total_seconds())
 
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """The time of day."""
-        now = sim.environment.time_of_day(sim.time)
+        now = run.environment.time_of_day(run.time)
         seen = now.isoformat(timespec="milliseconds") if now is not None else "undefined"
         return f"time of day = {seen} {RULES[self.rule].symbol} {self.value.isoformat()}"
 
@@ -120,17 +120,17 @@ class _NamedValueCondition(Condition):
         self.expected = expected
 
     @abstractmethod
-    def value(self, sim: Simulation) -> Value | None:
+    def value(self, run: Instant) -> Value | None:
         """The present value, None where there is none."""
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true; false where there is no value."""
-        value = self.value(sim)
+        value = self.value(run)
         return value is not None and self.expected.holds(value)
 
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """The present value."""
-        return self.expected.describe(f"{self.what} {self.name}", self.value(sim))
+        return self.expected.describe(f"{self.what} {self.name}", self.value(run))
 
 
 def _declared(node: Node, attribute: str, declared: Mapping[str, Parameter]) -> tuple[str, _Expected]:
@@ -158,9 +158,9 @@ class ParameterCondition(_NamedValueCondition):
         """Read parameterRef, rule and value."""
         return cls(*_declared(node, "parameterRef", context.document.parameters))
 
-    def value(self, sim: Simulation) -> Value | None:
+    def value(self, run: Instant) -> Value | None:
         """The parameter as it was set last."""
-        return sim.parameters[self.name]
+        return run.parameters[self.name]
 
 
 @condition("VariableCondition")
@@ -174,9 +174,9 @@ class VariableCondition(_NamedValueCondition):
         """Read variableRef, rule and value."""
         return cls(*_declared(node, "variableRef", context.document.variables))
 
-    def value(self, sim: Simulation) -> Value | None:
+    def value(self, run: Instant) -> Value | None:
         """The variable as it was set last."""
-        return sim.variables[self.name]
+        return run.variables[self.name]
 
 
 @condition("UserDefinedValueCondition")
@@ -190,9 +190,9 @@ class UserDefinedValueCondition(_NamedValueCondition):
         """Read name, rule and value."""
         return cls(node.get("name"), _Expected(node.choice("rule", RULES), node.get("value")))
 
-    def value(self, sim: Simulation) -> Value | None:
+    def value(self, run: Instant) -> Value | None:
         """The value, None while nobody has given any."""
-        return sim.user_values.get(self.name)
+        return run.user_values.get(self.name)
 
 
 class _SignalCondition(Condition):
@@ -205,16 +205,16 @@ class _SignalCondition(Condition):
         self.expected = expected
 
     @abstractmethod
-    def state(self, sim: Simulation) -> str | None:
+    def state(self, run: Instant) -> str | None:
         """The present state."""
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: Instant) -> bool:
         """Whether the state is the expected one."""
-        return self.state(sim) == self.expected
+        return self.state(run) == self.expected
 
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """The present state."""
-        return f"{self.what} {self.name} is {self.state(sim) or 'undefined'}, {self.expected} expected"
+        return f"{self.what} {self.name} is {self.state(run) or 'undefined'}, {self.expected} expected"
 
 
 @condition("TrafficSignalCondition")
@@ -228,9 +228,9 @@ class TrafficSignalCondition(_SignalCondition):
         """Read name (the signal's id) and state."""
         return cls(context.signals.signal(node, "name"), node.get("state"))
 
-    def state(self, sim: Simulation) -> str | None:
+    def state(self, run: Instant) -> str | None:
         """The signal's state, None while nothing has set any."""
-        return sim.signals.states.get(self.name)
+        return run.signals.states.get(self.name)
 
 
 @condition("TrafficSignalControllerCondition")
@@ -244,6 +244,6 @@ class TrafficSignalControllerCondition(_SignalCondition):
         """Read the controller's name and the phase."""
         return cls(*context.signals.phase(node))
 
-    def state(self, sim: Simulation) -> str | None:
+    def state(self, run: Instant) -> str | None:
         """The name of the present phase."""
-        return sim.signals.phases.get(self.name)
+        return run.signals.phases.get(self.name)

@@ -13,8 +13,8 @@ from xodr.graph.relative import lanes_between
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Instant
     from xodr.model import RoadPoint
     from xodr.road import Road
 
@@ -78,34 +78,34 @@ class RelativeClearanceCondition(EntityCondition):
             raise node.invalid("distanceForward and distanceBackward must not be negative")
         return cls(
             ranges or (LaneRange(-math.inf, math.inf),),
-            tuple(dict.fromkeys(named)) or tuple(context.all.values()),
+            tuple(dict.fromkeys(named)) or tuple(context.declared.values()),
             forward,
             backward,
             node.bool("freeSpace"),
             node.bool("oppositeLanes"),
         )
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the lanes exist and are free."""
-        lanes = self._lanes(entity, sim)
-        return bool(lanes) and self._first_inside(entity, sim, lanes) is None
+        lanes = self._lanes(entity, run)
+        return bool(lanes) and self._first_inside(entity, run, lanes) is None
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """Which lanes are checked, and who is in them."""
-        lanes = self._lanes(entity, sim)
+        lanes = self._lanes(entity, run)
         if not lanes:
             return f"the lanes to be clear beside {entity.name} do not exist"
-        inside = self._first_inside(entity, sim, lanes)
+        inside = self._first_inside(entity, run, lanes)
         named = ", ".join(f"{lane:+d}" if lane else "0" for lane in sorted(lanes))
         state = "clear" if inside is None else f"occupied by {inside.name}"
         return f"lanes {named} of {entity.name} from {-self.backward:g} m to {self.forward:g} m are {state}"
 
-    def _lanes(self, entity: Entity, sim: Simulation) -> frozenset[int]:
+    def _lanes(self, entity: Entity, run: Instant) -> frozenset[int]:
         """Relative lanes to be checked; empty where one of them does not exist or none is left."""
-        point = sim.road_point(entity)
-        if point is None or sim.network is None:
+        point = run.roads.road_point(entity)
+        if point is None or run.roads.network is None:
             return frozenset()
-        road = sim.network.roads[point.road_id]
+        road = run.roads.network.roads[point.road_id]
         existing = _lanes_beside(road, point, facing(entity, road, point.s))
         wanted: set[int] = set()
         for low, high in self.ranges:
@@ -116,23 +116,23 @@ class RelativeClearanceCondition(EntityCondition):
         own = road.direction(point.lane_id, point.s) if point.lane_id else facing(entity, road, point.s)
         return frozenset(lane for lane in wanted if self.opposite or road.direction(existing[lane], point.s) == own)
 
-    def _first_inside(self, entity: Entity, sim: Simulation, lanes: frozenset[int]) -> Entity | None:
+    def _first_inside(self, entity: Entity, run: Instant, lanes: frozenset[int]) -> Entity | None:
         """Someone in one of the lanes within the distances."""
-        own = (entity, entity.trailer, entity.tractor)
+        own = (entity, entity.controls.trailer, entity.controls.tractor)
         for other in self.others:
-            if other.active and other.placed and other not in own and self._inside(entity, other, sim, lanes):
+            if other.active and other.placed and other not in own and self._inside(entity, other, run, lanes):
                 return other
         return None
 
-    def _inside(self, entity: Entity, other: Entity, sim: Simulation, lanes: frozenset[int]) -> bool:
-        seen = bearing(sim, entity, other, lane=True)
-        if seen is None or sim.network is None:
+    def _inside(self, entity: Entity, other: Entity, run: Instant, lanes: frozenset[int]) -> bool:
+        seen = bearing(run.roads, entity, other, lane=True)
+        if seen is None or run.roads.network is None:
             return False
-        side = facing(entity, sim.network.roads[seen.a.road_id], seen.a.s)
+        side = facing(entity, run.roads.network.roads[seen.a.road_id], seen.a.s)
         ahead = side * seen.ds
         if not self.free_space:
             return -self.backward <= ahead <= self.forward and side * seen.lanes in lanes
-        road = sim.network.roads[seen.b.road_id]
+        road = run.roads.network.roads[seen.b.road_id]
         there = footprint(road, seen.b, other.h, other.box, seen.line_b)
         turn = side if seen.aligned else -side
         rear, front = sorted((turn * there.rear, turn * there.front))

@@ -18,9 +18,9 @@ from schemas.errors import InvalidFile
 from xosc.node import Node
 
 if TYPE_CHECKING:
+    from runner.contracts.context import Context
     from runner.contracts.position import Position
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.run import Instant
     from runner.motion.placement import Placement
 
 _TYPES = {
@@ -62,19 +62,19 @@ class Measure(NamedTuple):
         kind = _TYPES[node.choice("relativeDistanceType", _TYPES, "euclidianDistance")]
         return cls(kind, node.choice("coordinateSystem", distances.SYSTEMS, "entity"), freespace, routing)
 
-    def between(self, sim: Simulation, a: Entity, b: Entity | Placement) -> float | None:
+    def between(self, run: Instant, a: Entity, b: Entity | Placement) -> float | None:
         """The distance, signed where it has a direction (see `runner.spacing.distances`); None where it is undefined."""
         if self.kind == "euclidean":
             return distances.euclidean(a, b, self.freespace)
         measure = distances.longitudinal if self.kind == "longitudinal" else distances.lateral
-        return measure(sim, a, b, self.system, self.freespace, self.routing)
+        return measure(run.roads, a, b, self.system, self.freespace, self.routing)
 
-    def closing(self, sim: Simulation, a: Entity, b: Entity | Placement) -> float | None:
+    def closing(self, run: Instant, a: Entity, b: Entity | Placement) -> float | None:
         """Speed at which the distance shrinks, m/s, in the same coordinate system and dimension."""
         if self.kind == "euclidean":
             return closing.euclidean(a, b, self.freespace)
         rate = closing.longitudinal if self.kind == "longitudinal" else closing.lateral
-        return rate(sim, a, b, self.system, self.routing)
+        return rate(run.roads, a, b, self.system, self.routing)
 
     def named(self, what: str) -> str:
         """The words for a description."""
@@ -103,7 +103,7 @@ class Target:
         """Read the Position inside a condition."""
         return cls(None, context.position(node.need("Position")))
 
-    def find(self, sim: Simulation, actor: Entity) -> Entity | Placement | None:
+    def find(self, run: Instant, actor: Entity) -> Entity | Placement | None:
         """Where it is now; None for an entity that is absent, or a position that is relative to one."""
         if self.entity is not None:
             return self.entity if self.entity.active and self.entity.placed else None
@@ -113,7 +113,7 @@ class Target:
         if not all(entity.active for entity in self.position.references()):
             return None
         try:
-            return self.position.resolve(sim, actor)
+            return self.position.resolve(run, actor)
         except InvalidFile:  # relative to something that has no such place at the moment: undefined, not wrong
             return None
 
@@ -130,21 +130,21 @@ class _Measured(EntityCondition):
         self.comparison = comparison
 
     @abstractmethod
-    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+    def between(self, entity: Entity, target: Entity | Placement, run: Instant) -> float | None:
         """The value compared; None where it is undefined."""
 
-    def _value(self, entity: Entity, sim: Simulation) -> float | None:
-        target = self.target.find(sim, entity)
-        return self.between(entity, target, sim) if target is not None else None
+    def _value(self, entity: Entity, run: Instant) -> float | None:
+        target = self.target.find(run, entity)
+        return self.between(entity, target, run) if target is not None else None
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the comparison is true."""
-        return self.comparison.holds(self._value(entity, sim))
+        return self.comparison.holds(self._value(entity, run))
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The value compared."""
         what = f"{self.measure.named(self.what)} {entity.name}–{self.target.name}"
-        return self.comparison.describe(what, self._value(entity, sim))
+        return self.comparison.describe(what, self._value(entity, run))
 
 
 class _DistanceCondition(_Measured):
@@ -152,9 +152,9 @@ class _DistanceCondition(_Measured):
 
     what = "distance"
 
-    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+    def between(self, entity: Entity, target: Entity | Placement, run: Instant) -> float | None:
         """The distance without its sign."""
-        distance = self.measure.between(sim, entity, target)
+        distance = self.measure.between(run, entity, target)
         return abs(distance) if distance is not None else None
 
 
@@ -191,19 +191,19 @@ class ReachPositionCondition(EntityCondition):
         """Read the position and the radius of the circle."""
         return cls(Target.position_of(node, context), node.float("tolerance"))
 
-    def _distance(self, entity: Entity, sim: Simulation) -> float | None:
-        place = self.target.find(sim, entity)
+    def _distance(self, entity: Entity, run: Instant) -> float | None:
+        place = self.target.find(run, entity)
         return math.hypot(place.x - entity.x, place.y - entity.y) if place is not None else None
 
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the entity is inside the circle."""
-        distance = self._distance(entity, sim)
+        distance = self._distance(entity, run)
         return distance is not None and distance < self.tolerance + TOLERANCE
 
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The distance from the circle's centre."""
         return Comparison("lessOrEqual", self.tolerance, "m").describe(
-            f"distance {entity.name}–position", self._distance(entity, sim)
+            f"distance {entity.name}–position", self._distance(entity, run)
         )
 
 
@@ -218,19 +218,19 @@ class TimeHeadwayCondition(_Measured):
         """Read the entity and how to measure."""
         return cls(Target(context.entity(node), None), Measure.from_xml(node), Comparison.from_xml(node, "s"))
 
-    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+    def between(self, entity: Entity, target: Entity | Placement, run: Instant) -> float | None:
         """The time headway."""
         if entity.speed < _STILL:
             return None
-        distance = self.measure.between(sim, entity, target)
-        if distance is None or not self._ahead(entity, target, distance, sim):
+        distance = self.measure.between(run, entity, target)
+        if distance is None or not self._ahead(entity, target, distance, run):
             return None
         return abs(distance) / entity.speed
 
-    def _ahead(self, entity: Entity, target: Entity | Placement, distance: float, sim: Simulation) -> bool:
+    def _ahead(self, entity: Entity, target: Entity | Placement, distance: float, run: Instant) -> bool:
         if self.measure.kind == "longitudinal" and distance != 0.0:
             return distance > 0.0
-        return (distances.longitudinal(sim, entity, target, "entity", False) or 0.0) > TOLERANCE
+        return (distances.longitudinal(run.roads, entity, target, "entity", False) or 0.0) > TOLERANCE
 
 
 @condition("TimeToCollisionCondition")
@@ -248,10 +248,10 @@ class TimeToCollisionCondition(_Measured):
         target = Target.from_xml(node.need("TimeToCollisionConditionTarget"), context)
         return cls(target, Measure.from_xml(node), Comparison.from_xml(node, "s"))
 
-    def between(self, entity: Entity, target: Entity | Placement, sim: Simulation) -> float | None:
+    def between(self, entity: Entity, target: Entity | Placement, run: Instant) -> float | None:
         """The time to collision."""
-        distance = self.measure.between(sim, entity, target)
+        distance = self.measure.between(run, entity, target)
         if distance is None:
             return None
-        speed = self.measure.closing(sim, entity, target)
+        speed = self.measure.closing(run, entity, target)
         return abs(distance) / speed if speed is not None and speed > _STILL else None

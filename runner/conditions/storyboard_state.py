@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
-from runner.interpreter.elements import Element, State, Transition
+from runner.contracts.storyboard import ElementState, StoryboardElement, Transition
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
-    from runner.interpreter.storyboard import Storyboard
+    from runner.contracts.context import Context
+    from runner.contracts.run import Instant
 
 _KINDS = ("story", "act", "maneuverGroup", "maneuver", "event", "action")
 _ELEMENTS = frozenset(("Story", "Act", "ManeuverGroup", "Maneuver", "Event"))
-_STATES = tuple(state.value for state in State)
+_STATES = tuple(state.value for state in ElementState)
 _TRANSITIONS = tuple(transition.value for transition in Transition)
 
 
@@ -30,7 +30,7 @@ class StoryboardElementStateCondition(Condition):
     the same maneuver, else the same group, act or story (maneuvers from catalogues may be used more than once).
     """
 
-    element: Element
+    element: StoryboardElement
     around: bool = False
     """whether the element contains the condition: then it has always done its part of a step before the condition looks"""
 
@@ -46,14 +46,14 @@ class StoryboardElementStateCondition(Condition):
         self = cls(node.choice("state", _STATES + _TRANSITIONS))
 
         def find() -> None:
-            self.element = find_element(node, name, kind, context.storyboard)
-            path = _path(self.element)
-            self.around = _enclosing(node)[: len(path)] == path
+            self.element = find_element(node, name, kind, context.storyboard_elements())
+            names = self.element.names
+            self.around = _enclosing(node)[: len(names)] == names
 
         context.late(find)
         return self
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: Instant) -> bool:
         """Whether the element was in the state, or had made the transition, when this step began.
 
         Elements that contain the condition are seen as they are now: an event can start in the very step of its act.
@@ -61,28 +61,28 @@ class StoryboardElementStateCondition(Condition):
         element = self.element
         if self._is_state:
             return self.state == (element.state if self.around else element.seen_state)
-        if self.around and sim.step_index > 0:  # before the first step, stories have started already
+        if self.around and run.step_index > 0:  # before the first step, stories have started already
             return self.state in element.transitions
         return self.state in element.seen_transitions or (self.around and self.state in element.transitions)
 
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """The element's state and transitions."""
         element = self.element
         seen = ", ".join((str(element.seen_state), *element.seen_transitions))
         return f"{element.kind} {element.path} is in {seen}, {self.state} expected"
 
 
-def find_element(node: Node, name: str, kind: str, storyboard: Storyboard) -> Element:
+def find_element(node: Node, name: str, kind: str, elements: Sequence[StoryboardElement]) -> StoryboardElement:
     """The one storyboard element of a type that a name or the end of a path refers to.
 
     Raises:
         InvalidFile: there is none, or more than one are equally near to the condition.
     """
-    parts, around = name.split("::"), _enclosing(node)
-    named = [e for e in storyboard.elements() if e.kind == kind and _path(e)[-len(parts) :] == parts]
+    parts, around = tuple(name.split("::")), _enclosing(node)
+    named = [e for e in elements if e.kind == kind and e.names[-len(parts) :] == parts]
     if not named:
         raise node.invalid(f"storyboardElementRef={name!r} is no {kind} of this storyboard")
-    nearness = [_shared(_path(e), around) for e in named]
+    nearness = [_shared(e.names, around) for e in named]
     found = [e for e, near in zip(named, nearness, strict=True) if near == max(nearness)]
     if len(found) > 1:
         paths = ", ".join(e.path for e in found[:4])
@@ -90,20 +90,12 @@ def find_element(node: Node, name: str, kind: str, storyboard: Storyboard) -> El
     return found[0]
 
 
-def _path(element: Element) -> list[str]:
-    names = [element.name]
-    while element.parent is not None:
-        element = element.parent
-        names.append(element.name)
-    return names[::-1]
-
-
-def _shared(path: list[str], other: list[str]) -> int:
+def _shared(path: tuple[str, ...], other: tuple[str, ...]) -> int:
     """Number of names that two paths begin with in common."""
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(path, other, strict=False)))
 
 
-def _enclosing(node: Node) -> list[str]:
+def _enclosing(node: Node) -> tuple[str, ...]:
     """Names of the storyboard elements around a condition's element, from the story inwards."""
     above = (element for element in node.element.iterancestors() if element.tag in _ELEMENTS)
-    return [str(element.get("name", "")) for element in above][::-1]
+    return tuple(str(element.get("name", "")) for element in above)[::-1]

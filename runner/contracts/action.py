@@ -7,12 +7,13 @@ simulation time comes back as a `Running`, one for each actor, with the state of
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.run import Run
+    from runner.contracts.running import Running
     from runner.participants.entity import Entity
     from xosc.node import Node
 
@@ -31,24 +32,20 @@ def need_places(node: Node, *entities: Entity) -> None:
             raise node.invalid(f"{entity.name} has no position yet; a TeleportAction has to come first")
 
 
-class Running(Protocol):
-    """An action in execution for one actor (or for none, if global)."""
-
-    __slots__ = ()
-
-    def step(self, dt: float) -> bool:
-        """Act on the interval from now to now + dt (s); true when the action's goal is reached at its end."""
-        ...
-
-    def stop(self) -> None:
-        """Give back whatever is held, by default nothing; called once, when the action ends, is overridden or stopped."""
-        return
-
-
 class PrivateAction(ABC):
     """An action on one entity."""
 
     domains: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def places(self) -> bool:
+        """Whether it puts the actor somewhere, whatever its place is; initial actions are ordered by it."""
+        return False
+
+    @property
+    def activates_controller(self) -> bool:
+        """Whether it decides when a system under test drives the actor."""
+        return False
 
     def claims(self) -> tuple[str, ...]:
         """Control domains that this action takes over from whatever owns them (standard 7.5.1)."""
@@ -59,7 +56,7 @@ class PrivateAction(ABC):
         return ()
 
     @abstractmethod
-    def start(self, actor: Entity, sim: Simulation) -> Running | None:
+    def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin for this actor now; None when the action is complete at once."""
 
 
@@ -67,7 +64,7 @@ class GlobalAction(ABC):
     """An action on the simulation at large."""
 
     @abstractmethod
-    def start(self, sim: Simulation) -> Running | None:
+    def start(self, run: Run) -> Running | None:
         """Begin now; None when the action is complete at once."""
 
 

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.run import Instant
     from runner.participants.entity import Entity
 
 
@@ -16,24 +16,32 @@ class Condition(ABC):
     triggering: tuple[Entity, ...] = ()
     """Entities for which the last evaluation was true (by-entity conditions)."""
 
+    def reset(self) -> None:
+        """A run begins: forget what the last one has left."""
+        self.triggering = ()
+
     @abstractmethod
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: Instant) -> bool:
         """The logical expression at the simulation's current time."""
 
     @abstractmethod
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """The expression with the values of now, e.g. `time headway Ego–Lead = 1.31 s < 1.5 s`."""
 
 
 class EntityCondition(ABC):
     """The expression inside a ByEntityCondition, for one triggering entity."""
 
+    def reset(self) -> None:
+        """A run begins: forget what the last one has left, by default nothing."""
+        return
+
     @abstractmethod
-    def holds(self, entity: Entity, sim: Simulation) -> bool:
+    def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the expression is true for this entity now; an undefined quantity makes it false."""
 
     @abstractmethod
-    def describe(self, entity: Entity, sim: Simulation) -> str:
+    def describe(self, entity: Entity, run: Instant) -> str:
         """The expression for this entity with the values of now."""
 
 
@@ -51,14 +59,19 @@ class ByEntityCondition(Condition):
         self.every = every
         self.condition = condition
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def reset(self) -> None:
+        """Reset the expression as well."""
+        super().reset()
+        self.condition.reset()
+
+    def evaluate(self, run: Instant) -> bool:
         """True when the expression holds for any, or all, of the entities that are present."""
         condition = self.condition
-        held = tuple(entity for entity in self.entities if entity.active and condition.holds(entity, sim))
+        held = tuple(entity for entity in self.entities if entity.active and condition.holds(entity, run))
         self.triggering = held
         return len(held) == len(self.entities) if self.every else bool(held)
 
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """The expressions of the entities that triggered, or of all of them if none did."""
         shown = self.triggering or [entity for entity in self.entities if entity.active]
-        return "; ".join(self.condition.describe(entity, sim) for entity in shown) or "no triggering entity is present"
+        return "; ".join(self.condition.describe(entity, run) for entity in shown) or "no triggering entity is present"

@@ -1,17 +1,17 @@
 """Which class executes which OpenSCENARIO element: one table per family, nothing skipped in silence.
 
 A family's classes announce themselves with `@action("SpeedAction")`, `@condition("SpeedCondition")` or
-`@position("LanePosition")`. Where the standard uses one element name for two things, the key is
-`Parent/Name` (`VariableAction/SetAction`). What is deliberately not executed is entered by `refuse`
+`@position("LanePosition")`, each in a module of the family's folder. Where the standard uses one element name for two
+things, the key is `Parent/Name` (`VariableAction/SetAction`). What is deliberately not executed is entered by `refuse`
 with the reason that the user reads. `docs/coverage.md` is generated from these tables.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
+from schemas import discovery
 from xosc.node import Node
 
 
@@ -32,14 +32,14 @@ class Registry:
 
     Args:
         family: the family's name, for messages.
-        package: modules that hold the classes, imported on first use.
+        package: whose modules hold the classes; they are imported on first use.
     """
 
-    def __init__(self, family: str, modules: Iterable[str]) -> None:
+    def __init__(self, family: str, package: str) -> None:
         self.family = family
         self.classes: dict[str, type[FromXml]] = {}
         self.refused: dict[str, str] = {}
-        self._modules = tuple(modules)
+        self._package = package
         self._loaded = False
 
     def __call__(self, *names: str) -> Callable[[C], C]:
@@ -61,8 +61,7 @@ class Registry:
     def load(self) -> None:
         """Import the family's modules, so that the tables are complete."""
         if not self._loaded:
-            for module in self._modules:
-                importlib.import_module(module)
+            discovery.load(self._package)
             self._loaded = True
 
     def find(self, node: Node, parent: str | None = None) -> type[FromXml]:
@@ -84,38 +83,6 @@ class Registry:
         raise node.unsupported(f"this {self.family} is not known to the runner")
 
 
-action = Registry(
-    "action",
-    (
-        "runner.actions.longitudinal",
-        "runner.actions.longitudinal_distance",
-        "runner.actions.speed_profile",
-        "runner.actions.lateral",
-        "runner.actions.lateral_distance",
-        "runner.actions.synchronize",
-        "runner.actions.routing",
-        "runner.actions.follow_trajectory",
-        "runner.actions.teleport",
-        "runner.actions.controller",
-        "runner.actions.appearance",
-        "runner.actions.trailer",
-        "runner.actions.environment",
-        "runner.actions.values",
-        "runner.actions.entity",
-        "runner.actions.infrastructure",
-        "runner.actions.traffic",
-        "runner.actions.user_defined",
-    ),
-)
-condition = Registry(
-    "condition",
-    (
-        "runner.conditions.by_entity",
-        "runner.conditions.angle",
-        "runner.conditions.distance",
-        "runner.conditions.clearance",
-        "runner.conditions.by_value",
-        "runner.conditions.storyboard_state",
-    ),
-)
-position = Registry("position", ("runner.positions",))
+action = Registry("action", "runner.actions")
+condition = Registry("condition", "runner.conditions")
+position = Registry("position", "runner.positions")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from runner.participants.boxes import overlap, reach
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.run import Run
     from runner.participants.entity import Entity
 
 _by_x = attrgetter("x")
@@ -22,11 +22,11 @@ class Contacts:
     A tractor and the trailer on its hitch do not count: their boxes may overlap by construction.
     """
 
-    def __init__(self, sim: Simulation) -> None:
-        self._sim = sim
+    def __init__(self, run: Run) -> None:
+        self._run = run
         self._reach: dict[str, float] = {}
         self._widest = 0.0
-        for entity in sim.entities.values():
+        for entity in run.entities.values():
             self.enter(entity)
         self._partners: dict[str, list[Entity]] = {}
         self.pairs: set[tuple[str, str]] = set()
@@ -40,7 +40,7 @@ class Contacts:
 
     def update(self) -> None:
         """Look at all present entities once a step."""
-        order = [entity for entity in self._sim.entities.values() if entity.active and entity.placed]
+        order = [entity for entity in self._run.entities.values() if entity.active and entity.placed]
         if len(order) > 2:
             order.sort(key=_by_x)
         found: list[tuple[Entity, Entity]] = []
@@ -50,7 +50,13 @@ class Contacts:
                 dx = b.x - a.x
                 if dx > near:
                     break
-                if dx >= -near and abs(b.y - a.y) <= near and a.trailer is not b and b.trailer is not a and overlap(a, b):
+                if (
+                    dx >= -near
+                    and abs(b.y - a.y) <= near
+                    and a.controls.trailer is not b
+                    and b.controls.trailer is not a
+                    and overlap(a, b)
+                ):
                     found.append((a, b))
         if found or self.pairs:
             self._compare(found)
@@ -63,10 +69,10 @@ class Contacts:
             self._partners.setdefault(a.name, []).append(b)
             self._partners.setdefault(b.name, []).append(a)
         for first, second in sorted(pairs - self.pairs):
-            self.history.append((self._sim.time, first, second))
-            self._sim.note("collision", first, f"touches {second}")
+            self.history.append((self._run.time, first, second))
+            self._run.note("collision", first, f"touches {second}")
         for first, second in sorted(self.pairs - pairs):
-            self._sim.note("collisionEnd", first, f"no longer touches {second}")
+            self._run.note("collisionEnd", first, f"no longer touches {second}")
         self.pairs = pairs
 
     def of(self, entity: Entity) -> Sequence[Entity]:

@@ -1,28 +1,31 @@
 """Compile a resolved OpenSCENARIO document: elements become runtime objects, all references are checked.
 
-The result belongs to one run. Everything that is not executed is refused here, by name, file and line.
+The result can be run again and again: what a run changes of it is reset before the next one. Everything that is not executed
+is refused here, by name, file and line.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.contracts import registry
-from runner.contracts.action import Action
+from runner.contracts.action import Action, PrivateAction
 from runner.contracts.condition import ByEntityCondition, Condition
 from runner.interpreter.elements import ActionElement
-from runner.interpreter.signals import TrafficSignals
 from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 from runner.interpreter.triggers import Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
+from runner.surroundings.signals import TrafficSignals
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.position import Position
+    from runner.contracts.run import Run
+    from runner.contracts.storyboard import StoryboardElement
     from schemas.errors import ToolchainError
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
@@ -50,28 +53,38 @@ WRAPPERS = {
 _PRIORITIES = ("overwrite", "override", "parallel", "skip")
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Scenario:
-    """A compiled scenario: used up by one run."""
+    """A compiled scenario, to be run as often as one likes, but once at a time.
+
+    Declarations, actions, conditions and positions stay as they are. The entities' states, the storyboard's states and the
+    signals' states are a run's, and `reset` makes them what they were before.
+    """
 
     path: Path
     version: tuple[int, int]
     network: RoadNetwork | None
     entities: Entities
     storyboard: Storyboard
-    parameters: dict[str, Any] = field(default_factory=dict)
-    variables: dict[str, Any] = field(default_factory=dict)
-    monitors: dict[str, bool] = field(default_factory=dict)
-    activated: set[str] = field(default_factory=set)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    variables: Mapping[str, Any] = field(default_factory=dict)
+    monitors: Mapping[str, bool] = field(default_factory=dict)
+    activated: frozenset[str] = frozenset()
     """names of entities whose controller the scenario activates or deactivates at some time"""
     signals: TrafficSignals = field(default_factory=TrafficSignals)
     violations: tuple[ToolchainError, ...] = ()
     """parameter values outside their constraint groups, where that is allowed"""
-    observers: list[Callable[[Simulation], None]] = field(default_factory=list)
-    """called at the end of each step, for conditions that watch what goes on before anybody asks them"""
+    observers: tuple[Callable[[Run], None], ...] = ()
+    """called at the end of each step, for conditions that watch what goes on before they are asked"""
+
+    def reset(self) -> None:
+        """As before a run."""
+        self.entities.reset()
+        self.storyboard.reset()
+        self.signals.reset()
 
 
-class Context:
+class ScenarioContext:
     """What the classes of the registries need to build themselves from XML, references checked.
 
     Args:
@@ -83,7 +96,7 @@ class Context:
         self.document = document
         self.version = document.version
         self.network = network
-        self.all = Entities()
+        self.declared = Entities()
         self.selections: dict[str, list[Entity]] = {}
         self.parameters: dict[str, Any] = {name: p.value for name, p in document.parameters.items()}
         self.variables: dict[str, Any] = {name: v.value for name, v in document.variables.items()}
@@ -93,13 +106,13 @@ class Context:
         self.signals = TrafficSignals.from_xml(document.node.find("RoadNetwork", "TrafficSignals"), network)
         self.storyboard = Storyboard()
         self._late: list[Callable[[], None]] = []
-        self.observers: list[Callable[[Simulation], None]] = [self.signals.advance] if self.signals.controllers else []
+        self.observers: list[Callable[[Run], None]] = [self.signals.advance] if self.signals.controllers else []
 
     def late(self, check: Callable[[], None]) -> None:
         """Have something done once the whole storyboard stands (references to storyboard elements)."""
         self._late.append(check)
 
-    def each_step(self, observe: Callable[[Simulation], None]) -> None:
+    def each_step(self, observe: Callable[[Run], None]) -> None:
         """Have something called at the end of each step of the run."""
         self.observers.append(observe)
 
@@ -108,13 +121,23 @@ class Context:
         for check in self._late:
             check()
 
+    def need_network(self, node: Node) -> RoadNetwork:
+        """The road network, for elements that make no sense without one."""
+        if self.network is None:
+            raise node.invalid("the position needs a road network, but the scenario has no RoadNetwork/LogicFile")
+        return self.network
+
+    def storyboard_elements(self) -> list[StoryboardElement]:
+        """All named storyboard elements read so far, in document order."""
+        return list(self.storyboard.elements())
+
     # references -----------------------------------------------------------------------------
 
     def entities(self, node: Node, attribute: str = "entityRef") -> list[Entity]:
         """The entity, or the members of the entity selection, that an attribute names."""
         name = node.get(attribute)
-        if name in self.all:
-            return [self.all[name]]
+        if name in self.declared:
+            return [self.declared[name]]
         if name in self.selections:
             return self.selections[name]
         raise node.invalid(f"{attribute}={name!r} is neither an entity nor an entity selection of this scenario")
@@ -122,9 +145,9 @@ class Context:
     def entity(self, node: Node, attribute: str = "entityRef") -> Entity:
         """The single entity that an attribute names."""
         name = node.get(attribute)
-        if name not in self.all:
+        if name not in self.declared:
             raise node.invalid(f"{attribute}={name!r} is not an entity of this scenario")
-        return self.all[name]
+        return self.declared[name]
 
     def triggering_entities(self, node: Node) -> list[Entity]:
         """Members of a TriggeringEntities element, selections expanded, each once."""
@@ -153,9 +176,10 @@ class Context:
         inner = by.need("EntityCondition").only()
         return ByEntityCondition(self.triggering_entities(triggering), every, self._build(registry.condition, inner))
 
-    def position(self, node: Node) -> Any:
+    def position(self, node: Node) -> Position:
         """The position inside an element that holds exactly one (Position, TargetPosition, …)."""
-        return self._build(registry.position, node.only())
+        position: Position = self._build(registry.position, node.only())
+        return position
 
     def _build(self, family: registry.Registry, node: Node) -> Any:
         parent = node.element.getparent()
@@ -173,7 +197,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         InvalidFile: a reference leads nowhere, a value is out of its range.
         Unsupported: an element is not executed by this runner; named with file and line.
     """
-    context = Context(document, network)
+    context = ScenarioContext(document, network)
     read_entities(document.node.need("Entities"), context)
     _read_storyboard(document.node.need("Storyboard"), context)
     context.finish()
@@ -181,7 +205,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         path=document.path,
         version=document.version,
         network=network,
-        entities=context.all,
+        entities=context.declared,
         storyboard=context.storyboard,
         parameters=context.parameters,
         variables=context.variables,
@@ -189,24 +213,24 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         activated=_activated(context.storyboard),
         signals=context.signals,
         violations=document.violations,
-        observers=context.observers,
+        observers=tuple(context.observers),
     )
 
 
-def _activated(storyboard: Storyboard) -> set[str]:
+def _activated(storyboard: Storyboard) -> frozenset[str]:
     found = {actor.name for actor, element in storyboard.init if actor and _activates(element)}
     for act in storyboard.acts:
         for event in act.events:
             if any(isinstance(element, ActionElement) and _activates(element) for element in event.children):
                 found |= {actor.name for actor in event.group.actors}
-    return found
+    return frozenset(found)
 
 
 def _activates(element: ActionElement) -> bool:
-    return any(getattr(action, "activates_controller", False) for action in element.actions)
+    return any(isinstance(action, PrivateAction) and action.activates_controller for action in element.actions)
 
 
-def _read_storyboard(node: Node, context: Context) -> None:
+def _read_storyboard(node: Node, context: ScenarioContext) -> None:
     board = context.storyboard
     _read_init(node.need("Init"), context)
     for story_node in node.children("Story"):
@@ -217,7 +241,7 @@ def _read_storyboard(node: Node, context: Context) -> None:
     board.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
 
 
-def _read_init(node: Node, context: Context) -> None:
+def _read_init(node: Node, context: ScenarioContext) -> None:
     actions = node.find("Actions")
     for group in actions.children() if actions is not None else []:
         if group.tag == "Private":
@@ -238,7 +262,7 @@ def _initial(actions: list[Action], actor: Entity | None) -> ActionElement:
     return ActionElement(f"Init::{actor.name}::{what}" if actor is not None else f"Init::{what}", None, actions)
 
 
-def _read_act(node: Node, story: Story, context: Context) -> None:
+def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:
     act = Act(node.get("name", ""), story)
     for group_node in node.children("ManeuverGroup"):
         actors_node = group_node.need("Actors")
@@ -259,7 +283,7 @@ def _read_act(node: Node, story: Story, context: Context) -> None:
     act.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
 
 
-def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: Context) -> None:
+def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: ScenarioContext) -> None:
     event = Event(node.get("name", ""), maneuver, node.choice("priority", _PRIORITIES), _maximum(node))
     for action_node in node.children("Action"):
         ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)

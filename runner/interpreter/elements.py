@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from enum import StrEnum
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from runner.contracts.action import Action, GlobalAction, PrivateAction, Running
+from runner.contracts.action import Action, GlobalAction, PrivateAction
+from runner.contracts.run import Run
+from runner.contracts.running import Running
+from runner.contracts.storyboard import ElementState, Transition
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
     from runner.participants.entity import Entity
 
 
-class State(StrEnum):
-    """State of a storyboard element (StoryboardElementState)."""
+class StoryboardRun(Run, Protocol):
+    """What storyboard elements need of a run."""
 
-    STANDBY = "standbyState"
-    RUNNING = "runningState"
-    COMPLETE = "completeState"
+    @property
+    def processes(self) -> list[Process]:
+        """The actions in execution, for each actor."""
+        ...
 
+    def element_changed(self, element: Element, transition: Transition, reason: str) -> None:
+        """An element has made a transition; conditions see it from the next step on."""
+        ...
 
-class Transition(StrEnum):
-    """Transition between states (StoryboardElementState)."""
+    def element_rearmed(self, element: Element) -> None:
+        """An element is back in standby without a transition; conditions see it from the next step on."""
+        ...
 
-    START = "startTransition"
-    END = "endTransition"
-    STOP = "stopTransition"
-    SKIP = "skipTransition"
+    def call_next_step(self, call: Callable[[StoryboardRun], None]) -> None:
+        """Have something called at the beginning of the next step."""
+        ...
 
 
 class Element:
@@ -43,9 +48,9 @@ class Element:
         self.name = name
         self.parent = parent
         self.children: list[Element] = []
-        self.state = State.STANDBY
+        self.state = ElementState.STANDBY
         self.transitions: list[Transition] = []
-        self.seen_state = State.STANDBY
+        self.seen_state = ElementState.STANDBY
         self.seen_transitions: tuple[Transition, ...] = ()
         if parent is not None:
             parent.children.append(self)
@@ -56,11 +61,16 @@ class Element:
         above = self.parent.path if self.parent else ""
         return f"{above}::{self.name}" if above else self.name
 
-    def change(self, sim: Simulation, state: State, transition: Transition, reason: str = "") -> None:
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name with the names of the enclosing elements, from the story inwards."""
+        return (*self.parent.names, self.name) if self.parent is not None else (self.name,)
+
+    def change(self, run: StoryboardRun, state: ElementState, transition: Transition, reason: str = "") -> None:
         """Go to a state by a transition, for the conditions and the event log to see."""
         self.state = state
         self.transitions.append(transition)
-        sim.element_changed(self, transition, reason)
+        run.element_changed(self, transition, reason)
 
     def publish(self) -> None:
         """Make the current state the one that conditions see."""
@@ -68,60 +78,74 @@ class Element:
         self.seen_transitions = tuple(self.transitions)
         self.transitions.clear()
 
-    def start(self, sim: Simulation, reason: str = "") -> None:
+    def start(self, run: StoryboardRun, reason: str = "") -> None:
         """standby → running, and the children after it."""
-        self.change(sim, State.RUNNING, Transition.START, reason)
+        self.change(run, ElementState.RUNNING, Transition.START, reason)
         for child in self.children:
-            child.arm(sim)
-        self.child_completed(sim)
+            child.arm(run)
+        self.child_completed(run)
 
-    def arm(self, sim: Simulation) -> None:
+    def arm(self, run: StoryboardRun) -> None:
         """The parent is running: begin (or, for elements with a trigger, begin to wait)."""
-        self.start(sim)
+        self.start(run)
 
-    def stop(self, sim: Simulation, reason: str = "") -> None:
+    def stop(self, run: StoryboardRun, reason: str = "") -> None:
         """→ complete by stopTransition, children included."""
-        if self.state is State.COMPLETE:
+        if self.state is ElementState.COMPLETE:
             return
         for child in self.children:
-            child.stop(sim, reason)
-        self.change(sim, State.COMPLETE, Transition.STOP, reason)
+            child.stop(run, reason)
+        self.change(run, ElementState.COMPLETE, Transition.STOP, reason)
 
-    def child_completed(self, sim: Simulation) -> None:
+    def child_completed(self, run: StoryboardRun) -> None:
         """End when every child is complete."""
-        if self.state is State.RUNNING and all(child.state is State.COMPLETE for child in self.children):
-            self.end(sim)
+        if self.state is ElementState.RUNNING and all(child.state is ElementState.COMPLETE for child in self.children):
+            self.end(run)
 
-    def end(self, sim: Simulation) -> None:
+    def end(self, run: StoryboardRun) -> None:
         """running → complete, and tell the parent."""
-        self.change(sim, State.COMPLETE, Transition.END)
+        self.change(run, ElementState.COMPLETE, Transition.END)
         if self.parent is not None:
-            self.parent.child_completed(sim)
+            self.parent.child_completed(run)
+
+    def rearm(self, run: StoryboardRun) -> None:
+        """Back to standby without a transition, children included: the parent executes anew."""
+        self.state = ElementState.STANDBY
+        run.element_rearmed(self)
+        for child in self.children:
+            child.rearm(run)
 
     def reset(self) -> None:
-        """Back to standby without a transition, children included: the parent executes anew."""
-        self.state = State.STANDBY
-        for child in self.children:
-            child.reset()
+        """As before a run; children are reset by the storyboard."""
+        self.state = self.seen_state = ElementState.STANDBY
+        self.transitions.clear()
+        self.seen_transitions = ()
 
 
 class Process:
     """One action in execution, for one actor or for the simulation."""
 
-    __slots__ = ("actor", "domains", "element", "running")
+    __slots__ = ("actor", "domains", "element", "run", "running")
 
-    def __init__(self, element: ActionElement, actor: Entity | None, running: Running, domains: tuple[str, ...]) -> None:
+    def __init__(
+        self, run: StoryboardRun, element: ActionElement, actor: Entity | None, running: Running, domains: tuple[str, ...]
+    ) -> None:
+        self.run = run
         self.element = element
         self.actor = actor
         self.running = running
         self.domains = domains
 
+    def override(self, reason: str) -> None:
+        """Something newer takes one of the control domains: the action ends for this actor."""
+        self.element.override(self.run, self, reason)
+
     def release(self) -> None:
         """Give back the control domains and whatever the action holds."""
         if self.actor is not None:
             for domain in self.domains:
-                if self.actor.controls.get(domain) is self:
-                    del self.actor.controls[domain]
+                if self.actor.controls.owners.get(domain) is self:
+                    del self.actor.controls.owners[domain]
         self.running.stop()
 
 
@@ -137,60 +161,65 @@ class ActionElement(Element):
         """Whether the actors are one EntitySelection: a conflict for one is a conflict for all (standard 7.5.1)."""
         self._processes: list[Process] = []
 
-    def execute(self, sim: Simulation, actors: Sequence[Entity], reason: str = "") -> None:
+    def execute(self, run: StoryboardRun, actors: Sequence[Entity], reason: str = "") -> None:
         """Start for these actors; complete at once when nothing is left to run."""
-        self.change(sim, State.RUNNING, Transition.START, reason)
+        self.change(run, ElementState.RUNNING, Transition.START, reason)
         for action in self.actions:
             if isinstance(action, GlobalAction):
-                self._begin(sim, None, action.start(sim), ())
+                self._begin(run, None, action.start(run), ())
             else:
                 for actor in actors:
-                    self._start_private(sim, action, actor)
-        if self.state is State.RUNNING and not self._processes:
-            self.end(sim)
+                    self._start_private(run, action, actor)
+        if self.state is ElementState.RUNNING and not self._processes:
+            self.end(run)
 
-    def _start_private(self, sim: Simulation, action: PrivateAction, actor: Entity) -> None:
+    def _start_private(self, run: StoryboardRun, action: PrivateAction, actor: Entity) -> None:
         domains = action.claims()
         for domain in domains:
-            owner = actor.controls.get(domain)
+            owner = actor.controls.owners.get(domain)
             if owner is not None:
-                owner.element.override(sim, owner, f"overridden by {self.path}")
-        self._begin(sim, actor, action.start(actor, sim), domains)
+                owner.override(f"overridden by {self.path}")
+        self._begin(run, actor, action.start(actor, run), domains)
 
-    def _begin(self, sim: Simulation, actor: Entity | None, running: Running | None, domains: tuple[str, ...]) -> None:
+    def _begin(self, run: StoryboardRun, actor: Entity | None, running: Running | None, domains: tuple[str, ...]) -> None:
         if running is None:
             return
-        process = Process(self, actor, running, domains)
+        process = Process(run, self, actor, running, domains)
         self._processes.append(process)
-        sim.processes.append(process)
+        run.processes.append(process)
         if actor is not None:
-            actor.controls.update(dict.fromkeys(domains, process))
+            actor.controls.owners.update(dict.fromkeys(domains, process))
 
-    def finished(self, sim: Simulation, process: Process) -> None:
+    def finished(self, run: StoryboardRun, process: Process) -> None:
         """One of the processes has reached its goal."""
-        self._drop(sim, process)
-        if self.state is State.RUNNING and not self._processes:
-            self.end(sim)
+        self._drop(run, process)
+        if self.state is ElementState.RUNNING and not self._processes:
+            self.end(run)
 
-    def override(self, sim: Simulation, process: Process, reason: str) -> None:
+    def override(self, run: StoryboardRun, process: Process, reason: str) -> None:
         """A newer action takes a control domain from one of the processes: as if stopped (standard 7.5.1)."""
         if self.whole:
-            self.stop(sim, reason)
+            self.stop(run, reason)
         else:
-            self._drop(sim, process)
-        if not self._processes and self.state is State.RUNNING:
-            self.change(sim, State.COMPLETE, Transition.STOP, reason)
+            self._drop(run, process)
+        if not self._processes and self.state is ElementState.RUNNING:
+            self.change(run, ElementState.COMPLETE, Transition.STOP, reason)
         if self.parent is not None:
-            self.parent.child_completed(sim)
+            self.parent.child_completed(run)
 
-    def stop(self, sim: Simulation, reason: str = "") -> None:
+    def stop(self, run: StoryboardRun, reason: str = "") -> None:
         """Stop all processes, → complete by stopTransition."""
         for process in tuple(self._processes):
-            self._drop(sim, process)
-        super().stop(sim, reason)
+            self._drop(run, process)
+        super().stop(run, reason)
 
-    def _drop(self, sim: Simulation, process: Process) -> None:
+    def reset(self) -> None:
+        """Nothing is in execution."""
+        super().reset()
+        self._processes.clear()
+
+    def _drop(self, run: StoryboardRun, process: Process) -> None:
         if process in self._processes:
             self._processes.remove(process)
-            sim.processes.remove(process)
+            run.processes.remove(process)
             process.release()

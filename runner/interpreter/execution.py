@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner.interpreter.compiler import Scenario, compile_scenario
 from runner.interpreter.departures import Departures
-from runner.interpreter.ego import drive_ego, find_ego
+from runner.interpreter.ego import driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.verdict import judge
@@ -52,9 +52,10 @@ def run(
     for violation in compiled.violations:
         sim.note("constraint", "parameters", str(violation))
     departures = Departures(driver)
-    compiled.observers.append(departures)
+    sim.observers.append(departures)
     try:
-        drive_ego(sim, driver, system)
+        if driver is not None and system is not None:
+            sim.drive_ego(driver, driver_of(compiled, driver, system, chosen.timestep, chosen.seed))
         sim.begin()
         steps = math.floor(chosen.max_time / chosen.timestep + 1e-6)
         while sim.step_index < steps and sim.tick():
@@ -66,7 +67,7 @@ def run(
         parameters={name: str(value) for name, value in (parameters or {}).items()},
         status="completed" if sim.finished else "timeout",
         end_time=sim.time,
-        verdict=judge(sim, driver),
+        verdict=judge(sim.contacts, driver),
         remarks=departures.remarks,
         ego=driver.name if driver is not None else None,
         sut=system_name(chosen.sut) if driver is not None else "none",

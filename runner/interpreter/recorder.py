@@ -10,8 +10,9 @@ from runner.recording import COLUMNS, Recording, Track
 if TYPE_CHECKING:
     import numpy as np
 
-    from runner.interpreter.simulation import Simulation
-    from runner.participants.entity import Entity
+    from runner.participants.declaration import Declaration
+    from runner.participants.entity import Entities, Entity
+    from xodr.network import RoadNetwork
 
 _TYPES: dict[str, Any] = {"road_id": object, "lane_id": "int64"}
 Row = tuple[Any, ...]
@@ -25,18 +26,27 @@ def _arrays(rows: list[Row]) -> dict[str, np.ndarray]:
     return {name: np.array(values, dtype=_TYPES.get(name, "float64")) for name, values in columns}
 
 
-class Recorder:
-    """Writes down every present entity of a run, once a step."""
+def _track(declared: Declaration, rows: list[Row]) -> Track:
+    return Track(declared.name, declared.kind, declared.category, declared.box, partial(_arrays, rows))
 
-    def __init__(self, sim: Simulation) -> None:
-        self._sim = sim
+
+class Recorder:
+    """Writes down every present entity of a run, once a step.
+
+    Args:
+        entities: everyone.
+        timestep: time between rows, s.
+        network: the roads.
+    """
+
+    def __init__(self, entities: Entities, timestep: float, network: RoadNetwork | None) -> None:
+        self._entities, self._timestep, self._network = entities, timestep, network
         self._rows: dict[Entity, list[Row]] = {}
 
-    def record(self) -> None:
-        """Write down the present state of everyone."""
-        time = self._sim.time
+    def record(self, time: float) -> None:
+        """Write down the state of everyone at a time (s)."""
         rows = self._rows
-        for e in self._sim.entities.values():
+        for e in self._entities.values():
             if not (e.active and e.placed):
                 continue
             row: Row
@@ -51,6 +61,5 @@ class Recorder:
 
     def recording(self) -> Recording:
         """What was written down so far."""
-        sim = self._sim
-        tracks = [Track(e.name, e.kind, e.category, e.box, partial(_arrays, rows)) for e, rows in self._rows.items()]
-        return Recording(tracks, sim.dt, sim.network)
+        tracks = [_track(entity.declared, rows) for entity, rows in self._rows.items()]
+        return Recording(tracks, self._timestep, self._network)

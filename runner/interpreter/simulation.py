@@ -9,30 +9,28 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from runner.contracts.action import LATERAL
 from runner.interpreter.collision import Contacts
-from runner.interpreter.environment import Environment
 from runner.interpreter.event_log import LogEntry
 from runner.interpreter.recorder import Recorder
-from runner.motion.following import back_to_lane
-from runner.motion.free import FreeMotion
-from runner.motion.lane import LaneMotion
-from runner.motion.placement import Placement, wrap
+from runner.motion.roads import Roads
+from runner.motion.steering import SteeredMotion
 from runner.participants.trailers import disconnect, line_up, tow, train
-from xodr.model import RoadPoint
+from runner.surroundings.environment import Environment
 
 if TYPE_CHECKING:
+    from runner.contracts.running import Running
+    from runner.contracts.storyboard import Transition
     from runner.interpreter.compiler import Scenario
-    from runner.interpreter.elements import Element, Process, Transition
+    from runner.interpreter.drivers import EgoDriver
+    from runner.interpreter.elements import Element, Process, StoryboardRun
+    from runner.motion.placement import Placement
     from runner.participants.entity import Entities, Entity
     from runner.worlds.base import World
-    from xodr.network import RoadNetwork
 
-_ACROSS = math.radians(45.0)
-"""Heading relative to the lane from which an entity faces across it, rad"""
 _STANDSTILL = 1e-3
 """m/s below which an entity stands still"""
 
@@ -41,19 +39,19 @@ class Simulation:
     """A scenario in execution.
 
     Args:
-        scenario: the compiled scenario (used up by the run).
+        scenario: the compiled scenario; it is reset here, and one run at a time can use it.
         world: where participants live; opened and closed by the run.
         timestep: s.
         seed: of everything random in the run.
     """
 
     def __init__(self, scenario: Scenario, world: World, timestep: float, seed: int) -> None:
-        self.scenario = scenario
+        scenario.reset()
         self.world = world
         self.dt = timestep
         self.seed = seed
         self.random = random.Random(seed)
-        self.network: RoadNetwork | None = scenario.network
+        self.roads = Roads(scenario.network)
         self.entities: Entities = scenario.entities
         self.storyboard = scenario.storyboard
         self.parameters: dict[str, Any] = dict(scenario.parameters)
@@ -61,6 +59,10 @@ class Simulation:
         self.monitors: dict[str, bool] = dict(scenario.monitors)
         self.environment = Environment()
         self.signals = scenario.signals
+        self.observers: list[Callable[[Simulation], None]] = list(scenario.observers)
+        """called at the end of each step"""
+        self._driver: EgoDriver | None = None
+        self._ego: Entity | None = None
         self.user_values: dict[str, str] = {}
         self.step_index = 0
         self.time = 0.0
@@ -70,20 +72,18 @@ class Simulation:
         self.processes: list[Process] = []
         self.log: list[LogEntry] = []
         self.contacts = Contacts(self)
-        self.recorder = Recorder(self)
+        self.recorder = Recorder(self.entities, timestep, scenario.network)
         self._changed: list[Element] = []
         self._published: list[Element] = []
-        self._next_step: list[Callable[[Simulation], None]] = []
-        self.free_motion = FreeMotion()
-        self.lane_motion = LaneMotion(self.network) if self.network is not None else None
+        self._next_step: list[Callable[[StoryboardRun], None]] = []
 
     # the run --------------------------------------------------------------------------------
 
     def begin(self) -> None:
         """Open the world, run the initial actions and the triggers at time 0, record time 0."""
-        told = self.world.open(self.network, self.dt, self.seed)
-        if told:
-            self.note("world", self.world.name, told)
+        remark = self.world.open(self.roads.network, self.dt, self.seed)
+        if remark:
+            self.note("world", self.world.name, remark)
         self.signals.advance(self)
         self.storyboard.begin(self)
         for entity in self.entities.values():
@@ -97,7 +97,7 @@ class Simulation:
         self._evaluate()
         self._set_velocities()
         self.initialising = False
-        self.recorder.record()
+        self.recorder.record(self.time)
 
     def _set_velocities(self) -> None:
         for entity in self.entities.values():
@@ -116,33 +116,65 @@ class Simulation:
             if process.running.step(dt):
                 process.element.finished(self, process)
         for entity in self.entities.values():
-            if entity.active and entity.tractor is None:
-                if entity.driven and entity.system is not None:
-                    entity.system.guide(entity, self)
-                if not entity.driven:
-                    self._move(entity, dt)
+            if entity.active and entity.controls.tractor is None:
+                if entity is self._ego and self._driver is not None:
+                    self._drive_ego(entity, self._driver)
+                elif not entity.controls.world_driven:
+                    self._move(entity, entity.controls.target_speed, dt)
         self.step_index += 1
         self.time = round(self.step_index * dt, 9)
-        self.world.mirror(entity for entity in self.entities.values() if entity.active and not entity.driven)
+        self.world.mirror(entity for entity in self.entities.values() if entity.active and not entity.controls.world_driven)
         self.world.step()
-        for entity in [entity for entity in self.entities.values() if entity.driven]:
+        for entity in [entity for entity in self.entities.values() if entity.controls.world_driven]:
             self._read(entity)
         self.contacts.update()
-        for observe in self.scenario.observers:
+        for observe in self.observers:
             observe(self)
-        self.recorder.record()
+        self.recorder.record(self.time)
         self._evaluate()
         return True
 
-    def _move(self, entity: Entity, dt: float) -> None:
-        speed = entity.demand
-        if entity.system is not None:
-            speed = entity.system.speed(entity, speed, self)
-            if entity.driven:
+    def drive_ego(self, ego: Entity, driver: EgoDriver) -> None:
+        """Let a driver have the ego from now on."""
+        self._ego, self._driver = ego, driver
+        ego.controls.driver = driver
+
+    def _drive_ego(self, ego: Entity, driver: EgoDriver) -> None:
+        """One step as the driver wants it: by the world's own driver, or by the speed and steering decided."""
+        request = driver.request(ego)
+        if request is not None:
+            driven = ego.controls.world_driven or self.drive(ego)
+            driver.answer(driven)
+            if driven:
+                self.world.ask(ego, request)
                 return
+        if ego.controls.world_driven:
+            self._take_back(ego, driver)
+        self._move_ego(ego, driver)
+
+    def _move_ego(self, ego: Entity, driver: EgoDriver) -> None:
+        decision = driver.decide(ego, self)
+        motion = ego.controls.motion
+        if decision.steering is not None:
+            steered = motion if isinstance(motion, SteeredMotion) else SteeredMotion(self.roads)
+            steered.steer(ego, decision.steering)
+        elif isinstance(motion, SteeredMotion):
+            self.roads.back_to_lane(ego)
+        self._move(ego, decision.speed, self.dt)
+
+    def _take_back(self, ego: Entity, driver: EgoDriver) -> None:
+        """Take the ego back from the world's own driver; unless an action moves it already, it goes on along its lane."""
+        self.world.release(ego)
+        ego.controls.world_driven = False
+        if LATERAL not in ego.controls.owners:
+            self.roads.back_to_lane(ego)
+        if not driver.scripted:
+            ego.controls.target_speed = ego.speed
+
+    def _move(self, entity: Entity, speed: float, dt: float) -> None:
         x, y = entity.x, entity.y
         waiting = entity.at_road_end
-        speed = entity.motion.advance(entity, speed, dt)
+        speed = entity.controls.motion.advance(entity, speed, dt)
         if entity.at_road_end:
             entity.at_road_end = not (waiting and speed)
             entity.road_end = entity.road_end + dt if waiting and not speed else 0.0
@@ -151,7 +183,7 @@ class Simulation:
         entity.vx, entity.vy = vx, vy
         entity.acceleration = (speed - entity.speed) / dt
         if not math.isfinite(entity.ax + entity.ay + entity.acceleration):
-            raise entity.invalid(f"{entity.name!r} moves beyond all numbers at {self.time:g} s")
+            raise entity.declared.invalid(f"{entity.name!r} moves beyond all numbers at {self.time:g} s")
         entity.speed = speed
         distance = speed * dt
         entity.odometer += distance if distance > 0.0 else -distance
@@ -159,8 +191,8 @@ class Simulation:
             entity.standstill += dt
         else:
             entity.standstill = 0.0
-        if entity.trailer is not None:
-            tow(self, entity, dt)
+        if entity.controls.trailer is not None:
+            tow(self.roads, entity, dt)
 
     def _read(self, entity: Entity) -> None:
         reading = self.world.read(entity)
@@ -176,27 +208,20 @@ class Simulation:
         entity.standstill = entity.standstill + dt if abs(reading.speed) < _STANDSTILL else 0.0
         entity.x, entity.y, entity.h, entity.speed = reading
         entity.on_lane = False
-        self.lift(entity)
-        if entity.trailer is not None:
-            tow(self, entity, dt)
-
-    def lift(self, entity: Entity) -> None:
-        """Put an entity that moves in the plane onto the road's surface."""
-        point = self.road_point(entity)
-        if point is None or self.network is None or self.network.roads[point.road_id].flat:
-            return
-        pose = self.network.pose(point)
-        along = 1.0 if math.cos(entity.h - pose.h) >= 0.0 else -1.0
-        entity.z, entity.pitch, entity.roll = pose.z, along * pose.pitch, along * pose.roll
+        self.roads.lift(entity)
+        if entity.controls.trailer is not None:
+            tow(self.roads, entity, dt)
 
     def _left(self, entity: Entity) -> None:
         """The world has let go of an entity at the end of its way: what the scenario declares goes on as scripted."""
         self.note("left", entity.name, f"has come to the end of the way that {self.world.name} knows")
         if entity.spawned:
             self.despawn(entity)
-        else:
-            entity.system.lost(entity, self)
-            self._move(entity, self.dt)
+        elif self._driver is not None:
+            self._driver.answer(False)
+            self._take_back(entity, self._driver)
+            self.world.add(entity)
+            self._move_ego(entity, self._driver)
 
     # for storyboard elements ----------------------------------------------------------------
 
@@ -215,7 +240,11 @@ class Simulation:
             for call in calls:
                 call(self)
 
-    def call_next_step(self, call: Callable[[Simulation], None]) -> None:
+    def element_rearmed(self, element: Element) -> None:
+        """A storyboard element is back in standby without a transition; conditions see it from the next step on."""
+        self._changed.append(element)
+
+    def call_next_step(self, call: Callable[[StoryboardRun], None]) -> None:
         """Have something called at the beginning of the next step."""
         self._next_step.append(call)
 
@@ -225,75 +254,41 @@ class Simulation:
 
     # for actions and conditions -------------------------------------------------------------
 
-    def place(self, entity: Entity, placement: Placement) -> None:
-        """Put an entity somewhere, at its present speed; from there it follows its lane.
+    @property
+    def running(self) -> Iterable[Running]:
+        """The actions in execution."""
+        return [process.running for process in self.processes]
 
-        It goes straight ahead where there is no lane, or where it faces across the lane (a pedestrian about to cross).
-        """
-        entity.x, entity.y, entity.z = placement.x, placement.y, placement.z
-        entity.h, entity.pitch, entity.roll = wrap(placement.h), placement.pitch, placement.roll
-        entity.placed = True
-        entity.at_road_end, entity.road_end = False, 0.0
-        entity.next_offset = None
-        if placement.point is None or self.network is None or abs(wrap(placement.heading_offset)) > _ACROSS:
-            self.leave_lane(entity)
-        else:
-            self.follow_lane(entity, placement.point, placement.along, placement.heading_offset)
-        if entity.trailer is not None:
-            line_up(self, entity)
-        if entity.driven:
+    def touching(self, entity: Entity) -> Sequence[Entity]:
+        """Those whose boxes touch an entity's now, by name."""
+        return self.contacts.of(entity)
+
+    def set_environment(self, environment: Environment) -> None:
+        """Change weather, time of day and road condition."""
+        self.environment = environment
+
+    def end_actions(self, entity: Entity, reason: str) -> None:
+        """End all actions of an entity, as if newer ones had taken their control domains."""
+        for process in [process for process in self.processes if process.actor is entity]:
+            process.override(reason)
+
+    def place(self, entity: Entity, placement: Placement) -> None:
+        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        self.roads.place(entity, placement)
+        if entity.controls.trailer is not None:
+            line_up(self.roads, entity)
+        if entity.controls.world_driven:
             self.drive(entity)
 
     def drive(self, entity: Entity) -> bool:
         """Hand an entity to the world's own driver; false, and it goes on as scripted, where that can't drive."""
-        entity.driven = self.world.drive(entity)
-        if entity.driven:
-            self.leave_lane(entity)
+        driven = entity.controls.world_driven = self.world.drive(entity)
+        if driven:
+            self.roads.leave_lane(entity)
         else:
             reason = "no lane for it, against the traffic, or hidden"
             self.note("world", entity.name, f"can't be driven by {self.world.name} here: {reason}")
-        return entity.driven
-
-    def take_back(self, entity: Entity) -> None:
-        """Take an entity back from the world's own driver; unless an action moves it already, it goes on along its lane."""
-        self.world.release(entity)
-        entity.driven = False
-        if LATERAL not in entity.controls:
-            back_to_lane(self, entity)
-
-    def follow_lane(self, entity: Entity, point: RoadPoint, along: int, heading_offset: float = 0.0) -> None:
-        """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
-        assert self.network is not None and self.lane_motion is not None
-        entity.road = self.network.road(point.road_id)
-        entity.section = entity.road.section(point.s)
-        entity.lane, entity.s, entity.t, entity.offset = point.lane_id, point.s, point.t, point.offset
-        entity.along, entity.heading_offset, entity.on_lane = along, heading_offset, True
-        entity.motion = self.lane_motion
-
-    def keep_to_road(self, entity: Entity) -> None:
-        """Let an entity that goes straight ahead move along its road instead, facing as it does."""
-        point = self.road_point(entity)
-        if point is None or self.network is None or entity.motion is not self.free_motion:
-            return
-        turn = wrap(entity.h - self.network.pose(point).h)
-        along = 1 if abs(turn) <= math.pi / 2 else -1
-        self.follow_lane(entity, point, along, turn if along > 0 else wrap(turn + math.pi))
-
-    def leave_lane(self, entity: Entity) -> None:
-        """Let an entity go straight ahead, off any lane."""
-        entity.on_lane = False
-        entity.motion = self.free_motion
-
-    def road_point(self, entity: Entity) -> RoadPoint | None:
-        """Where an entity is on the road network; None where there is none."""
-        if self.network is None:
-            return None
-        if entity.on_lane and entity.road is not None:
-            return RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
-        if entity.located_at != (entity.x, entity.y):
-            entity.located_at = (entity.x, entity.y)
-            entity.located = self.network.locate(entity.x, entity.y, entity.z, entity.h, entity.located)
-        return entity.located
+        return driven
 
     def activate(self, entity: Entity, placement: Placement) -> None:
         """Bring an entity into the world, standing (AddEntityAction), its trailers with it."""
@@ -301,17 +296,16 @@ class Simulation:
         for member in train(entity):
             if member is entity or not member.active:
                 member.active = True
-                member.speed = member.demand = member.acceleration = 0.0
+                member.speed = member.controls.target_speed = member.acceleration = 0.0
                 self.world.add(member)
 
     def deactivate(self, entity: Entity) -> None:
         """Take an entity out of the world (DeleteEntityAction): its running actions end."""
-        for process in [p for p in self.processes if p.actor is entity]:
-            process.element.override(self, process, f"{entity.name} has left the scenario")
-        for tractor in (entity, entity.tractor):
-            if tractor is not None and tractor.trailer is not None:
-                disconnect(self, tractor)
-        entity.active = entity.driven = False
+        self.end_actions(entity, f"{entity.name} has left the scenario")
+        for tractor in (entity, entity.controls.tractor):
+            if tractor is not None and tractor.controls.trailer is not None:
+                disconnect(self.roads, tractor)
+        entity.active = entity.controls.world_driven = False
         self.world.remove(entity)
 
     def spawn(self, entity: Entity, placement: Placement, speed: float) -> bool:
@@ -320,13 +314,12 @@ class Simulation:
         entity.speed = speed
         if not self.world.drive(entity):
             return False
-        self.leave_lane(entity)
-        entity.driven = True
+        self.roads.leave_lane(entity)
+        entity.controls.world_driven = True
         entity.vx, entity.vy = speed * math.cos(entity.h), speed * math.sin(entity.h)
-        entity.spawned = True
         self.entities[entity.name] = entity
         self.contacts.enter(entity)
-        self.note("spawned", entity.name, entity.category)
+        self.note("spawned", entity.name, entity.declared.category)
         return True
 
     def despawn(self, entity: Entity) -> None:

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from runner.contracts.action import Action, PrivateAction
-from runner.interpreter.elements import ActionElement, Element, State, Transition
+from runner.contracts.storyboard import ElementState, Transition
+from runner.interpreter.elements import ActionElement, Element, StoryboardRun
 from runner.interpreter.triggers import Trigger
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
     from runner.participants.entity import Entity
 
 
@@ -40,63 +40,70 @@ class Event(Element):
     @property
     def waits(self) -> bool:
         """Whether the trigger may start it now."""
-        return self.state is State.STANDBY and self.parent is not None and self.parent.state is State.RUNNING
+        return self.state is ElementState.STANDBY and self.parent is not None and self.parent.state is ElementState.RUNNING
 
-    def arm(self, sim: Simulation) -> None:
+    def arm(self, run: StoryboardRun) -> None:
         """Wait for the trigger (it is evaluated in this same step)."""
+        self.executions = 0
+        if self.trigger is not None:
+            self.trigger.rearm()
+
+    def due(self, run: StoryboardRun) -> bool:
+        """In standby: whether the trigger fires now."""
+        return self.trigger is None or self.trigger.fires(run)
+
+    def begin(self, run: StoryboardRun) -> None:
+        """Start, or be skipped, because the trigger has fired."""
+        reason = self.trigger.reason if self.trigger is not None else "with its act"
+        others = [e for e in self.parent.children if e is not self and e.state is ElementState.RUNNING] if self.parent else []
+        self.executions += 1
+        if self.priority == "skip" and others:
+            self._skip(run, reason)
+            return
+        if self.priority in ("override", "overwrite"):
+            for other in others:
+                other.stop(run, f"overridden by {self.path}")
+        self._execute(run, reason)
+
+    def _skip(self, run: StoryboardRun, reason: str) -> None:
+        left = self.executions < self.maximum
+        self.change(run, ElementState.STANDBY if left else ElementState.COMPLETE, Transition.SKIP, reason)
+        if self.trigger is not None:
+            self.trigger.rearm()
+        if not left and self.parent is not None:
+            self.parent.child_completed(run)
+
+    def _execute(self, run: StoryboardRun, reason: str) -> None:
+        actors = self.group.actors_for(self)
+        self.change(run, ElementState.RUNNING, Transition.START, reason)
+        for action in self.children:
+            action.rearm(run)
+        for action in self.children:
+            if self.state is ElementState.RUNNING and isinstance(action, ActionElement):
+                action.execute(run, actors)
+        self.child_completed(run)
+
+    def end(self, run: StoryboardRun) -> None:
+        """running → standby while executions are left (8.4.2.1), else → complete."""
+        if self.executions < self.maximum:
+            self.change(run, ElementState.STANDBY, Transition.END)
+            if self.trigger is not None:
+                self.trigger.rearm()
+        else:
+            super().end(run)
+
+    def reset(self) -> None:
+        """No executions are counted, and the trigger has never been looked at."""
+        super().reset()
         self.executions = 0
         if self.trigger is not None:
             self.trigger.reset()
 
-    def due(self, sim: Simulation) -> bool:
-        """In standby: whether the trigger fires now."""
-        return self.trigger is None or self.trigger.fires(sim)
-
-    def begin(self, sim: Simulation) -> None:
-        """Start, or be skipped, because the trigger has fired."""
-        reason = self.trigger.reason if self.trigger is not None else "with its act"
-        others = [e for e in self.parent.children if e is not self and e.state is State.RUNNING] if self.parent else []
-        self.executions += 1
-        if self.priority == "skip" and others:
-            self._skip(sim, reason)
-            return
-        if self.priority in ("override", "overwrite"):
-            for other in others:
-                other.stop(sim, f"overridden by {self.path}")
-        self._execute(sim, reason)
-
-    def _skip(self, sim: Simulation, reason: str) -> None:
-        left = self.executions < self.maximum
-        self.change(sim, State.STANDBY if left else State.COMPLETE, Transition.SKIP, reason)
-        if self.trigger is not None:
-            self.trigger.reset()
-        if not left and self.parent is not None:
-            self.parent.child_completed(sim)
-
-    def _execute(self, sim: Simulation, reason: str) -> None:
-        actors = self.group.actors_for(self)
-        self.change(sim, State.RUNNING, Transition.START, reason)
-        for action in self.children:
-            action.reset()
-        for action in self.children:
-            if self.state is State.RUNNING and isinstance(action, ActionElement):
-                action.execute(sim, actors)
-        self.child_completed(sim)
-
-    def end(self, sim: Simulation) -> None:
-        """running → standby while executions are left (8.4.2.1), else → complete."""
-        if self.executions < self.maximum:
-            self.change(sim, State.STANDBY, Transition.END)
-            if self.trigger is not None:
-                self.trigger.reset()
-        else:
-            super().end(sim)
-
-    def child_completed(self, sim: Simulation) -> None:
+    def child_completed(self, run: StoryboardRun) -> None:
         """End when all actions are complete, but not while they are still being started."""
-        started = all(action.state is not State.STANDBY for action in self.children)
+        started = all(action.state is not ElementState.STANDBY for action in self.children)
         if started:
-            super().child_completed(sim)
+            super().child_completed(run)
 
 
 class Maneuver(Element):
@@ -125,29 +132,29 @@ class ManeuverGroup(Element):
             selected = trigger.triggering if trigger is not None else ()
         return [entity for entity in dict.fromkeys((*self.actors, *selected)) if entity.active]
 
-    def start(self, sim: Simulation, reason: str = "") -> None:
+    def start(self, run: StoryboardRun, reason: str = "") -> None:
         """Count the execution and start the maneuvers."""
         self.executions += 1
-        super().start(sim, reason)
+        super().start(run, reason)
 
-    def end(self, sim: Simulation) -> None:
+    def end(self, run: StoryboardRun) -> None:
         """running → standby while executions are left, to start again in the next step; else → complete."""
         if self.executions < self.maximum:
-            self.change(sim, State.STANDBY, Transition.END)
-            sim.call_next_step(self._restart)
+            self.change(run, ElementState.STANDBY, Transition.END)
+            run.call_next_step(self._restart)
         else:
-            super().end(sim)
+            super().end(run)
 
-    def _restart(self, sim: Simulation) -> None:
-        if self.state is State.STANDBY and self.parent is not None and self.parent.state is State.RUNNING:
+    def _restart(self, run: StoryboardRun) -> None:
+        if self.state is ElementState.STANDBY and self.parent is not None and self.parent.state is ElementState.RUNNING:
             for child in self.children:
-                child.reset()
-            self.start(sim)
+                child.rearm(run)
+            self.start(run)
 
     def reset(self) -> None:
-        """Back to standby, executions uncounted."""
-        self.executions = 0
+        """No executions are counted."""
         super().reset()
+        self.executions = 0
 
 
 class Act(Element):
@@ -174,26 +181,33 @@ class Act(Element):
             ]
         return self._events
 
-    def arm(self, sim: Simulation) -> None:
+    def reset(self) -> None:
+        """The triggers have never been looked at."""
+        super().reset()
+        for trigger in (self.trigger, self.stop_trigger):
+            if trigger is not None:
+                trigger.reset()
+
+    def arm(self, run: StoryboardRun) -> None:
         """Wait for the start trigger."""
 
     def waiting(self) -> Iterator[Event]:
         """Events that wait for their triggers."""
-        if self.state is State.RUNNING:
+        if self.state is ElementState.RUNNING:
             for event in self.events:
                 if event.waits:
                     yield event
 
-    def evaluate(self, sim: Simulation) -> None:
+    def evaluate(self, run: StoryboardRun) -> None:
         """One step: start or stop."""
-        if self.state is State.STANDBY and (self.trigger is None or self.trigger.fires(sim)):
-            self.start(sim, self.trigger.reason if self.trigger is not None else "with its story")
-        if self.state is not State.RUNNING:
+        if self.state is ElementState.STANDBY and (self.trigger is None or self.trigger.fires(run)):
+            self.start(run, self.trigger.reason if self.trigger is not None else "with its story")
+        if self.state is not ElementState.RUNNING:
             return
-        if self.stop_trigger is not None and self.stop_trigger.fires(sim):
-            self.stop(sim, self.stop_trigger.reason)
+        if self.stop_trigger is not None and self.stop_trigger.fires(run):
+            self.stop(run, self.stop_trigger.reason)
             if self.parent is not None:
-                self.parent.child_completed(sim)
+                self.parent.child_completed(run)
 
 
 class Story(Element):
@@ -228,29 +242,36 @@ class Storyboard:
             pending.extend(reversed(element.children))
         return found
 
-    def begin(self, sim: Simulation) -> None:
+    def reset(self) -> None:
+        """As before a run."""
+        for element in (*(element for _, element in self.init), *self.elements()):
+            element.reset()
+        if self.stop_trigger is not None:
+            self.stop_trigger.reset()
+
+    def begin(self, run: StoryboardRun) -> None:
         """Run the initial actions, then start the stories."""
         for actor, element in ordered_init(self.init):
-            element.execute(sim, [actor] if actor is not None else [])
+            element.execute(run, [actor] if actor is not None else [])
         for story in self.stories:
-            story.start(sim)
+            story.start(run)
         self._acts = self.acts
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: StoryboardRun) -> bool:
         """One step of triggers; true when the storyboard's stop trigger ends the run.
 
         All triggers look at the same instant: no event starts before every waiting one has been looked at.
         """
-        if self.stop_trigger is not None and self.stop_trigger.fires(sim):
+        if self.stop_trigger is not None and self.stop_trigger.fires(run):
             for story in self.stories:
-                story.stop(sim, self.stop_trigger.reason)
+                story.stop(run, self.stop_trigger.reason)
             return True
         for act in self._acts:
-            act.evaluate(sim)
-        due = [event for act in self._acts for event in act.waiting() if event.due(sim)]
+            act.evaluate(run)
+        due = [event for act in self._acts for event in act.waiting() if event.due(run)]
         for event in due:
             if event.waits:
-                event.begin(sim)
+                event.begin(run)
         return False
 
 
@@ -286,4 +307,4 @@ def _waits(item: tuple[Entity | None, ActionElement], pending: list[tuple[Entity
 def _prepares(earlier: Action, later: PrivateAction) -> bool:
     if not isinstance(earlier, PrivateAction):
         return False
-    return getattr(earlier, "places", False) or not set(earlier.claims()).isdisjoint(later.claims())
+    return earlier.places or not set(earlier.claims()).isdisjoint(later.claims())

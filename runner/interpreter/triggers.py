@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from runner.contracts.condition import Condition
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.run import Instant
     from runner.participants.entity import Entity
 
 EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6
+
+
+class ConditionContext(Protocol):
+    """What triggers are built with."""
+
+    def condition(self, node: Node) -> Condition:
+        """The condition inside a Condition element."""
+        ...
 
 
 class TimedCondition:
@@ -32,10 +39,10 @@ class TimedCondition:
         self.edge = edge
         self.delay = delay
         self.keeps_memory = edge != "none" or delay > 0.0
-        self.reset()
+        self.rearm()
 
     @classmethod
-    def from_xml(cls, node: Node, context: Context) -> TimedCondition:
+    def from_xml(cls, node: Node, context: ConditionContext) -> TimedCondition:
         """Build from a Condition element."""
         delay = node.finite("delay", 0.0)
         if delay < 0.0:
@@ -44,20 +51,25 @@ class TimedCondition:
         return cls(node.get("name", ""), context.condition(node), edge, delay)
 
     def reset(self) -> None:
+        """As before a run."""
+        self.condition.reset()
+        self.rearm()
+
+    def rearm(self) -> None:
         """Forget all earlier evaluations."""
         self._previous: bool | None = None
         self._history: deque[tuple[float, bool]] = deque()
 
-    def evaluate(self, sim: Simulation) -> bool:
+    def evaluate(self, run: Instant) -> bool:
         """The condition at the current time; to be called once each step."""
-        value = self.condition.evaluate(sim)
+        value = self.condition.evaluate(run)
         if not self.keeps_memory:
             return value
         if self.edge != "none":
             before, self._previous = self._previous, value
             rising, falling = before is False and value, before is True and not value
             value = rising if self.edge == "rising" else falling if self.edge == "falling" else rising or falling
-        return self._delayed(sim.time, value) if self.delay > 0.0 else value
+        return self._delayed(run.time, value) if self.delay > 0.0 else value
 
     def _delayed(self, time: float, value: bool) -> bool:
         history, then = self._history, time - self.delay + _EPSILON
@@ -66,9 +78,9 @@ class TimedCondition:
             history.popleft()
         return history[0][0] <= then and history[0][1]
 
-    def describe(self, sim: Simulation) -> str:
+    def describe(self, run: Instant) -> str:
         """Why it fired: name, expression with values, edge and delay."""
-        text = self.condition.describe(sim)
+        text = self.condition.describe(run)
         if self.edge != "none":
             text += f" ({self.edge})"
         if self.delay:
@@ -88,7 +100,7 @@ class Trigger:
         self.reason = ""
 
     @classmethod
-    def from_xml(cls, node: Node | None, context: Context) -> Trigger | None:
+    def from_xml(cls, node: Node | None, context: ConditionContext) -> Trigger | None:
         """Build from a StartTrigger or StopTrigger element; None where it is absent or empty."""
         if node is None:
             return None
@@ -99,23 +111,31 @@ class Trigger:
         return cls(groups) if any(groups) else None
 
     def reset(self) -> None:
-        """Forget all earlier evaluations (the owning element enters standby anew)."""
+        """As before a run."""
+        self.triggering = ()
+        self.reason = ""
         for group in self.groups:
             for condition in group:
                 condition.reset()
 
-    def fires(self, sim: Simulation) -> bool:
+    def rearm(self) -> None:
+        """Forget all earlier evaluations (the owning element enters standby anew)."""
+        for group in self.groups:
+            for condition in group:
+                condition.rearm()
+
+    def fires(self, run: Instant) -> bool:
         """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say."""
         fired = None
         for group in self.groups:
             true = True
             for condition in group:
-                if (true or condition.keeps_memory) and not condition.evaluate(sim):
+                if (true or condition.keeps_memory) and not condition.evaluate(run):
                     true = False
             if true and fired is None:
                 fired = group
         if fired is None:
             return False
         self.triggering = tuple(dict.fromkeys(e for c in fired for e in c.condition.triggering))
-        self.reason = " and ".join(condition.describe(sim) for condition in fired)
+        self.reason = " and ".join(condition.describe(run) for condition in fired)
         return True

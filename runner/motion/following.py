@@ -1,17 +1,16 @@
-"""Motion along a path off the lanes, and the way back to the lane."""
+"""Motion along a path off the lanes, and the way to it."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-from runner.contracts.position import in_world
 from runner.motion.paths import Path, approach, nearest, tangent
-from xodr.model import Pose
+from runner.motion.surface import in_world, pose_of
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
     from runner.motion.placement import Placement
+    from runner.motion.roads import Roads
     from runner.participants.entity import Entity
 
 JOINING = 2.0
@@ -40,14 +39,14 @@ class PathMotion:
     """
 
     def __init__(
-        self, sim: Simulation, path: Path, s: float, again: Path | None = None, grounded: bool = True, timed: bool = False
+        self, roads: Roads, path: Path, s: float, again: Path | None = None, grounded: bool = True, timed: bool = False
     ) -> None:
-        self.sim, self.path, self.s, self.again = sim, path, s, again
+        self.roads, self.path, self.s, self.again = roads, path, s, again
         self._reach = _AT_END if timed else 0.0
         self.ending = False
         """Whether the entity goes back to its lane after the coming step, wherever it is then."""
-        roads = sim.network.roads.values() if sim.network is not None else ()
-        self._surface = grounded and not all(road.flat for road in roads)
+        known = roads.network.roads.values() if roads.network is not None else ()
+        self._surface = grounded and not all(road.flat for road in known)
         self._target: tuple[Placement, float] | None = None
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
@@ -58,7 +57,7 @@ class PathMotion:
             self.path, self._target = self.again, None
         self.put(entity, speed)
         if self.ending or (self.s >= self.path.length + self._reach and self.again is None):
-            back_to_lane(self.sim, entity)
+            self.roads.back_to_lane(entity)
         return speed
 
     def put(self, entity: Entity, speed: float) -> None:
@@ -67,14 +66,14 @@ class PathMotion:
         if speed < 0.0 and math.cos(entity.h - tangent(self.path, self.s)) > 0.0:
             entity.h += math.pi
         if self._surface:
-            place = in_world(self.sim.network, _pose(entity), z_known=False, hint=self.sim.road_point(entity))
+            place = in_world(self.roads.network, pose_of(entity), z_known=False, hint=self.roads.road_point(entity))
             entity.z, entity.pitch, entity.roll = place.z, place.pitch, place.roll
 
     def backwards(self) -> bool:
         """Whether the orientation that the path prescribes faces against its direction, so that one reverses along it."""
         return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < 0.0
 
-    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+    def distance_to(self, entity: Entity, placement: Placement) -> float | None:
         """Distance (m) along the path to the point of it nearest to a place; negative once passed."""
         if self._target is None or self._target[0] is not placement:
             self._target = placement, nearest(self.path, placement.x, placement.y)
@@ -98,23 +97,3 @@ def join(path: Path, s: float, ahead: float, entity: Entity) -> tuple[Path, floa
     before = max(dx * math.cos(h) + dy * math.sin(h), 0.0)
     station = min(max(s + reach - before, ahead, s), path.length)
     return approach(entity.x, entity.y, entity.h, entity.z, path.at(station)), station
-
-
-def _pose(entity: Entity) -> Pose:
-    return Pose(entity.x, entity.y, entity.z, entity.h, 0.0, 0.0)
-
-
-def back_to_lane(sim: Simulation, entity: Entity) -> None:
-    """Let an entity follow the lane that it is on, at the offset and heading it has; off the road, go straight ahead.
-
-    Without any road there is nothing left to follow at the end of a path: the entity stops, as at the end of a road.
-    """
-    if sim.network is None:
-        sim.leave_lane(entity)
-        entity.demand = 0.0
-        return
-    place = in_world(sim.network, _pose(entity), z_known=False, hint=sim.road_point(entity))
-    if place.point is None:
-        sim.leave_lane(entity)
-    else:
-        sim.follow_lane(entity, place.point, place.along, place.heading_offset)

@@ -1,6 +1,6 @@
-"""How a scripted participant moves when the scenario has fixed its speed: along its lane, or straight ahead.
+"""Motion along the lane, at the speed that the scenario has fixed.
 
-This module owns the entity's side of the road conventions: `along` is +1 when the entity faces increasing s,
+This module owns the entity's side of the road conventions: `EntityState.direction` is +1 when the entity faces increasing s,
 offsets and t are positive to the left of the reference line's direction whatever the entity faces, and a
 negative speed moves it backwards without turning it.
 """
@@ -8,36 +8,17 @@ negative speed moves it backwards without turning it.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity
     from xodr.network import RoadNetwork
 
 _SHARPEST = 1e-3
 """Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be followed."""
-
-
-class Motion(Protocol):
-    """A way of moving."""
-
-    def advance(self, entity: Entity, speed: float, dt: float) -> float:
-        """Move the entity for dt (s) at a speed (m/s, signed), pose and road coordinates included.
-
-        Returns the speed that it really had: less at the end of the road.
-        """
-        ...
-
-    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
-        """Distance (m) along the entity's own path to a place, negative once passed; None where none leads there.
-
-        In reverse gear what lies behind is what is still to be reached.
-        """
-        ...
 
 
 class LaneMotion:
@@ -51,17 +32,17 @@ class LaneMotion:
         self.network = network
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
-        """Move along the lane; the entity's `next_offset`, where set, is reached at the end of the step.
+        """Move along the lane; the entity's `target_offset`, where set, is reached at the end of the step.
 
         A lane change is driven at the given speed along its slanting path; a lane offset moves sideways on top.
         """
         road, section, t = entity.road, entity.section, entity.t
         assert road is not None and section is not None
         distance = speed * dt
-        if entity.next_offset is not None:
+        if entity.controls.target_offset is not None:
             distance = self._sidestep(entity, distance)
         center = section.lanes[entity.lane].center
-        ds = entity.along * distance
+        ds = entity.direction * distance
         if not road.line.straight:
             ds /= max(1.0 - road.line.curvature(entity.s + 0.5 * ds) * t, _SHARPEST)
         if center.constant is None:
@@ -77,11 +58,11 @@ class LaneMotion:
 
     def _sidestep(self, entity: Entity, distance: float) -> float:
         """Take the offset asked for; the distance that is left to go along the lane."""
-        assert entity.next_offset is not None
-        lateral = entity.next_offset - entity.offset
-        entity.offset = entity.next_offset
-        entity.next_offset = None
-        if not entity.path_compensated:
+        assert entity.controls.target_offset is not None
+        lateral = entity.controls.target_offset - entity.offset
+        entity.offset = entity.controls.target_offset
+        entity.controls.target_offset = None
+        if not entity.controls.path_compensated:
             return distance
         rest = distance * distance - lateral * lateral
         return math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0
@@ -91,19 +72,19 @@ class LaneMotion:
         assert entity.road is not None
         backwards = distance < 0.0
         point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
-        choose = entity.route.choose if entity.route is not None else None
-        reached, forward, left = self.network.travel(point, abs(distance), (entity.along > 0) != backwards, choose)
+        choose = entity.controls.route.choose if entity.controls.route is not None else None
+        reached, forward, left = self.network.travel(point, abs(distance), (entity.direction > 0) != backwards, choose)
         entity.road = self.network.road(reached.road_id)
         entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
         entity.section = entity.road.section(entity.s)
-        entity.along = 1 if forward != backwards else -1
-        if entity.route is not None:
-            entity.route.enter(reached.road_id, forward)
+        entity.direction = 1 if forward != backwards else -1
+        if entity.controls.route is not None:
+            entity.controls.route.enter(reached.road_id, forward)
         self._pose(entity, 0.0, distance)
         if left <= 0.0:
             return distance / dt
         entity.at_road_end = True
-        entity.demand = 0.0
+        entity.controls.target_speed = 0.0
         return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
 
     def _pose(self, entity: Entity, drift: float, distance: float) -> None:
@@ -111,21 +92,21 @@ class LaneMotion:
         assert entity.road is not None
         pose = entity.road.pose(entity.s, entity.t)
         h = pose.h + entity.heading_offset
-        if entity.along < 0:
+        if entity.direction < 0:
             h += math.pi
             drift = -drift
         if drift and abs(distance) > abs(drift):
             h += math.atan2(drift, distance) if distance > 0.0 else -math.atan2(drift, -distance)
         entity.x, entity.y, entity.z, entity.h = pose.x, pose.y, pose.z, h
-        entity.pitch, entity.roll = entity.along * pose.pitch, entity.along * pose.roll
+        entity.pitch, entity.roll = entity.direction * pose.pitch, entity.direction * pose.roll
 
-    def distance_to(self, entity: Entity, placement: Placement, sim: Simulation) -> float | None:
+    def distance_to(self, entity: Entity, placement: Placement) -> float | None:
         """Distance (m, in s) along the entity's route, or else the shortest way, to a place; negative once passed."""
-        here = sim.road_point(entity)
-        assert here is not None
+        assert entity.road is not None
+        here = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
         there = placement.point or self.network.locate(placement.x, placement.y, placement.z)
-        distance: float | None = entity.route.distance(here, there) if entity.route is not None else None
+        distance: float | None = entity.controls.route.distance(here, there) if entity.controls.route is not None else None
         if distance is None:
             relative = self.network.relative(here, there)
-            distance = entity.along * relative.ds if relative is not None else None
+            distance = entity.direction * relative.ds if relative is not None else None
         return -distance if distance is not None and entity.speed < 0.0 else distance

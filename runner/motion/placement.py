@@ -11,7 +11,7 @@ from xodr.model import RoadPoint
 class Placement(NamedTuple):
     """Where a position is: a world pose, and the road point under it where the position is tied to a road.
 
-    x, y, z in m; h, pitch, roll in rad; `along` is +1 when h faces increasing s. `heading_offset` is h relative
+    x, y, z in m; h, pitch, roll in rad; `direction` is +1 when h faces increasing s. `heading_offset` is h relative
     to the lane in the direction faced, rad.
     """
 
@@ -22,7 +22,7 @@ class Placement(NamedTuple):
     pitch: float = 0.0
     roll: float = 0.0
     point: RoadPoint | None = None
-    along: int = 1
+    direction: int = 1
     heading_offset: float = 0.0
 
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from runner.contracts.position import Position, network_of
+from runner.contracts.position import Position
 
 if TYPE_CHECKING:
     from random import Random
 
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xodr.graph.routes import Leg, RoadPath
     from xodr.model import LaneLink, RoadPoint
@@ -50,7 +50,7 @@ class Route:
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> Route:
         """Read the waypoints; a route of fixed waypoints is found, or complained about, here."""
-        network = network_of(node, context)
+        network = context.need_network(node)
         waypoints = [
             Waypoint(context.position(child.need("Position")), child.choice("routeStrategy", STRATEGIES), child)
             for child in node.children("Waypoint")
@@ -66,7 +66,7 @@ class Route:
         """Entities that the waypoints refer to."""
         return tuple(entity for waypoint in self.waypoints for entity in waypoint.position.references())
 
-    def path(self, sim: Simulation | None, actor: Entity | None = None) -> RoadPath:
+    def path(self, run: Surroundings | None, actor: Entity | None = None) -> RoadPath:
         """The way through the road network.
 
         Raises:
@@ -75,8 +75,8 @@ class Route:
         if self._path is not None:
             return self._path
         waypoints = [*self.waypoints, self.waypoints[0]] if self.closed else self.waypoints
-        points = [_road_point(w.position, self.network, sim, actor) for w in waypoints]
-        path = self.network.route(points, [w.strategy for w in waypoints[:-1]], sim.random if sim is not None else None)
+        points = [_road_point(w.position, self.network, run, actor) for w in waypoints]
+        path = self.network.route(points, [w.strategy for w in waypoints[:-1]], run.random if run is not None else None)
         if path is None:
             raise self._unreachable(waypoints, points)
         if self.fixed:
@@ -91,8 +91,8 @@ class Route:
         return self.node.invalid(f"no way leads along all waypoints of the route {self.name!r}")
 
 
-def _road_point(position: Position, network: RoadNetwork, sim: Simulation | None, actor: Entity | None) -> RoadPoint:
-    placement = position.resolve(sim, actor)
+def _road_point(position: Position, network: RoadNetwork, run: Surroundings | None, actor: Entity | None) -> RoadPoint:
+    placement = position.resolve(run, actor)
     return placement.point or network.locate(placement.x, placement.y, placement.z, placement.h)
 
 

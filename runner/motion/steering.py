@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.motion.following import back_to_lane
-from runner.motion.free import FreeMotion
-from runner.motion.placement import wrap
+from runner.motion.free import STRAIGHT_AHEAD
+from runner.motion.placement import Placement, wrap
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
+    from runner.motion.roads import Roads
     from runner.participants.entity import Entity
 
 _WHEELBASE = 0.6
@@ -19,35 +18,34 @@ _SHARPEST = 1.0
 """Steering angle (rad) that front wheels can have, where the file gives no maxSteering."""
 
 
-class SteeredMotion(FreeMotion):
+class SteeredMotion:
     """A kinematic bicycle about the rear axle, on the surface of the road: the heading turns with v·tan(δ)/L.
 
     Source: Rajamani, "Vehicle Dynamics and Control" (2012), 2.2, with the reference point on the rear axle.
     """
 
-    def __init__(self, sim: Simulation) -> None:
-        self._sim = sim
+    def __init__(self, roads: Roads) -> None:
+        self._roads = roads
         self._angle = 0.0
 
     def steer(self, entity: Entity, angle: float) -> None:
         """Take the entity off its lane or path and turn its front wheels, rad, positive to the left."""
-        most = entity.max_steering or _SHARPEST
+        most = entity.declared.max_steering or _SHARPEST
         self._angle = max(-most, min(most, angle))
         entity.on_lane = False
-        entity.motion = self
-
-    def release(self, entity: Entity) -> None:
-        """Let the entity follow its lane again, if this is what moves it."""
-        if entity.motion is self:
-            back_to_lane(self._sim, entity)
+        entity.controls.motion = self
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move along the arc that the wheels ask for."""
-        wheelbase = entity.front_axle if entity.front_axle > 0.0 else _WHEELBASE * entity.box.length
+        wheelbase = entity.declared.front_axle if entity.declared.front_axle > 0.0 else _WHEELBASE * entity.box.length
         turn = speed * math.tan(self._angle) / wheelbase * dt if wheelbase > 0.0 else 0.0
         h = entity.h + 0.5 * turn
         entity.x += speed * dt * math.cos(h)
         entity.y += speed * dt * math.sin(h)
         entity.h = wrap(entity.h + turn)
-        self._sim.lift(entity)
+        self._roads.lift(entity)
         return speed
+
+    def distance_to(self, entity: Entity, placement: Placement) -> float | None:
+        """How far straight ahead the place is."""
+        return STRAIGHT_AHEAD.distance_to(entity, placement)

@@ -19,9 +19,9 @@ from runner.motion.placement import Placement
 from xodr.geometry import Arc, Line, Segment, Spiral, Start
 
 if TYPE_CHECKING:
+    from runner.contracts.context import Context
     from runner.contracts.position import Position
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xosc.node import Node
 
@@ -69,7 +69,7 @@ class Shape(ABC):
         """Read the shape's element."""
 
     @abstractmethod
-    def build(self, sim: Simulation | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
         """The track, with all positions where they are now."""
 
 
@@ -90,9 +90,9 @@ class PolylineShape(Shape):
         positions = [context.position(vertex.need("Position")) for vertex in vertices]
         return cls(node, positions, [vertex.finite("time", None) for vertex in vertices])
 
-    def build(self, sim: Simulation | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
         """Lines from vertex to vertex."""
-        path = Polyline([_corner(position, position.resolve(sim, actor)) for position in self.positions])
+        path = Polyline([_corner(position, position.resolve(run, actor)) for position in self.positions])
         return Track(path, self.times, path.stations)
 
 
@@ -153,9 +153,9 @@ class ClothoidShape(Shape):
         """Read the attributes."""
         return cls(node, context.position(node.need("Position")))
 
-    def build(self, sim: Simulation | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
         """The clothoid from its start position."""
-        place = self.positions[0].resolve(sim, actor)
+        place = self.positions[0].resolve(run, actor)
         path = _bent_at(self.node, place, (self.bend,))
         return Track(path, self.times, path.stations)
 
@@ -196,12 +196,12 @@ class ClothoidSplineShape(Shape):
         """Read the segments."""
         return cls(node, context)
 
-    def build(self, sim: Simulation | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
         """The segments, gaps between them (if any) bridged by lines."""
         path: Path | None = None
         stations = [0.0]
         for position, bends in self.runs:
-            place = _own_place(self.node, actor) if position is None else position.resolve(sim, actor)
+            place = _own_place(self.node, actor) if position is None else position.resolve(run, actor)
             piece = _bent_at(self.node, place, tuple(bends))
             path = piece if path is None else Chain(_to(path, place.x, place.y, place.z), piece)
             begin = path.length - piece.length
@@ -242,12 +242,12 @@ class NurbsShape(Shape):
         """Read order, control points and knots."""
         return cls(node, context)
 
-    def build(self, sim: Simulation | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
         """The curve that the control points shape."""
         points: list[ControlPoint] = []
         heading: float | None = None
         for position, weight, time in zip(self.positions, self.weights, self.times, strict=True):
-            place = position.resolve(sim, actor)
+            place = position.resolve(run, actor)
             heading = _unwrapped(place.h, heading) if position.oriented else None
             points.append(ControlPoint(place.x, place.y, place.z, weight, time, heading))
         try:
@@ -304,7 +304,7 @@ class Trajectory:
         """Entities that the shape's positions refer to."""
         return tuple(entity for position in self.shape.positions for entity in position.references())
 
-    def track(self, sim: Simulation | None, actor: Entity | None) -> Track:
+    def track(self, run: Surroundings | None, actor: Entity | None) -> Track:
         """The trajectory in the world, with all positions where they are now.
 
         Args:
@@ -313,7 +313,7 @@ class Trajectory:
         Raises:
             InvalidFile: it can't be followed.
         """
-        return self.fixed or self._build(sim, actor)
+        return self.fixed or self._build(run, actor)
 
     def schedule(self, track: Track, scale: float) -> Schedule:
         """When a follower is where on a track of this trajectory; between the times given it moves evenly.
@@ -333,8 +333,8 @@ class Trajectory:
                 raise self.node.invalid(f"the trajectory covers {there - here:g} m in {duration:g} s, after {before:g} s")
         return Schedule([time for time, _ in known], [station for _, station in known])
 
-    def _build(self, sim: Simulation | None, actor: Entity | None) -> Track:
-        track = self.shape.build(sim, actor)
+    def _build(self, run: Surroundings | None, actor: Entity | None) -> Track:
+        track = self.shape.build(run, actor)
         path = track.path
         if self.closed:
             start = path.at(0.0)

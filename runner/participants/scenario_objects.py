@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import MutableMapping
+from typing import Protocol
 
-from runner.participants.declaration import BoundingBox, Performance
+from runner.contracts.context import Context
+from runner.participants.declaration import BoundingBox, Declaration, Performance
 from runner.participants.entity import Entity
 from runner.participants.trailers import train
 from xosc.node import Node
 
-if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-
 _KINDS = {"Vehicle": "vehicle", "Pedestrian": "pedestrian", "MiscObject": "miscellaneous"}
 
 
-def read_entities(node: Node, context: Context) -> None:
+class Declarations(Context, Protocol):
+    """A context whose entities are being read."""
+
+    @property
+    def selections(self) -> MutableMapping[str, list[Entity]]:
+        """The entity selections: name → members."""
+        ...
+
+
+def read_entities(node: Node, context: Declarations) -> None:
     """Enter all scenario objects and selections of an Entities element into the context."""
     for scenario_object in node.children("ScenarioObject"):
         _read_scenario_object(scenario_object, scenario_object.get("name"), context)
@@ -24,8 +32,8 @@ def read_entities(node: Node, context: Context) -> None:
         context.selections[selection.get("name")] = _read_selection(selection, context)
 
 
-def read_object(node: Node, name: str) -> Entity:
-    """The entity that a ScenarioObject, ScenarioObjectTemplate or Trailer describes, its trailer left out."""
+def read_object(node: Node, name: str) -> Declaration:
+    """What a ScenarioObject, ScenarioObjectTemplate or Trailer declares, its trailer left out."""
     described = next((child for child in node.children() if child.tag in _KINDS), None)
     if described is None:
         external = node.find("ExternalObjectReference")
@@ -33,7 +41,7 @@ def read_object(node: Node, name: str) -> Entity:
             raise external.unsupported("objects of an external library can't be loaded; describe the entity in the file")
         raise node.invalid("a Vehicle, Pedestrian, MiscObject or CatalogReference is expected")
     kind = _KINDS[described.tag]
-    entity = Entity(
+    return Declaration(
         name=name,
         kind=kind,
         category=described.get(f"{kind}Category", "") if kind != "miscellaneous" else described.get("miscObjectCategory", ""),
@@ -44,21 +52,22 @@ def read_object(node: Node, name: str) -> Entity:
         model=described.get("model3d", "") or described.get("name", ""),
         mass=described.finite("mass", 0.0),
         properties=_read_properties(described),
+        controllers={
+            controller.get("name"): _read_properties(controller)
+            for holder in node.children("ObjectController")
+            for controller in holder.children("Controller")
+        },
         hitch=_read_coupling(described, "TrailerHitch"),
         coupler=_read_coupling(described, "TrailerCoupler"),
         node=described,
     )
-    for holder in node.children("ObjectController"):
-        for controller in holder.children("Controller"):
-            entity.controllers[controller.get("name")] = _read_properties(controller)
-    return entity
 
 
 def _read_scenario_object(node: Node, name: str, context: Context) -> Entity:
-    entity = read_object(node, name)
-    if name in context.all:
+    entity = Entity(read_object(node, name))
+    if name in context.declared:
         raise node.invalid(f"the entity name {name!r} is used twice")
-    context.all[name] = entity
+    context.declared[name] = entity
     for vehicle in node.children("Vehicle"):
         _read_trailer(vehicle, entity, context)
     return entity
@@ -87,21 +96,21 @@ def _read_trailer(vehicle: Node, tractor: Entity, context: Context) -> None:
     if described.tag == "Trailer":
         ours = described.path == context.document.path
         trailer = _read_scenario_object(described, described.get("name") if ours else f"{tractor.name}+", context)
-        _couple(described, tractor, trailer)
+        _couple(described, tractor, trailer, context)
     elif described.get("entityRef"):
-        context.late(lambda: _couple(described, tractor, context.entity(described)))
+        context.late(lambda: _couple(described, tractor, context.entity(described), context))
 
 
-def _couple(node: Node, tractor: Entity, trailer: Entity) -> None:
-    if tractor.hitch is None:
+def _couple(node: Node, tractor: Entity, trailer: Entity, context: Context) -> None:
+    if tractor.declared.hitch is None:
         raise node.invalid(f"{tractor.name!r} has a trailer, but no TrailerHitch")
-    if trailer.coupler is None:
+    if trailer.declared.coupler is None:
         raise node.invalid(f"{trailer.name!r} has no TrailerCoupler, so it can't be towed")
-    if trailer.tractor is not None:
-        raise node.invalid(f"{trailer.name!r} is already the trailer of {trailer.tractor.name!r}")
+    if trailer.controls.tractor is not None:
+        raise node.invalid(f"{trailer.name!r} is already the trailer of {trailer.controls.tractor.name!r}")
     if tractor in train(trailer):
         raise node.invalid(f"{trailer.name!r} can't be the trailer of {tractor.name!r}, which it tows itself")
-    tractor.trailer, trailer.tractor = trailer, tractor
+    context.declared.couple(tractor, trailer)
 
 
 def _read_box(node: Node) -> BoundingBox:
@@ -137,6 +146,6 @@ def _read_selection(node: Node, context: Context) -> list[Entity]:
         if member.tag == "EntityRef":
             found += context.entities(member)
         elif member.tag == "ByType":
-            wanted = member.choice("objectType", ("vehicle", "pedestrian", "miscellaneous", "external"))
-            found += [entity for entity in context.all.values() if entity.kind == wanted]
+            kind = member.choice("objectType", ("vehicle", "pedestrian", "miscellaneous", "external"))
+            found += [entity for entity in context.declared.values() if entity.declared.kind == kind]
     return list(dict.fromkeys(found))

@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.contracts.position import surface
-from runner.motion.following import back_to_lane
+from runner.motion.surface import surface
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from runner.interpreter.simulation import Simulation
+    from runner.motion.roads import Roads
     from runner.participants.entity import Entity
 
 _STILL = 1e-9
@@ -28,67 +27,65 @@ def train(entity: Entity) -> Iterator[Entity]:
     current: Entity | None = entity
     while current is not None:
         yield current
-        current = current.trailer
+        current = current.controls.trailer
 
 
-def connect(sim: Simulation, tractor: Entity, trailer: Entity) -> None:
-    """Put a trailer on a tractor's hitch; what it was doing itself ends."""
-    for process in [process for process in sim.processes if process.actor is trailer]:
-        process.element.override(sim, process, f"{trailer.name} is towed by {tractor.name}")
-    tractor.trailer, trailer.tractor = trailer, tractor
+def connect(roads: Roads, tractor: Entity, trailer: Entity) -> None:
+    """Put a trailer that no action moves any more on a tractor's hitch."""
+    tractor.controls.trailer, trailer.controls.tractor = trailer, tractor
     if not trailer.placed:
-        line_up(sim, tractor)
+        line_up(roads, tractor)
     else:
         x, y = _hitch_point(tractor)
         on_hitch = math.hypot(x - trailer.x, y - trailer.y) < _STILL
         _place(tractor, trailer, tractor.h if on_hitch else math.atan2(y - trailer.y, x - trailer.x))
-        _follow(sim, trailer)
+        _follow(roads, trailer)
 
 
-def disconnect(sim: Simulation, tractor: Entity) -> None:
+def disconnect(roads: Roads, tractor: Entity) -> None:
     """Leave a tractor's trailer standing where it is."""
-    trailer = tractor.trailer
+    trailer = tractor.controls.trailer
     assert trailer is not None
-    tractor.trailer = trailer.tractor = None
+    tractor.controls.trailer = trailer.controls.tractor = None
     for member in train(trailer):
-        member.speed = member.demand = member.acceleration = 0.0
-    back_to_lane(sim, trailer)
+        member.speed = member.controls.target_speed = member.acceleration = 0.0
+    roads.back_to_lane(trailer)
 
 
-def line_up(sim: Simulation, tractor: Entity) -> None:
+def line_up(roads: Roads, tractor: Entity) -> None:
     """Put the trailers of an entity that has been placed straight behind it."""
-    trailer = tractor.trailer
+    trailer = tractor.controls.trailer
     if trailer is not None:
         _place(tractor, trailer, tractor.h)
         trailer.placed = True
-        _follow(sim, trailer)
-        line_up(sim, trailer)
+        _follow(roads, trailer)
+        line_up(roads, trailer)
 
 
-def tow(sim: Simulation, tractor: Entity, dt: float) -> None:
+def tow(roads: Roads, tractor: Entity, dt: float) -> None:
     """Move the trailers of an entity that has moved for dt (s)."""
-    trailer = tractor.trailer
+    trailer = tractor.controls.trailer
     if trailer is None or not trailer.active:
         return
     x, y = trailer.x, trailer.y
     _place(tractor, trailer, _pulled(tractor, trailer))
     trailer.vx, trailer.vy = (trailer.x - x) / dt, (trailer.y - y) / dt
-    trailer.speed = trailer.demand = tractor.speed
+    trailer.speed = trailer.controls.target_speed = tractor.speed
     trailer.acceleration = tractor.acceleration
     trailer.odometer += math.hypot(trailer.x - x, trailer.y - y)
     trailer.standstill = tractor.standstill
-    _follow(sim, trailer)
-    tow(sim, trailer, dt)
+    _follow(roads, trailer)
+    tow(roads, trailer, dt)
 
 
 def _hitch_point(tractor: Entity) -> tuple[float, float]:
-    reach = tractor.hitch or 0.0
+    reach = tractor.declared.hitch or 0.0
     return tractor.x + reach * math.cos(tractor.h), tractor.y + reach * math.sin(tractor.h)
 
 
 def _pulled(tractor: Entity, trailer: Entity) -> float:
     """Heading (rad) of a trailer whose coupler goes straight to where the hitch is now."""
-    reach = trailer.coupler or 0.0
+    reach = trailer.declared.coupler or 0.0
     x, y = _hitch_point(tractor)
     dx, dy = x - trailer.x - reach * math.cos(trailer.h), y - trailer.y - reach * math.sin(trailer.h)
     distance = math.hypot(dx, dy)
@@ -101,17 +98,17 @@ def _pulled(tractor: Entity, trailer: Entity) -> float:
 
 def _place(tractor: Entity, trailer: Entity, h: float) -> None:
     x, y = _hitch_point(tractor)
-    reach = trailer.coupler or 0.0
+    reach = trailer.declared.coupler or 0.0
     trailer.h = h
     trailer.x, trailer.y = x - reach * math.cos(h), y - reach * math.sin(h)
     trailer.z, trailer.pitch, trailer.roll = tractor.z, tractor.pitch, tractor.roll
     trailer.on_lane = False
 
 
-def _follow(sim: Simulation, trailer: Entity) -> None:
+def _follow(roads: Roads, trailer: Entity) -> None:
     """Give a trailer the height and tilt of the road below its axle."""
-    network = sim.network
-    point = sim.road_point(trailer)
+    network = roads.network
+    point = roads.road_point(trailer)
     if network is None or point is None or network.roads[point.road_id].flat or not network.on_road(point):
         return
     trailer.z, trailer.pitch, trailer.roll = surface(network, point, trailer.h)

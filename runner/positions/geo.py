@@ -7,11 +7,12 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.position import FixedPosition, Orientation, network_of, on_road
+from runner.contracts.position import FixedPosition
 from runner.motion.placement import Placement
+from runner.positions.orientation import Orientation, on_road
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
+    from runner.contracts.context import Context
     from xodr.lookup.geo import GeoReference
     from xodr.network import RoadNetwork
     from xosc.node import Node
@@ -44,7 +45,7 @@ class GeoPosition(FixedPosition):
         """Read the attributes and project them."""
         from xodr.lookup.geo import Geodetic
 
-        network = network_of(node, context)
+        network = context.need_network(node)
         if node.int("verticalRoadSelection", 0):
             raise node.unsupported("only the topmost road (verticalRoadSelection 0) can be selected")
         latitude, longitude = _angle(node, "latitude", 90.0), _angle(node, "longitude", 180.0)

@@ -10,13 +10,14 @@ import math
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.position import FixedPosition, Orientation, Position, network_of, on_road
+from runner.contracts.position import FixedPosition, Position
 from runner.motion.placement import Placement
+from runner.positions.orientation import Orientation, on_road
 from xodr.model import RoadError, RoadPoint
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xodr.graph.travel import Choose
     from xodr.network import RoadNetwork
@@ -59,7 +60,7 @@ class RoadPosition(FixedPosition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> RoadPosition:
         """Read the attributes and check them against the road network."""
-        network = network_of(node, context)
+        network = context.need_network(node)
         road, s = _road_and_s(node, network)
         point = road.point(s, node.finite("t"))
         return cls(node, on_road(network, point, road.heading(s), Orientation.from_xml(node, context)))
@@ -72,7 +73,7 @@ class LanePosition(FixedPosition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> LanePosition:
         """Read the attributes and check them against the road network."""
-        network = network_of(node, context)
+        network = context.need_network(node)
         road, s = _road_and_s(node, network)
         try:
             point = road.lane_point(s, read_lane_id(node), node.finite("offset", 0.0))
@@ -86,7 +87,7 @@ class _RelativeRoadPosition(Position):
 
     def __init__(self, node: Node, context: Context) -> None:
         super().__init__(node)
-        self.network = network_of(node, context)
+        self.network = context.need_network(node)
         self.entity = context.entity(node)
         self.orientation = Orientation.from_xml(node, context)
 
@@ -94,16 +95,16 @@ class _RelativeRoadPosition(Position):
         """The entity referred to."""
         return (self.entity,)
 
-    def origin(self, sim: Simulation | None) -> RoadPoint:
+    def origin(self, run: Surroundings | None) -> RoadPoint:
         """Where the entity referred to is on the road network."""
-        assert sim is not None
-        point = sim.road_point(self.current(self.entity))
+        assert run is not None
+        point = run.roads.road_point(self.current(self.entity))
         assert point is not None
         return point
 
     def along(self, origin: RoadPoint, ds: float) -> tuple[RoadPoint, bool]:
         """The point on the same lane ds further in s, and whether +s is the same direction there."""
-        route = self.entity.route
+        route = self.entity.controls.route
         found = travel_s(self.network, origin, ds, route.choose if route is not None else self.network.straightest)
         if found is None:
             raise self.node.invalid(
@@ -126,9 +127,9 @@ class RelativeRoadPosition(_RelativeRoadPosition):
         """Read the attributes."""
         return cls(node, context)
 
-    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
-        origin = self.origin(sim)
+        origin = self.origin(run)
         reached, aligned = self.along(origin, self.ds)
         t = origin.t + self.dt
         road = self.network.road(reached.road_id)
@@ -156,9 +157,9 @@ class RelativeLanePosition(_RelativeRoadPosition):
         """Read the attributes."""
         return cls(node, context)
 
-    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
-        origin = self.origin(sim)
+        origin = self.origin(run)
         reached, aligned = self.along(origin, self.ds) if self.ds is not None else self._along_lane(origin)
         side = 1 if aligned else -1
         road = self.network.road(reached.road_id)
@@ -171,7 +172,7 @@ class RelativeLanePosition(_RelativeRoadPosition):
         return lane_placement(self.network, road.lane_point(reached.s, lane, side * self.offset), self.orientation)
 
     def _along_lane(self, origin: RoadPoint) -> tuple[RoadPoint, bool]:
-        route, entity = self.entity.route, self.entity
+        route, entity = self.entity.controls.route, self.entity
         ahead = math.cos(entity.h - self.network.road(origin.road_id).heading(origin.s)) >= 0.0
         center = self.network.lane_point(origin.road_id, origin.lane_id, origin.s)
         point, forward, left = self.network.travel(center, self.ds_lane, ahead, route.choose if route is not None else None)

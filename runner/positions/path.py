@@ -6,16 +6,18 @@ import math
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.position import Orientation, Position, in_world, network_of, on_road
+from runner.contracts.position import Position
 from runner.motion import routes
 from runner.motion.paths import tangent
 from runner.motion.placement import Placement
+from runner.motion.surface import in_world
 from runner.motion.trajectories import Trajectory
+from runner.positions.orientation import Orientation, on_road
 from xodr.model import Pose, RoadError
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xodr.graph.routes import RoadPath
     from xodr.model import RoadPoint
@@ -36,7 +38,7 @@ class RoutePosition(Position):
 
     def __init__(self, node: Node, context: Context) -> None:
         super().__init__(node)
-        self.network = network_of(node, context)
+        self.network = context.need_network(node)
         self.route = routes.Route.from_xml(node.need("RouteRef", "Route"), context)
         self.orientation = Orientation.from_xml(node, context)
         self.where = node.need("InRoutePosition").only()
@@ -53,15 +55,15 @@ class RoutePosition(Position):
         """The entities that the route or the place refer to."""
         return (*self.route.references(), *([self.entity] if self.entity is not None else []))
 
-    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
         if self.fixed is not None:
             return self.fixed
-        path = self.route.path(sim, actor)
-        return self._on(path) if self.entity is None else self._at_entity(path, self.current(self.entity), sim)
+        path = self.route.path(run, actor)
+        return self._on(path) if self.entity is None else self._at_entity(path, self.current(self.entity), run)
 
-    def _at_entity(self, path: RoadPath, entity: Entity, sim: Simulation | None) -> Placement:
-        point = sim.road_point(entity) if sim is not None else None
+    def _at_entity(self, path: RoadPath, entity: Entity, run: Surroundings | None) -> Placement:
+        point = run.roads.road_point(entity) if run is not None else None
         distance = path.position(point) if point is not None else None
         if point is None or distance is None:
             raise self.node.invalid(f"{entity.name!r} is not on the route {self.route.name!r}")
@@ -110,11 +112,11 @@ class TrajectoryPosition(Position):
         """The entities that the trajectory refers to."""
         return self.trajectory.references()
 
-    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
         if self.fixed is not None:
             return self.fixed
-        track = self.trajectory.track(sim, actor)
+        track = self.trajectory.track(run, actor)
         path = track.path
         if not -_TOLERANCE <= self.s <= path.length + _TOLERANCE:
             raise self.node.invalid(

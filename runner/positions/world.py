@@ -6,13 +6,15 @@ import math
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.position import FixedPosition, Orientation, Position, in_world
+from runner.contracts.position import FixedPosition, Position
 from runner.motion.placement import Placement
+from runner.motion.surface import in_world
+from runner.positions.orientation import Orientation
 from xodr.model import Pose
 
 if TYPE_CHECKING:
-    from runner.interpreter.compiler import Context
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.context import Context
+    from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xosc.node import Node
 
@@ -47,14 +49,14 @@ class _RelativePosition(Position):
         """The entity referred to."""
         return (self.entity,)
 
-    def _placement(self, sim: Simulation | None, x: float, y: float) -> Placement:
+    def _placement(self, run: Surroundings | None, x: float, y: float) -> Placement:
         entity, orientation = self.entity, self.orientation
         h = orientation.heading(entity.h)
         pitch, roll = orientation.pitch, orientation.roll
         if not orientation.absolute:
             pitch, roll = pitch + entity.pitch, roll + entity.roll
         pose = Pose(x, y, entity.z + self.dz, h, pitch, roll)
-        return in_world(sim.network if sim else None, pose, hint=sim.road_point(entity) if sim else None)
+        return in_world(run.roads.network if run else None, pose, hint=run.roads.road_point(entity) if run else None)
 
 
 @registry.position("RelativeWorldPosition")
@@ -66,10 +68,10 @@ class RelativeWorldPosition(_RelativePosition):
         """Read the attributes."""
         return cls(node, context)
 
-    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
         entity = self.current(self.entity)
-        return self._placement(sim, entity.x + self.dx, entity.y + self.dy)
+        return self._placement(run, entity.x + self.dx, entity.y + self.dy)
 
 
 @registry.position("RelativeObjectPosition")
@@ -81,8 +83,8 @@ class RelativeObjectPosition(_RelativePosition):
         """Read the attributes."""
         return cls(node, context)
 
-    def resolve(self, sim: Simulation | None, actor: Entity | None = None) -> Placement:
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
         entity = self.current(self.entity)
         c, s = math.cos(entity.h), math.sin(entity.h)
-        return self._placement(sim, entity.x + c * self.dx - s * self.dy, entity.y + s * self.dx + c * self.dy)
+        return self._placement(run, entity.x + c * self.dx - s * self.dy, entity.y + s * self.dx + c * self.dy)

@@ -13,8 +13,8 @@ from runner.participants.entity import Entity
 from runner.spacing import distances
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
     from runner.motion.placement import Placement
+    from runner.motion.roads import Roads
     from xodr.model import RoadPoint
     from xodr.road import Road
 
@@ -45,15 +45,15 @@ def _gap_after(a: Entity, b: Entity | Placement, vx: float, vy: float) -> float:
     return gap(a, moved._replace(box=b.box) if isinstance(b, Entity) else moved)
 
 
-def longitudinal(sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str) -> float | None:
+def longitudinal(roads: Roads, a: Entity, b: Entity | Placement, system: str, routing: str) -> float | None:
     """Closing speed of the longitudinal distance."""
-    seen = _encounter(sim, a, b, system, routing)
+    seen = _encounter(roads, a, b, system, routing)
     return math.copysign(1.0, seen.apart[0]) * (seen.own[0] - seen.other[0]) if seen is not None else None
 
 
-def lateral(sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str) -> float | None:
+def lateral(roads: Roads, a: Entity, b: Entity | Placement, system: str, routing: str) -> float | None:
     """Closing speed of the lateral distance."""
-    seen = _encounter(sim, a, b, system, routing)
+    seen = _encounter(roads, a, b, system, routing)
     return math.copysign(1.0, seen.apart[1]) * (seen.own[1] - seen.other[1]) if seen is not None else None
 
 
@@ -65,15 +65,15 @@ class _Encounter(NamedTuple):
     other: tuple[float, float]
 
 
-def _encounter(sim: Simulation, a: Entity, b: Entity | Placement, system: str, routing: str) -> _Encounter | None:
+def _encounter(roads: Roads, a: Entity, b: Entity | Placement, system: str, routing: str) -> _Encounter | None:
     if system == "entity":
         return _Encounter(_turned((b.x - a.x, b.y - a.y), a.h), _turned(velocity(a), a.h), _turned(velocity(b), a.h))
     if system == "trajectory":
         return _on_trajectory(a, b)
-    seen = distances.bearing(sim, a, b, system == "lane", routing)
-    if seen is None or sim.network is None:
+    seen = distances.bearing(roads, a, b, system == "lane", routing)
+    if seen is None or roads.network is None:
         return None
-    here, there = sim.network.roads[seen.a.road_id], sim.network.roads[seen.b.road_id]
+    here, there = roads.network.roads[seen.a.road_id], roads.network.roads[seen.b.road_id]
     own, other = _on_road(velocity(a), here, seen.a, seen.line_a), _on_road(velocity(b), there, seen.b, seen.line_b)
     side = distances.facing(a, here, seen.a.s)
     turn = side if seen.aligned else -side

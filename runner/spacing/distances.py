@@ -26,9 +26,9 @@ from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entity
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
     from runner.motion.paths import Path
     from runner.motion.placement import Placement
+    from runner.motion.roads import Roads
     from xodr.model import RoadPoint
     from xodr.road import Road
 
@@ -62,12 +62,12 @@ def euclidean(a: Entity, b: Entity | Placement, freespace: bool = False) -> floa
 
 
 def longitudinal(
-    sim: Simulation, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str = "undefined"
+    roads: Roads, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str = "undefined"
 ) -> float | None:
     """Signed distance ahead of a."""
     if system == "entity":
         return _ahead(a, b, freespace)
-    extents = _extents(sim, a, b, system, freespace, routing)
+    extents = _extents(roads, a, b, system, freespace, routing)
     if extents is None:
         return None
     ours, theirs = extents
@@ -75,12 +75,12 @@ def longitudinal(
 
 
 def lateral(
-    sim: Simulation, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str = "undefined"
+    roads: Roads, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str = "undefined"
 ) -> float | None:
     """Signed distance to the left of a."""
     if system == "entity":
         return _aside(a, b, freespace)
-    extents = _extents(sim, a, b, system, freespace, routing)
+    extents = _extents(roads, a, b, system, freespace, routing)
     if extents is None:
         return None
     ours, theirs = extents
@@ -111,12 +111,12 @@ def _aside(a: Entity, b: Entity | Placement, freespace: bool) -> float:
 
 
 def _extents(
-    sim: Simulation, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str
+    roads: Roads, a: Entity, b: Entity | Placement, system: str, freespace: bool, routing: str
 ) -> tuple[Footprint, Footprint] | None:
     """Extents of both along and across a's trajectory, road or lane, in the direction of a; None where there is no way."""
     if system == "trajectory":
         return _on_trajectory(a, b, freespace)
-    return _on_road(sim, a, b, system == "lane", freespace, routing)
+    return _on_road(roads, a, b, system == "lane", freespace, routing)
 
 
 # road and lane ------------------------------------------------------------------------------
@@ -139,26 +139,26 @@ class Bearing(NamedTuple):
     line_b: float = 0.0
 
 
-def road_point(sim: Simulation, b: Entity | Placement) -> RoadPoint | None:
+def road_point(roads: Roads, b: Entity | Placement) -> RoadPoint | None:
     """Where an entity or a position is on the road network."""
     if isinstance(b, Entity):
-        return sim.road_point(b)
-    if b.point is not None or sim.network is None:
+        return roads.road_point(b)
+    if b.point is not None or roads.network is None:
         return b.point
-    return sim.network.locate(b.x, b.y, b.z, b.h)
+    return roads.network.locate(b.x, b.y, b.z, b.h)
 
 
-def bearing(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, routing: str = "undefined") -> Bearing | None:
+def bearing(roads: Roads, a: Entity, b: Entity | Placement, lane: bool, routing: str = "undefined") -> Bearing | None:
     """Where b lies on the road network as seen from a; None where no way leads from one to the other.
 
     Args:
         lane: in coordinates of a's lane, not of its road.
         routing: the routing algorithm; `assignedRoute` measures along the route of a where both are on it.
     """
-    here, there = road_point(sim, a), road_point(sim, b)
-    if here is None or there is None or sim.network is None:
+    here, there = road_point(roads, a), road_point(roads, b)
+    if here is None or there is None or roads.network is None:
         return None
-    relative = sim.network.relative_in_lane if lane else sim.network.relative
+    relative = roads.network.relative_in_lane if lane else roads.network.relative
     seen = relative(here, there, routing if routing in ("fastest", "leastIntersections") else "shortest")
     if seen is None:
         return None
@@ -174,8 +174,10 @@ def bearing(sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, routi
 
 def _along_route(a: Entity, here: RoadPoint, there: RoadPoint) -> float | None:
     """Distance along the route assigned to a, towards +s of its road; None where one of the two is not on a route."""
-    route = a.route
-    distance = route.distance(here, there) if isinstance(route, AssignedRoute) else None
+    route = a.controls.route
+    if not isinstance(route, AssignedRoute):
+        return None
+    distance = route.distance(here, there)
     if distance is None:
         return None
     return distance if route.forward(here) else -distance
@@ -184,7 +186,7 @@ def _along_route(a: Entity, here: RoadPoint, there: RoadPoint) -> float | None:
 def facing(a: Entity, road: Road, s: float) -> int:
     """+1 where an entity faces the road's +s, −1 where it faces −s."""
     if a.on_lane:
-        return a.along
+        return a.direction
     return 1 if math.cos(a.h - road.heading(s)) >= 0.0 else -1
 
 
@@ -214,13 +216,13 @@ def footprint(road: Road, point: RoadPoint, h: float, box: BoundingBox, line: fl
 
 
 def _on_road(
-    sim: Simulation, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str
+    roads: Roads, a: Entity, b: Entity | Placement, lane: bool, freespace: bool, routing: str
 ) -> tuple[Footprint, Footprint] | None:
     """Extents of both from a's reference point, ahead and to the left of a."""
-    seen = bearing(sim, a, b, lane, routing)
-    if seen is None or sim.network is None:
+    seen = bearing(roads, a, b, lane, routing)
+    if seen is None or roads.network is None:
         return None
-    here, there = sim.network.roads[seen.a.road_id], sim.network.roads[seen.b.road_id]
+    here, there = roads.network.roads[seen.a.road_id], roads.network.roads[seen.b.road_id]
     side = facing(a, here, seen.a.s)
     ours = theirs = _POINT
     if freespace:
@@ -243,7 +245,7 @@ def _on_trajectory(a: Entity, b: Entity | Placement, freespace: bool) -> tuple[F
 
 def trajectory(a: Entity) -> Path | None:
     """The trajectory that an entity follows now, None where it follows none."""
-    return a.motion.path if isinstance(a.motion, PathMotion) else None
+    return a.controls.motion.path if isinstance(a.controls.motion, PathMotion) else None
 
 
 def on_path(path: Path, b: Entity | Placement) -> tuple[float, float, float]:

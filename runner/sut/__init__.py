@@ -7,10 +7,20 @@ from collections.abc import Callable
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
-from runner.sut.base import Control, Observation, SystemUnderTest, WorldDriven
+from runner.sut.base import Control, Observation, Participant, SystemUnderTest, WorldDriven
 from schemas.errors import ToolchainError, UsageError
 
-__all__ = ["Control", "Observation", "System", "SystemUnderTest", "WorldDriven", "find_system", "load_system", "system_name"]
+__all__ = [
+    "Control",
+    "Observation",
+    "Participant",
+    "System",
+    "SystemUnderTest",
+    "WorldDriven",
+    "find_system",
+    "load_system",
+    "system_name",
+]
 
 GROUP = "xosc.sut"
 

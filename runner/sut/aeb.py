@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runner.participants.entity import Entity
-from runner.sut.base import Control, Observation
+from runner.sut.base import Control, Observation, Participant
 from runner.sut.encounters import encounters
 
 
@@ -29,7 +28,7 @@ class EmergencyBraking:
     sensor_range: float = 80.0
     clearance: float = 0.2
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Forget the last run."""
         self._full = False
 

@@ -6,15 +6,78 @@ what it leaves as None stays as the scenario scripts it. It never sees the story
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from operator import attrgetter
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from runner.participants.declaration import BoundingBox, Performance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from runner.interpreter.environment import Environment
     from runner.participants.entity import Entity
+    from runner.surroundings.environment import Environment
     from xodr.network import RoadNetwork
+
+
+class Participant(NamedTuple):
+    """A participant as it is at one instant.
+
+    The pose is that of the OpenSCENARIO reference point (vehicles: rear axle centre on the ground) in the world frame of the
+    road network: x, y, z in m; h mathematical, pitch, roll in rad. Where that is on the roads, `Observation.network.locate`
+    says.
+
+    Args:
+        name: its name.
+        kind: vehicle, pedestrian or miscellaneous.
+        category: e.g. car, truck, bicycle.
+        box: its bounding box about the reference point.
+        speed, acceleration: along the own heading, signed, m/s and m/s².
+        vx, vy, ax, ay: velocity (m/s) and acceleration (m/s²) over ground in the world frame.
+        odometer: distance travelled, m.
+        performance: its limits.
+        front_axle: x of the front axle, m (0 where there is none).
+        max_steering: greatest angle of the front wheels, rad (0 where it is not known).
+        mass: kg (0 where it is not known).
+        lights: state of each light that a LightStateAction has switched.
+        overrides: controller inputs that OverrideControllerValueAction holds.
+    """
+
+    name: str
+    kind: str
+    category: str
+    box: BoundingBox
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    h: float = 0.0
+    pitch: float = 0.0
+    roll: float = 0.0
+    speed: float = 0.0
+    acceleration: float = 0.0
+    vx: float = 0.0
+    vy: float = 0.0
+    ax: float = 0.0
+    ay: float = 0.0
+    odometer: float = 0.0
+    performance: Performance = Performance()
+    front_axle: float = 0.0
+    max_steering: float = 0.0
+    mass: float = 0.0
+    lights: Mapping[str, str] = MappingProxyType({})
+    overrides: Mapping[str, float] = MappingProxyType({})
+
+
+_DECLARED = {"kind", "category", "performance", "front_axle", "max_steering", "mass"}
+_PARTS = dict.fromkeys(_DECLARED, "declared.") | {"overrides": "controls."}
+_values = attrgetter(*(f"{_PARTS.get(field, '')}{field}" for field in Participant._fields))
+
+
+def seen(entity: Entity) -> Participant:
+    """An entity as it is now."""
+    return Participant._make(_values(entity))
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,17 +86,17 @@ class Observation:
 
     Args:
         time: simulation time, s.
-        ego: the entity driven (state as in `runner.participants.entity`; not to be changed).
+        ego: the participant driven.
         others: every other participant that sensors can see.
-        demand: speed that the scenario asks of the ego at the end of this step, m/s.
+        target_speed: speed that the scenario asks of the ego at the end of this step, m/s.
         network: the roads, or None.
         environment: what EnvironmentActions have set (weather, time of day, road condition).
     """
 
     time: float
-    ego: Entity
-    others: Sequence[Entity]
-    demand: float
+    ego: Participant
+    others: Sequence[Participant]
+    target_speed: float
     network: RoadNetwork | None
     environment: Environment
 
@@ -56,7 +119,7 @@ class Control:
 class SystemUnderTest(Protocol):
     """A driver or driver assistance system: `control` is called once a step."""
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Called once before the run."""
         ...
 
@@ -68,8 +131,8 @@ class SystemUnderTest(Protocol):
 class WorldDriven:
     """A system under test that is the world's own driver: the ego is handed to it, and there is nothing to control.
 
-    See `runner.interpreter.ego.WorldDriver` for how that combines with what the scenario scripts.
+    See `runner.interpreter.drivers.WorldDriver` for how that combines with what the scenario scripts.
     """
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Called once before the run."""

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
 from runner.participants.boxes import gap, interval_gap, outlook, reach, spans
-from runner.participants.entity import Entity
-from runner.sut.base import Control, Observation
+from runner.sut.base import Control, Observation, Participant
 
 
 @dataclass(slots=True)
@@ -33,13 +32,13 @@ class CollisionAvoidance:
     def __post_init__(self) -> None:
         self._parameters = parameter_set(self.rss)
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Nothing is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:
         """Full braking with the reason when in danger, else nothing."""
         ego = observation.ego
-        way = -1.0 if (ego.speed or observation.demand) < 0.0 else 1.0
+        way = -1.0 if (ego.speed or observation.target_speed) < 0.0 else 1.0
         far = self.sensor_range + reach(ego.box)
         for other in observation.others:
             if math.hypot(other.x - ego.x, other.y - ego.y) <= far + reach(other.box):
@@ -48,7 +47,7 @@ class CollisionAvoidance:
                     return Control(acceleration=-way * self.brake, reason=danger)
         return Control()
 
-    def _danger(self, ego: Entity, other: Entity, way: float) -> str:
+    def _danger(self, ego: Participant, other: Participant, way: float) -> str:
         """Why a participant is dangerous for an ego that drives forwards (way +1) or backwards (−1); empty where it is not."""
         if gap(ego, other) > self.sensor_range:
             return ""

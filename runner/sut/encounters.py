@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from runner.participants.boxes import outlook, spans
-from runner.participants.entity import Entity
-from runner.sut.base import Observation
+from runner.sut.base import Observation, Participant
 
 
 class Encounter(NamedTuple):
@@ -53,7 +52,7 @@ def encounters(observation: Observation) -> Iterator[Encounter]:
             yield Encounter(other.name, rear - half_length, aside, length, speed, ego.speed - speed, approach)
 
 
-def _relative(ego: Entity, other: Entity) -> tuple[float, float]:
+def _relative(ego: Participant, other: Participant) -> tuple[float, float]:
     """Speed of another participant along the ego's heading, and to its left as seen from the ego, m/s."""
     c, s = math.cos(ego.h), math.sin(ego.h)
     return other.vx * c + other.vy * s, (other.vy - ego.vy) * c - (other.vx - ego.vx) * s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runner.participants.entity import Entity
+from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import HARDEST, JERK, ROUNDING, ReferenceDriver
 
@@ -42,7 +42,7 @@ class FuzzySafety(ReferenceDriver):
     margin: float = 2.0
     ahead_of_time: float = 0.1
 
-    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+    def dangerous(self, found: Encounter, ego: Participant) -> bool:
         """In the way or about to be, and not safe by one of the metrics."""
         return self._in_the_way(found) and (self.critical(found, ego) > 0.0 or self.proactive(found, ego) > 0.0)
 
@@ -53,14 +53,14 @@ class FuzzySafety(ReferenceDriver):
             return False
         return found.aside / found.approach <= (found.gap + found.length) / found.closing + self.ahead_of_time
 
-    def proactive(self, found: Encounter, ego: Entity) -> float:
+    def proactive(self, found: Encounter, ego: Participant) -> float:
         """PFS, 0 (safe) to 1."""
         u, own = ego.speed, found.speed
         reaction, its = u * self.reaction, own * own / (2.0 * self.other)
         safe = reaction + u * u / (2.0 * self.comfortable) - its + self.margin
         return _between(found.gap - self.margin, safe, reaction + u * u / (2.0 * self.hard) - its)
 
-    def critical(self, found: Encounter, ego: Entity) -> float:
+    def critical(self, found: Encounter, ego: Participant) -> float:
         """CFS, 0 (safe) to 1."""
         if found.closing <= 0.0:
             return 0.0
@@ -71,9 +71,9 @@ class FuzzySafety(ReferenceDriver):
         within = (found.closing + 0.5 * acceleration * self.reaction) * self.reaction
         return _between(found.gap, within + left * left / (2.0 * self.comfortable), within + left * left / (2.0 * self.hard))
 
-    def braking(self, dangers: list[Encounter], before: float, ego: Entity, dt: float) -> float:
+    def braking(self, dangers: list[Encounter], before: float, ego: Participant, dt: float) -> float:
         """Deceleration by the least safe of them, m/s²."""
         critical = max(self.critical(found, ego) for found in dangers)
         proactive = max(self.proactive(found, ego) for found in dangers)
-        wanted = self.comfortable + critical * (self.hard - self.comfortable) if critical > 0.0 else proactive * self.comfortable
-        return min(before + JERK * dt, HARDEST, wanted)
+        needed = self.comfortable + critical * (self.hard - self.comfortable) if critical > 0.0 else proactive * self.comfortable
+        return min(before + JERK * dt, HARDEST, needed)

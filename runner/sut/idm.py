@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from runner.participants.entity import Entity
-from runner.sut.base import Control, Observation
+from runner.sut.base import Control, Observation, Participant
 from runner.sut.encounters import encounters
 
 
 @dataclass
 class IntelligentDriver:
-    """Follows whoever is in its way; its wanted speed is what the scenario asks for.
+    """Follows whoever is in its way; its desired speed v₀ is what the scenario asks for.
 
     a = `accelerate`·(1 − (v/v₀)⁴ − (s*/s)²), s* = `standstill` + max(0, v·`headway` + v·Δv/(2·√(`accelerate`·`comfortable`)))
 
@@ -20,7 +19,7 @@ class IntelligentDriver:
     (Physical Review E 62, 2000), equations 3 and 4.
 
     Args:
-        headway: wanted time gap, s.
+        headway: desired time gap, s.
         standstill: gap at standstill, m.
         accelerate, comfortable: acceleration and comfortable deceleration, m/s².
         brake: greatest deceleration, m/s².
@@ -34,18 +33,18 @@ class IntelligentDriver:
     brake: float = 8.0
     clearance: float = 0.2
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Nothing is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """The model's acceleration where somebody is in the way or the speed is not the wanted one; else nothing."""
-        speed, wanted = observation.ego.speed, observation.demand
+        """The model's acceleration where somebody is in the way or the speed is not the desired one; else nothing."""
+        speed, target = observation.ego.speed, observation.target_speed
         ahead = [found for found in encounters(observation) if found.aside < self.clearance]
-        if speed < 0.0 or wanted < 0.0 or not ahead:
+        if speed < 0.0 or target < 0.0 or not ahead:
             return Control()
         found = min(ahead, key=lambda one: one.gap)
         dynamic = speed * self.headway + speed * found.closing / (2.0 * math.sqrt(self.accelerate * self.comfortable))
         needed = (self.standstill + max(0.0, dynamic)) / max(found.gap, 0.1)
-        free = (speed / wanted) ** 4 if wanted > 0.0 else 1.0
+        free = (speed / target) ** 4 if target > 0.0 else 1.0
         acceleration = max(self.accelerate * (1.0 - free - needed * needed), -self.brake)
         return Control(acceleration, reason=f"{found.name} is {found.gap:.1f} m ahead, {found.closing:.1f} m/s slower")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runner.participants.entity import Entity
+from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import ROUNDING, ReferenceDriver
 
@@ -23,6 +23,6 @@ class CarefulCompetent(ReferenceDriver):
     release: float = 0.4
     critical: float = 2.0
 
-    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+    def dangerous(self, found: Encounter, ego: Participant) -> bool:
         """In the way, and reached within the critical time."""
         return found.aside <= ROUNDING and found.time_to_collision <= self.critical

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runner.participants.entity import Entity
+from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import ROUNDING, ReferenceDriver
 
@@ -26,12 +26,12 @@ class Regulation157(ReferenceDriver):
     brake: float = 6.0
     lateral: float = 0.5
 
-    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+    def dangerous(self, found: Encounter, ego: Participant) -> bool:
         """Cutting in, too near for what the regulation grants."""
         enough = found.closing / (2.0 * self.brake) + self.reaction + 0.1
         near = found.closing > 0.0 and abs(found.gap) <= enough * found.closing
         return near and found.aside <= self.lateral + ROUNDING
 
-    def braking(self, dangers: list[Encounter], before: float, ego: Entity, dt: float) -> float:
+    def braking(self, dangers: list[Encounter], before: float, ego: Participant, dt: float) -> float:
         """The whole deceleration at once, m/s²."""
         return self.brake

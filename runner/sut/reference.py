@@ -7,8 +7,7 @@ definition of safety requirements of automated vehicles in international regulat
 
 from __future__ import annotations
 
-from runner.participants.entity import Entity
-from runner.sut.base import Control, Observation
+from runner.sut.base import Control, Observation, Participant
 from runner.sut.encounters import Encounter, encounters
 
 GRAVITY = 9.81
@@ -32,7 +31,7 @@ class ReferenceDriver:
     reaction: float
     release: float = 0.0
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Forget the last run."""
         self._until_braking = self.reaction
         self._alarmed = False
@@ -53,10 +52,10 @@ class ReferenceDriver:
             self._deceleration = self.braking(dangers, self._deceleration, observation.ego, dt)
         return Control(acceleration=-self._deceleration, reason=reason)
 
-    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+    def dangerous(self, found: Encounter, ego: Participant) -> bool:
         """Whether a participant ahead calls for a reaction."""
         raise NotImplementedError
 
-    def braking(self, dangers: list[Encounter], before: float, ego: Entity, dt: float) -> float:
+    def braking(self, dangers: list[Encounter], before: float, ego: Participant, dt: float) -> float:
         """Deceleration for the coming dt (s) after that of the step before, m/s²: built up as fast as a human can."""
         return min(before + JERK * dt, HARDEST)

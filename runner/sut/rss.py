@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
-from runner.participants.entity import Entity
+from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import ReferenceDriver
 
@@ -28,7 +28,7 @@ class SafeDistance(ReferenceDriver):
     def __post_init__(self) -> None:
         self._set = parameter_set(self.parameters)
 
-    def dangerous(self, found: Encounter, ego: Entity) -> bool:
+    def dangerous(self, found: Encounter, ego: Participant) -> bool:
         """Less than both safe distances away."""
         aside = lateral_distance(abs(found.approach), 0.0, self._set.response, 0.0, self._set)
         return found.aside < aside and found.gap < longitudinal_distance(ego.speed, found.speed, self._set)

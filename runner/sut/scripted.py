@@ -5,12 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from runner.sut.base import Control, Observation
-
-if TYPE_CHECKING:
-    from runner.participants.entity import Entity
+from runner.sut.base import Control, Observation, Participant
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +19,7 @@ class Scripted:
 
     script: Sequence[tuple[float, Control]] = ()
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Nothing is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.motion.placement import Placement
 from runner.participants.boxes import Spot, overlap
-from runner.participants.declaration import BoundingBox
+from runner.participants.declaration import BoundingBox, Declaration
 from runner.participants.entity import Entity
 from runner.participants.scenario_objects import read_object
 from xodr.sumo_net.uses import use_of
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
+    from runner.contracts.run import Run
     from xodr.network import RoadNetwork
 
 _SPACING = 5.0
@@ -81,14 +81,22 @@ class _Usual:
 
     def make(self, name: str, rng: Random) -> Entity:
         """A new one."""
-        entity = Entity(name, "vehicle", self.category, _BOXES[self.category], model=self.category, node=self.node)
         role, controller = _draw(self.roles, rng), _draw(self.controllers, rng)
-        if role is not None:
-            entity.properties["role"] = role.get("role")
-        if controller is not None:
-            properties = {p.get("name"): p.get("value") for p in controller.iter("Property")}
-            entity.controllers[controller.get("name")] = properties
-        return entity
+        declared = Declaration(
+            name,
+            "vehicle",
+            self.category,
+            _BOXES[self.category],
+            model=self.category,
+            properties={"role": role.get("role")} if role is not None else {},
+            controllers={controller.get("name"): _properties(controller)} if controller is not None else {},
+            node=self.node,
+        )
+        return Entity(declared, spawned=True)
+
+
+def _properties(controller: Node) -> dict[str, str]:
+    return {p.get("name"): p.get("value") for p in controller.iter("Property")}
 
 
 def _draw(entries: Weighted, rng: Random) -> Node | None:
@@ -146,7 +154,7 @@ def _template(node: Node) -> Callable[[str, Random], Entity]:
     trailer = node.find("Vehicle", "Trailer")
     if trailer is not None:
         raise trailer.unsupported("SUMO's drivers drive vehicles without trailers")
-    return lambda name, _: read_object(node, name)
+    return lambda name, _: Entity(read_object(node, name), spawned=True)
 
 
 # places -------------------------------------------------------------------------------------
@@ -215,35 +223,35 @@ class Spawner:
         self.members = [entity for entity in self.members if entity.active]
         return self.members
 
-    def spawn(self, sim: Simulation, places: Sequence[Place], speed: Callable[[Place], float]) -> bool:
+    def spawn(self, run: Run, places: Sequence[Place], speed: Callable[[Place], float]) -> bool:
         """Bring in one more at one of some places, drawn at random; false where none that was tried is free."""
         if not places:
             return False
-        entity = self.mix.make(self._next_name(sim), sim.random)
-        for place in sim.random.sample(places, min(_ATTEMPTS, len(places))):
-            fast = min(speed(place), entity.performance.max_speed)
-            if _free(sim, entity, place, fast) and sim.spawn(entity, _placement(sim, place), fast):
+        entity = self.mix.make(self._next_name(run), run.random)
+        for place in run.random.sample(places, min(_ATTEMPTS, len(places))):
+            fast = min(speed(place), entity.declared.performance.max_speed)
+            if _free(run, entity, place, fast) and run.spawn(entity, _placement(run, place), fast):
                 self.members.append(entity)
                 self._count += 1
                 return True
         return False
 
-    def _next_name(self, sim: Simulation) -> str:
-        while f"{self.name}_{self._count + 1}" in sim.entities:
+    def _next_name(self, run: Run) -> str:
+        while f"{self.name}_{self._count + 1}" in run.entities:
             self._count += 1
         return f"{self.name}_{self._count + 1}"
 
 
-def _placement(sim: Simulation, place: Place) -> Placement:
-    assert sim.network is not None
-    point = sim.network.lane_point(place.road_id, place.lane_id, place.s)
-    pose = sim.network.pose(point)
-    along = 1 if math.cos(place.h - pose.h) >= 0.0 else -1
-    return Placement(pose.x, pose.y, pose.z, place.h, along * pose.pitch, along * pose.roll, point, along)
+def _placement(run: Run, place: Place) -> Placement:
+    assert run.roads.network is not None
+    point = run.roads.network.lane_point(place.road_id, place.lane_id, place.s)
+    pose = run.roads.network.pose(point)
+    direction = 1 if math.cos(place.h - pose.h) >= 0.0 else -1
+    return Placement(pose.x, pose.y, pose.z, place.h, direction * pose.pitch, direction * pose.roll, point, direction)
 
 
-def _free(sim: Simulation, entity: Entity, place: Place, speed: float) -> bool:
+def _free(run: Run, entity: Entity, place: Place, speed: float) -> bool:
     """Whether nobody is in the way that a new participant needs, or comes into it."""
     box, gap = entity.box, _STANDING_GAP + _HEADWAY * speed
     needed = Spot(place.x, place.y, 0.0, place.h, box._replace(length=box.length + 2.0 * gap, height=math.inf))
-    return not any(other.active and other.placed and overlap(needed, other) for other in sim.entities.values())
+    return not any(other.active and other.placed and overlap(needed, other) for other in run.entities.values())

@@ -1,7 +1,7 @@
 """The one door to a simulator: what the interpreter asks of a world, and nothing more.
 
 The interpreter owns every scripted participant and tells the world where it is (`mirror`); participants that the
-world's own driver moves (`Entity.driven`) are read back (`read`). A world knows nothing of storyboards.
+world's own driver moves (`Controls.world_driven`) are read back (`read`). A world knows nothing of storyboards.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ class Reading(NamedTuple):
     speed: float
 
 
-class Wish(NamedTuple):
-    """What a participant asks of the world's own driver.
+class DriverRequest(NamedTuple):
+    """What the world's own driver is asked to do with a participant.
 
     Args:
-        speed: the speed that it wants (m/s) where nothing is in its way; None for what the world thinks usual there.
+        speed: its desired speed (m/s) where nothing is in its way; None for what the world thinks usual there.
         exact: it has that speed whatever is in its way.
         lane_changes: the driver may change lanes.
     """
@@ -65,8 +65,8 @@ class World(Protocol):
         """Take a participant back from the world's own driver."""
         ...
 
-    def ask(self, entity: Entity, wish: Wish) -> None:
-        """Tell the world's own driver what a participant that it drives wants; holds until asked anew."""
+    def ask(self, entity: Entity, request: DriverRequest) -> None:
+        """Ask something of the world's own driver of a participant; holds until asked anew."""
         ...
 
     def show(self, entity: Entity, visible: bool) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from runner.participants.entity import Entity
-from runner.worlds.base import Reading, Wish
+from runner.worlds.base import DriverRequest, Reading
 from xodr.network import RoadNetwork
 
 
 class KinematicWorld:
-    """Holds nobody and moves nobody; the interpreter's own motion is all there is."""
+    """Holds and moves no one; the interpreter's own motion is all there is."""
 
     name = "kinematic"
 
@@ -26,29 +26,29 @@ class KinematicWorld:
 
     def drive(self, entity: Entity) -> bool:
         """Refused: there is no driver here."""
-        raise entity.unsupported(f"the kinematic world has no driver of its own for {entity.name!r}; run on SUMO")
+        raise entity.declared.unsupported(f"the kinematic world has no driver of its own for {entity.name!r}; run on SUMO")
 
     def release(self, entity: Entity) -> None:
         """Nothing to release."""
 
-    def ask(self, entity: Entity, wish: Wish) -> None:
-        """Nobody is driven here."""
+    def ask(self, entity: Entity, request: DriverRequest) -> None:
+        """No one is driven here."""
 
     def show(self, entity: Entity, visible: bool) -> None:
-        """Nobody looks."""
+        """No one looks."""
 
     def signal(self, signal_id: str, state: str) -> bool:
-        """Nobody looks."""
+        """No one looks."""
         return True
 
     def mirror(self, entities: Iterable[Entity]) -> None:
-        """Nobody looks."""
+        """No one looks."""
 
     def step(self) -> None:
         """Time is the interpreter's."""
 
     def read(self, entity: Entity) -> Reading | None:
-        """Nobody is driven here."""
+        """No one is driven here."""
         return None
 
     def close(self) -> None:

@@ -30,7 +30,7 @@ import libsumo
 
 from runner.participants.declaration import BoundingBox, Performance
 from runner.participants.entity import Entity
-from runner.worlds.base import Reading, Wish
+from runner.worlds.base import DriverRequest, Reading
 from runner.worlds.sumo_kinds import KINDS, OBSTACLE
 from runner.worlds.sumo_lights import OFF, link_state
 from runner.worlds.sumo_routes import REACH, SumoRoutes, joined
@@ -112,7 +112,7 @@ class SumoWorld:
         """those whom SUMO drives, with the odometer (m) at which their route is found anew"""
         self._arrived: dict[Entity, _Arrival] = {}
         """those whom SUMO's driver has taken over in the step before, at the speed that they had"""
-        self._wishes: dict[Entity, Wish] = {}
+        self._requests: dict[Entity, DriverRequest] = {}
         self._types: dict[tuple[str, BoundingBox, Performance], str] = {}
         self._dark: dict[str, str] = {}
         """link states of each traffic light while it is off"""
@@ -166,10 +166,10 @@ class SumoWorld:
 
     def _type(self, entity: Entity) -> str:
         """The SUMO vehicle type of an entity, made where there is none yet."""
-        key = (entity.category, entity.box, entity.performance)
+        key = (entity.declared.category, entity.box, entity.declared.performance)
         if key not in self._types:
             name = self._types[key] = f"type.{len(self._types)}"
-            kind, limits = KINDS.get(entity.category, OBSTACLE), entity.performance
+            kind, limits = KINDS.get(entity.declared.category, OBSTACLE), entity.declared.performance
             types = libsumo.vehicletype
             types.copy("DEFAULT_VEHTYPE", name)
             types.setVehicleClass(name, kind.vehicle_class)
@@ -256,7 +256,7 @@ class SumoWorld:
         slope = math.atan(road.lane_slope(here.s, here.lane_id))
         h = road.heading(here.s) + slope + (0.0 if road.direction(here.lane_id, here.s) > 0 else math.pi)
         allowed = libsumo.lane.getAllowed(lane)
-        fits = not allowed or KINDS.get(entity.category, OBSTACLE).vehicle_class in allowed
+        fits = not allowed or KINDS.get(entity.declared.category, OBSTACLE).vehicle_class in allowed
         return _Arrival(here, h) if fits and math.cos(entity.h - h) > 0.0 else None
 
     def _hand_over(self, entity: Entity, here: RoadPoint) -> None:
@@ -269,7 +269,7 @@ class SumoWorld:
         for parameter, value in (_STEERING if entity.spawned else _STEERING | _STAYING).items():
             libsumo.vehicle.setParameter(name, f"laneChangeModel.{parameter}", value)
         self._find_route(entity, here, entity.odometer)
-        self._apply(entity, self._wishes.get(entity, Wish()))
+        self._apply(entity, self._requests.get(entity, DriverRequest()))
 
     def _find_route(self, entity: Entity, here: RoadPoint, odometer: float) -> None:
         """Give SUMO's driver the way from here on. Where SUMO knows no such way, it keeps the one that it has."""
@@ -286,26 +286,28 @@ class SumoWorld:
         if self._driven.pop(entity, None) is not None and entity in self._shown:
             with contextlib.suppress(libsumo.TraCIException):  # it has left the network
                 libsumo.vehicle.setWidth(self._shown[entity].id, _SMALLEST)
-        self._wishes.pop(entity, None)
+        self._requests.pop(entity, None)
 
-    def ask(self, entity: Entity, wish: Wish) -> None:
-        """Set desired speed and permission to change lanes; speed limits hold only where no speed is wished."""
-        self._wishes[entity] = wish
+    def ask(self, entity: Entity, request: DriverRequest) -> None:
+        """Set desired speed and permission to change lanes; speed limits hold only where no speed is asked for."""
+        if self._requests.get(entity) == request:
+            return
+        self._requests[entity] = request
         if entity in self._driven:
-            self._apply(entity, wish)
+            self._apply(entity, request)
 
-    def _apply(self, entity: Entity, wish: Wish) -> None:
+    def _apply(self, entity: Entity, request: DriverRequest) -> None:
         name, vehicle = self._shown[entity].id, libsumo.vehicle
-        vehicle.setLaneChangeMode(name, _LANE_CHANGES if wish.lane_changes else _NO_LANE_CHANGES)
-        vehicle.setSpeedMode(name, _REGARDLESS if wish.exact else _CAREFUL)
-        if wish.speed is None:
+        vehicle.setLaneChangeMode(name, _LANE_CHANGES if request.lane_changes else _NO_LANE_CHANGES)
+        vehicle.setSpeedMode(name, _REGARDLESS if request.exact else _CAREFUL)
+        if request.speed is None:
             vehicle.setMaxSpeed(name, _usual_speed(entity))
             vehicle.setSpeedFactor(name, 1.0)
             vehicle.setSpeed(name, -1.0)
             return
-        vehicle.setMaxSpeed(name, max(wish.speed, _SMALLEST))
+        vehicle.setMaxSpeed(name, max(request.speed, _SMALLEST))
         vehicle.setSpeedFactor(name, _UNLIMITED)  # after the speed: setting that forgets the factor
-        vehicle.setSpeed(name, max(wish.speed, 0.0) if wish.exact or wish.speed < _SMALLEST else -1.0)
+        vehicle.setSpeed(name, max(request.speed, 0.0) if request.exact or request.speed < _SMALLEST else -1.0)
 
     def read(self, entity: Entity) -> Reading | None:
         """State of a participant that SUMO drives; None once it has left at the end of its route."""
@@ -340,4 +342,4 @@ class SumoWorld:
 
 def _usual_speed(entity: Entity) -> float:
     """Greatest speed (m/s) of SUMO's driver in such a vehicle."""
-    return max(min(KINDS.get(entity.category, OBSTACLE).speed, entity.performance.max_speed), _SMALLEST)
+    return max(min(KINDS.get(entity.declared.category, OBSTACLE).speed, entity.declared.performance.max_speed), _SMALLEST)

@@ -47,7 +47,7 @@ class SumoRoutes:
     def _roads(self, entity: Entity, here: RoadPoint, forward: bool) -> list[tuple[str, bool]]:
         """Roads and directions of travel: those of the entity's route, then the straightest."""
         roads = [(here.road_id, forward)]
-        route = entity.route
+        route = entity.controls.route
         if isinstance(route, AssignedRoute):
             legs = [(leg.road_id, leg.forward) for leg in route.path.legs]
             if roads[0] in legs:

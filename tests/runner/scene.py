@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import xodr
-from runner.contracts.position import Orientation, on_road
 from runner.interpreter.compiler import Scenario
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.storyboard import Storyboard
 from runner.motion.placement import wrap
-from runner.participants.declaration import BoundingBox
+from runner.participants.declaration import BoundingBox, Declaration
 from runner.participants.entity import Entities, Entity
+from runner.positions.orientation import Orientation, on_road
 from runner.worlds.kinematic import KinematicWorld
 
 ROADS = Path(__file__).parents[1] / "conformance" / "roads"
@@ -20,9 +21,17 @@ CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
 """From 1 m behind to 4 m ahead of the reference point, 1 m to each side."""
 
 
+def vehicle(name: str, box: BoundingBox = CAR, category: str = "car", **state: Any) -> Entity:
+    """A vehicle with some of its state given."""
+    made = Entity(Declaration(name, "vehicle", category, box))
+    for attribute, value in state.items():
+        setattr(made, attribute, value)
+    return made
+
+
 def scene(*names: str, road: str | None = "straight", version: tuple[int, int] = (1, 3)) -> Simulation:
     """A simulation of cars with these names, not yet placed, on a road of the conformance tests."""
-    entities = Entities({name: Entity(name, "vehicle", "car", CAR) for name in names})
+    entities = Entities({name: vehicle(name) for name in names})
     network = xodr.load(ROADS / f"{road}.xodr") if road else None
     return Simulation(Scenario(Path("test.xosc"), version, network, entities, Storyboard()), KinematicWorld(), 0.1, 0)
 
@@ -32,11 +41,11 @@ def put(
 ) -> Entity:
     """Put a car on a lane of road 1, facing its traffic's direction or against it, with a speed."""
     entity = sim.entities[name]
-    assert sim.network is not None
-    road = sim.network.road("1")
+    assert sim.roads.network is not None
+    road = sim.roads.network.road("1")
     h = road.heading(s) + (math.pi if (road.direction(lane) < 0) != backwards else 0.0)
     point = road.lane_point(s, lane, offset)
-    sim.place(entity, on_road(sim.network, point, h, Orientation()))
+    sim.place(entity, on_road(sim.roads.network, point, h, Orientation()))
     drive(entity, speed)
     return entity
 
@@ -45,7 +54,7 @@ def put_free(sim: Simulation, name: str, x: float, y: float, h: float = 0.0, spe
     """Put a car anywhere in the world, off any lane."""
     entity = sim.entities[name]
     entity.x, entity.y, entity.h, entity.placed = x, y, wrap(h), True
-    sim.leave_lane(entity)
+    sim.roads.leave_lane(entity)
     drive(entity, speed)
     return entity
 

@@ -15,12 +15,13 @@ from runner.interpreter.collision import Contacts
 from runner.participants.boxes import Spot, box_corners, gap, overlap
 from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entities, Entity
+from tests.runner.scene import vehicle
 
 CAR = BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5)
 
 
 def entity(name: str = "a", x: float = 0.0, y: float = 0.0, h: float = 0.0, box: BoundingBox = CAR, z: float = 0.0) -> Entity:
-    return Entity(name, "vehicle", "car", box, x=x, y=y, z=z, h=h, placed=True)
+    return vehicle(name, box, x=x, y=y, z=z, h=h, placed=True)
 
 
 coordinate = st.floats(-12.0, 12.0)
@@ -94,7 +95,7 @@ def test_everyone_touched_is_named() -> None:
 
 def test_a_tractor_does_not_collide_with_its_trailer() -> None:
     tractor, trailer = entity("tractor"), entity("trailer", x=-3.0)
-    tractor.trailer, trailer.tractor = trailer, tractor
+    tractor.controls.trailer, trailer.controls.tractor = trailer, tractor
     contacts, _ = contacts_of(tractor, trailer)
     contacts.update()
     assert contacts.pairs == set()

@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 import runner
-from runner.interpreter.environment import Environment
 from runner.measures.rss import PARAMETERS, longitudinal_distance
 from runner.participants.declaration import BoundingBox
-from runner.participants.entity import Entity
-from runner.sut import Control, Observation, SystemUnderTest, load_system
+from runner.surroundings.environment import Environment
+from runner.sut import Control, Observation, Participant, SystemUnderTest, load_system
 from runner.sut.aeb import EmergencyBraking
 from runner.sut.encounters import encounters
 from runner.sut.fsm import FuzzySafety
@@ -25,14 +24,12 @@ CAR = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)
 CUT_IN = Path(__file__).parents[2] / "xosc" / "library" / "r157_cut_in.xosc"
 
 
-def entity(name: str, x: float, y: float, vx: float, vy: float = 0.0, h: float = 0.0) -> Entity:
-    made = Entity(name, "vehicle", "car", CAR)
-    made.x, made.y, made.h, made.vx, made.vy = x, y, h, vx, vy
-    made.speed = vx * math.cos(h) + vy * math.sin(h)
-    return made
+def entity(name: str, x: float, y: float, vx: float, vy: float = 0.0, h: float = 0.0) -> Participant:
+    speed = vx * math.cos(h) + vy * math.sin(h)
+    return Participant(name, "vehicle", "car", CAR, x=x, y=y, h=h, speed=speed, vx=vx, vy=vy)
 
 
-def seen(ego_speed: float, *others: Entity) -> Observation:
+def seen(ego_speed: float, *others: Participant) -> Observation:
     return Observation(0.0, entity("Ego", 0.0, 0.0, ego_speed), others, ego_speed, None, Environment())
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from runner.contracts.action import GlobalAction
-from runner.interpreter.elements import ActionElement, State
+from runner.contracts.storyboard import ElementState
+from runner.interpreter.elements import ActionElement
 from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 
 
@@ -25,7 +26,7 @@ class Script:
     def fires(self, sim: Board) -> bool:
         return sim.step in self.steps
 
-    def reset(self) -> None:
+    def rearm(self) -> None:
         self.resets += 1
 
 
@@ -63,6 +64,7 @@ class Board:
         self.step = 0
         self.processes: list[Any] = []
         self.log: list[tuple[int, str, str]] = []
+        self.rearmed: list[str] = []
         self.board = Storyboard()
         self.story = Story("S", None)
         self.board.stories.append(self.story)
@@ -80,6 +82,9 @@ class Board:
 
     def element_changed(self, element: Any, transition: Any, reason: str) -> None:
         self.log.append((self.step, element.name, str(transition)))
+
+    def element_rearmed(self, element: Any) -> None:
+        self.rearmed.append(element.name)
 
     def call_next_step(self, call: Any) -> None:
         self._next.append(call)
@@ -109,7 +114,7 @@ def test_everything_completes_upwards_when_the_last_action_ends() -> None:
     assert board.of("E1") == [(2, "startTransition"), (4, "endTransition")]
     for name in ("E", "M", "G", "A", "S"):
         assert board.of(name)[-1] == (4, "endTransition")
-    assert board.story.state is State.COMPLETE
+    assert board.story.state is ElementState.COMPLETE
 
 
 def test_an_event_without_trigger_starts_with_its_act() -> None:
@@ -125,7 +130,7 @@ def test_an_event_returns_to_standby_until_its_executions_are_used_up() -> None:
     event = board.event("E", Script(1, 2, 3, 4, 5), [1, 0], maximum=2)
     board.run(8)
     assert board.of("E") == [(1, "startTransition"), (1, "endTransition"), (2, "startTransition"), (2, "endTransition")]
-    assert event.state is State.COMPLETE
+    assert event.state is ElementState.COMPLETE
     assert event.trigger.resets == 2  # armed, and after the first execution
 
 
@@ -136,8 +141,8 @@ def test_override_stops_the_running_events_of_the_same_maneuver() -> None:
     board.run(5)
     assert board.of("E") == [(0, "startTransition"), (2, "stopTransition")]
     assert board.of("E0")[-1] == (2, "stopTransition")
-    assert first.state is State.COMPLETE
-    assert board.story.state is State.COMPLETE
+    assert first.state is ElementState.COMPLETE
+    assert board.story.state is ElementState.COMPLETE
     assert not board.processes
 
 
@@ -158,7 +163,7 @@ def test_skip_uses_up_an_execution_without_starting() -> None:
     skipped = board.event("F", Script(1, 2, 6), [1], priority="skip", maximum=3)
     board.run(8)
     assert board.of("F") == [(1, "skipTransition"), (2, "skipTransition"), (6, "startTransition"), (6, "endTransition")]
-    assert skipped.state is State.COMPLETE
+    assert skipped.state is ElementState.COMPLETE
 
 
 def test_the_last_execution_skipped_completes_the_event() -> None:
@@ -167,8 +172,8 @@ def test_the_last_execution_skipped_completes_the_event() -> None:
     skipped = board.event("F", Script(1), [1], priority="skip")
     board.run(6)
     assert board.of("F") == [(1, "skipTransition")]
-    assert skipped.state is State.COMPLETE
-    assert board.story.state is State.COMPLETE
+    assert skipped.state is ElementState.COMPLETE
+    assert board.story.state is ElementState.COMPLETE
 
 
 def test_parallel_events_run_side_by_side() -> None:

@@ -17,12 +17,12 @@ import xodr
 from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entity
 from runner.worlds import sumo
-from runner.worlds.base import Wish
+from runner.worlds.base import DriverRequest
 from runner.worlds.sumo_lights import link_state
 from schemas.errors import Unsupported, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import ROADS, car, place, scenario, speed_action, story
-from tests.runner.scene import CAR
+from tests.runner.scene import vehicle
 from xodr.builders import four_way_intersection
 
 LINEAR = 'dynamicsShape="linear" dynamicsDimension="time" value="3"'
@@ -74,7 +74,7 @@ def world() -> Any:
 
 def entity(x: float, y: float, h: float = 0.0, **more: Any) -> Entity:
     """A car at a pose."""
-    return Entity("Car", "vehicle", "car", CAR, x=x, y=y, h=h, placed=True, **more)
+    return vehicle("Car", x=x, y=y, h=h, placed=True, **more)
 
 
 def seen(world: sumo.SumoWorld, participant: Entity) -> tuple[str, float, float]:
@@ -127,7 +127,7 @@ def test_participants_come_and_go_at_any_time(world: sumo.SumoWorld) -> None:
 
 def test_names_that_sumo_does_not_take_are_fine(world: sumo.SumoWorld) -> None:
     names = ("a b", "ü", "<&>", "", "a b")
-    everyone = [Entity(name, "vehicle", "car", CAR, x=100.0, y=-1.75, placed=True) for name in names]
+    everyone = [vehicle(name, x=100.0, y=-1.75, placed=True) for name in names]
     for participant in everyone:
         world.add(participant)
     world.mirror(everyone)
@@ -139,7 +139,7 @@ def test_names_that_sumo_does_not_take_are_fine(world: sumo.SumoWorld) -> None:
     "category", ["car", "pedestrian", "obstacle", "bicycle", "semitrailer", "tram", "wheelchair", "anything"]
 )
 def test_every_kind_of_participant_is_shown_where_it_is(world: sumo.SumoWorld, category: str) -> None:
-    participant = Entity("it", "any", category, BoundingBox(0, 0, 0, 0, 0, 0), x=100.0, y=-1.75, placed=True)
+    participant = vehicle("it", BoundingBox(0, 0, 0, 0, 0, 0), category, x=100.0, y=-1.75, placed=True)
     world.add(participant)
     world.mirror([participant])
     world.step()
@@ -164,7 +164,7 @@ def test_an_entity_is_driven_only_where_sumo_has_a_lane_for_it(world: sumo.SumoW
 def test_a_driven_participant_that_leaves_is_not_read_any_more(world: sumo.SumoWorld) -> None:
     participant = entity(980.0, -1.75, speed=20.0)
     assert world.drive(participant)
-    world.ask(participant, Wish(20.0))
+    world.ask(participant, DriverRequest(20.0))
     world.step()
     readings = []
     while (reading := world.read(participant)) is not None:

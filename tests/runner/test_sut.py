@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 
 import runner
-from runner.interpreter.environment import Environment
 from runner.measures.rss import PARAMETERS, lateral_distance, longitudinal_distance
 from runner.participants.declaration import BoundingBox
-from runner.participants.entity import Entity
-from runner.sut import Control, Observation, find_system, load_system, system_name
+from runner.surroundings.environment import Environment
+from runner.sut import Control, Observation, Participant, find_system, load_system, system_name
 from runner.sut.cas import CollisionAvoidance
 from runner.sut.scripted import Scripted
 from schemas.errors import ToolchainError, UsageError
@@ -26,12 +25,12 @@ from tests.runner.files import scenario
 class HalfSpeed:
     """As in docs/systems-under-test.md."""
 
-    def reset(self, ego: Entity, timestep: float, seed: int) -> None:
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         self.settings = ego.name, timestep, seed
 
     def control(self, observation: Observation, dt: float) -> Control:
-        wanted = 0.5 * observation.demand
-        return Control(acceleration=(wanted - observation.ego.speed) / dt, reason="half speed")
+        target = 0.5 * observation.target_speed
+        return Control(acceleration=(target - observation.ego.speed) / dt, reason="half speed")
 
 
 class NeedsArguments(HalfSpeed):
@@ -161,14 +160,12 @@ CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
 WALKER = BoundingBox(0.0, 0.0, 0.9, 0.4, 0.6, 1.8)
 
 
-def entity(name: str, x: float, y: float, vx: float, vy: float = 0.0, h: float = 0.0, box: BoundingBox = CAR) -> Entity:
-    made = Entity(name, "vehicle", "car", box)
-    made.x, made.y, made.h, made.vx, made.vy = x, y, h, vx, vy
-    made.speed = vx * math.cos(h) + vy * math.sin(h)
-    return made
+def entity(name: str, x: float, y: float, vx: float, vy: float = 0.0, h: float = 0.0, box: BoundingBox = CAR) -> Participant:
+    speed = vx * math.cos(h) + vy * math.sin(h)
+    return Participant(name, "vehicle", "car", box, x=x, y=y, h=h, speed=speed, vx=vx, vy=vy)
 
 
-def brakes(ego: Entity, *others: Entity, **parameters: Any) -> float | None:
+def brakes(ego: Participant, *others: Participant, **parameters: Any) -> float | None:
     observation = Observation(0.0, ego, others, ego.speed, None, Environment())
     return CollisionAvoidance(**parameters).control(observation, 0.05).acceleration
 
@@ -191,7 +188,7 @@ def test_the_range_is_measured_between_the_boxes() -> None:
     aside = math.sqrt(10.0**2 - 6.0**2)  # 6 m ahead and 8 m aside is 10 m away
     cutting_in = entity("Other", 11.0, 2.0 + aside - 0.01, 20, -6)
     assert brakes(entity("Ego", 0, 0, 20), cutting_in) == -8.0
-    cutting_in.y += 0.02
+    cutting_in = cutting_in._replace(y=cutting_in.y + 0.02)
     assert brakes(entity("Ego", 0, 0, 20), cutting_in) is None
 
 
@@ -230,7 +227,7 @@ def test_it_brakes_for_oncoming_traffic_in_its_own_lane() -> None:
 
 
 def test_it_brakes_for_a_pedestrian_who_walks_into_its_way_and_not_for_one_who_leaves() -> None:
-    def pedestrian(vy: float) -> Entity:
+    def pedestrian(vy: float) -> Participant:
         return entity("Walker", 8.0, -2.2, 0.0, vy, h=math.pi / 2, box=WALKER)
 
     assert brakes(entity("Ego", 0, 0, 10), pedestrian(1.5)) == -8.0

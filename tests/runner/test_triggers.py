@@ -16,7 +16,7 @@ from runner.contracts.condition import ByEntityCondition, Condition, EntityCondi
 from runner.interpreter.triggers import TimedCondition, Trigger
 from runner.participants.entity import Entity
 from schemas.errors import InvalidFile
-from tests.runner.scene import CAR
+from tests.runner.scene import vehicle
 from xosc.node import Node
 
 STEP = 0.1
@@ -137,7 +137,7 @@ class Holds(EntityCondition):
 
 
 def cars(*names: str) -> list[Entity]:
-    return [Entity(name, "vehicle", "car", CAR) for name in names]
+    return [vehicle(name) for name in names]
 
 
 def by_entity(entities: Sequence[Entity], every: bool, *names: str) -> TimedCondition:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.search.problem import BATCH, Calls, History, Problem
+from generation.search.problem import Calls, History, Problem
 
-METHOD = {"title": "random", "meaning": "uniform in the box", "realistic": False}
+BATCH = 50
+"""Points asked for at a time, wherever a method has no number of its own."""
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from itertools import accumulate
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
-    from runner.interpreter.simulation import Simulation
+    from runner.worlds.base import World
     from xodr.network import RoadNetwork
     from xosc.node import Node
 
@@ -40,8 +40,12 @@ class SignalController:
     def __init__(self, name: str, phases: tuple[Phase, ...], begin: float = 0.0) -> None:
         self.name = name
         self.phases = phases
-        self.begin = begin
+        self.begin = self._declared_begin = begin
         self._ends = list(accumulate(phase.duration for phase in phases))
+
+    def reset(self) -> None:
+        """Begin as declared."""
+        self.begin = self._declared_begin
 
     def at(self, time: float) -> Phase | None:
         """The phase at a time (s); None where there are no phases."""
@@ -56,6 +60,24 @@ class SignalController:
         """Let a phase begin at a time (s); the cycle goes on from there."""
         index = next(i for i, candidate in enumerate(self.phases) if candidate.name == phase)
         self.begin = time - (self._ends[index - 1] if index else 0.0)
+
+
+class SignalRun(Protocol):
+    """What traffic signals need of a run."""
+
+    @property
+    def time(self) -> float:
+        """Simulation time, s."""
+        ...
+
+    @property
+    def world(self) -> World:
+        """The simulator, whose traffic sees the signals."""
+        ...
+
+    def note(self, kind: str, subject: str, text: str = "") -> None:
+        """Write a line of the event log."""
+        ...
 
 
 class TrafficSignals:
@@ -74,6 +96,13 @@ class TrafficSignals:
         """name of the present phase of each controller"""
         self._present: dict[str, Phase] = {}
         self._network = network
+
+    def reset(self) -> None:
+        """As before a run: no signal has a state."""
+        for controller in self.controllers.values():
+            controller.reset()
+        for table in (self.states, self.phases, self._present):
+            table.clear()
 
     @classmethod
     def from_xml(cls, node: Node | None, network: RoadNetwork | None) -> TrafficSignals:
@@ -112,29 +141,29 @@ class TrafficSignals:
 
     # the run -------------------------------------------------------------------------------
 
-    def advance(self, sim: Simulation) -> None:
-        """Bring all controllers to the simulation's time; changes go to the event log."""
+    def advance(self, run: SignalRun) -> None:
+        """Bring all controllers to the run's time; changes go to the event log."""
         for name, controller in self.controllers.items():
-            phase = controller.at(sim.time)
+            phase = controller.at(run.time)
             if phase is not None and self._present.get(name) is not phase:
                 self._present[name] = phase
                 self.phases[name] = phase.name
-                sim.note("trafficSignalPhase", name, phase.name)
+                run.note("trafficSignalPhase", name, phase.name)
                 for signal, state in phase.states.items():
-                    self.set_state(sim, signal, state)
+                    self.set_state(run, signal, state)
 
-    def set_state(self, sim: Simulation, signal: str, state: str) -> None:
+    def set_state(self, run: SignalRun, signal: str, state: str) -> None:
         """Put a signal into a state."""
         if self.states.get(signal) != state:
             self.states[signal] = state
-            understood = sim.world.signal(signal, state)
-            sim.note("trafficSignal", signal, state if understood else f"{state} (not understood by {sim.world.name}'s traffic)")
+            understood = run.world.signal(signal, state)
+            run.note("trafficSignal", signal, state if understood else f"{state} (not understood by {run.world.name}'s traffic)")
 
-    def set_phase(self, sim: Simulation, controller: str, phase: str) -> None:
+    def set_phase(self, run: SignalRun, controller: str, phase: str) -> None:
         """Let a controller go on from a phase; the signals of that phase are set even if it was in it already."""
-        self.controllers[controller].go_to(phase, sim.time)
+        self.controllers[controller].go_to(phase, run.time)
         self._present.pop(controller, None)
-        self.advance(sim)
+        self.advance(run)
 
 
 def _read_phase(node: Node, controller: str, network: RoadNetwork | None) -> Phase:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
+from types import MappingProxyType
+from typing import Any
 
 from schemas.values import typed
 from xosc.node import Node
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Environment:
     """What is known of the surroundings; every part keeps its last value until an action sets it anew.
 
@@ -22,29 +25,32 @@ class Environment:
 
     name: str = ""
     friction: float = 1.0
-    weather: dict[str, str] = field(default_factory=dict)
+    weather: Mapping[str, str] = field(default_factory=dict)
     day: datetime | None = None
     set_at: float = 0.0
     running: bool = False
 
-    def apply(self, node: Node, time: float) -> None:
-        """Take over what an Environment element says, at a simulation time (s)."""
-        self.name = node.get("name")
+    def after(self, node: Node, time: float) -> Environment:
+        """What an Environment element makes of it at a simulation time (s)."""
+        changes: dict[str, Any] = {"name": node.get("name")}
         clock = node.find("TimeOfDay")
         if clock is not None:
-            self.day, self.set_at, self.running = read_date(clock, "dateTime"), time, clock.bool("animation")
+            changes |= {"day": read_date(clock, "dateTime"), "set_at": time, "running": clock.bool("animation")}
         weather = node.find("Weather")
         if weather is not None:
-            self.weather = {
-                (str(key) if part.tag == weather.tag else f"{part.tag}.{key!s}"): str(value)
-                for part in weather.iter()
-                for key, value in part.element.attrib.items()
-            }
+            changes["weather"] = MappingProxyType(
+                {
+                    (str(key) if part.tag == weather.tag else f"{part.tag}.{key!s}"): str(value)
+                    for part in weather.iter()
+                    for key, value in part.element.attrib.items()
+                }
+            )
         road = node.find("RoadCondition")
         if road is not None:
-            self.friction = road.finite("frictionScaleFactor")
-            if self.friction < 0.0:
+            changes["friction"] = road.finite("frictionScaleFactor")
+            if changes["friction"] < 0.0:
                 raise road.invalid("frictionScaleFactor must not be negative")
+        return replace(self, **changes)
 
     def time_of_day(self, time: float) -> datetime | None:
         """The date and time at a simulation time (s); None while no action has set any."""

@@ -1,0 +1,143 @@
+"""What a run offers: to positions, to conditions, and (the most) to actions.
+
+Each protocol adds to the one before. `runner.interpreter.simulation.Simulation` is all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, MutableMapping, Sequence
+from random import Random
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from runner.contracts.running import Running
+    from runner.motion.placement import Placement
+    from runner.motion.roads import Roads
+    from runner.participants.entity import Entities, Entity
+    from runner.surroundings.environment import Environment
+    from runner.surroundings.signals import TrafficSignals
+    from runner.worlds.base import World
+    from schemas.values import Value
+
+
+class Surroundings(Protocol):
+    """What positions are resolved in."""
+
+    @property
+    def roads(self) -> Roads:
+        """The road network, and where entities are on it."""
+        ...
+
+    @property
+    def random(self) -> Random:
+        """The run's source of random numbers."""
+        ...
+
+
+class Instant(Surroundings, Protocol):
+    """What conditions see."""
+
+    @property
+    def time(self) -> float:
+        """Simulation time, s."""
+        ...
+
+    @property
+    def dt(self) -> float:
+        """Time step, s."""
+        ...
+
+    @property
+    def step_index(self) -> int:
+        """Number of steps done."""
+        ...
+
+    @property
+    def parameters(self) -> MutableMapping[str, Value]:
+        """Present values of the global parameters."""
+        ...
+
+    @property
+    def variables(self) -> MutableMapping[str, Value]:
+        """Present values of the variables."""
+        ...
+
+    @property
+    def user_values(self) -> Mapping[str, str]:
+        """Values that come from outside the scenario."""
+        ...
+
+    @property
+    def environment(self) -> Environment:
+        """Weather, time of day and road condition."""
+        ...
+
+    @property
+    def signals(self) -> TrafficSignals:
+        """The traffic signals."""
+        ...
+
+    def touching(self, entity: Entity) -> Sequence[Entity]:
+        """Those whose boxes touch an entity's now, by name."""
+        ...
+
+
+class Run(Instant, Protocol):
+    """What actions can do."""
+
+    @property
+    def initialising(self) -> bool:
+        """Whether the initial actions and the events of time 0 are starting: what takes no time sets the initial state."""
+        ...
+
+    @property
+    def entities(self) -> Entities:
+        """Everyone by name, traffic included."""
+        ...
+
+    @property
+    def monitors(self) -> MutableMapping[str, bool]:
+        """Present values of the monitors."""
+        ...
+
+    @property
+    def world(self) -> World:
+        """The simulator."""
+        ...
+
+    @property
+    def running(self) -> Iterable[Running]:
+        """The actions in execution."""
+        ...
+
+    def note(self, kind: str, subject: str, text: str = "") -> None:
+        """Write a line of the event log at the current time."""
+        ...
+
+    def set_environment(self, environment: Environment) -> None:
+        """Change weather, time of day and road condition."""
+        ...
+
+    def end_actions(self, entity: Entity, reason: str) -> None:
+        """End all actions of an entity, as if newer ones had taken their control domains."""
+        ...
+
+    def place(self, entity: Entity, placement: Placement) -> None:
+        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        ...
+
+    def activate(self, entity: Entity, placement: Placement) -> None:
+        """Bring an entity into the world, standing (AddEntityAction), its trailers with it."""
+        ...
+
+    def deactivate(self, entity: Entity) -> None:
+        """Take an entity out of the world (DeleteEntityAction): its running actions end."""
+        ...
+
+    def spawn(self, entity: Entity, placement: Placement, speed: float) -> bool:
+        """Bring in traffic at a speed (m/s) for the world's own driver; false where that can't drive."""
+        ...
+
+    def despawn(self, entity: Entity) -> None:
+        """Take such traffic out again."""
+        ...

@@ -1,0 +1,209 @@
+"""Who drives the ego: each says what it wants of the coming step, and the simulation does it.
+
+While a driver has the ego, the scripted speed (speed actions included) is what it is asked for, `Observation.target_speed`.
+Where it answers with no acceleration of its own, the ego has exactly that speed; after an intervention it returns
+to it at no more than its `Performance` or 3.5 m/s² allow. Scripted lateral motion is followed unless the system steers.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.contracts.action import LATERAL, LONGITUDINAL
+from runner.sut import System, system_name
+from runner.sut.base import Control, Observation, SystemUnderTest, seen
+from runner.worlds.base import DriverRequest
+from schemas.errors import ToolchainError
+
+if TYPE_CHECKING:
+    from runner.contracts.run import Run
+    from runner.participants.entity import Entity
+
+_RETURN = 3.5
+"""Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
+_SAME = 1e-9
+_GRAVITY = 9.81
+_PEDAL = 8.0
+"""Most that a fully pressed pedal gives, m/s²; less where the vehicle's Performance is less"""
+
+
+class Decision(NamedTuple):
+    """What a driver wants of the coming step.
+
+    Args:
+        speed: at its end, m/s.
+        steering: angle of the front wheels, rad; None to go on along lane or path.
+    """
+
+    speed: float
+    steering: float | None = None
+
+
+class EgoDriver(ABC):
+    """Who drives the ego in the control domains that it has.
+
+    Args:
+        handed_over: whether it drives from the beginning.
+    """
+
+    scripted = True
+    """whether the scenario says how fast the ego is; if not, it keeps its speed when the world's own driver lets go of it"""
+
+    def __init__(self, handed_over: bool) -> None:
+        self.longitudinal = handed_over
+        self.lateral = handed_over
+
+    def hand_over(self, domains: Mapping[str, bool]) -> None:
+        """Let it drive, or no longer drive, in control domains (ActivateControllerAction)."""
+        self.longitudinal = domains.get("longitudinal", self.longitudinal)
+        self.lateral = domains.get("lateral", self.lateral)
+
+    def request(self, ego: Entity) -> DriverRequest | None:
+        """What the world's own driver, which is to have the ego, shall do; None where it is not to have it."""
+        return None
+
+    def answer(self, driven: bool) -> None:
+        """Whether the world's own driver has the ego, as requested."""
+        return
+
+    @abstractmethod
+    def decide(self, ego: Entity, run: Run) -> Decision:
+        """How the ego shall move in the coming step, where the world's own driver does not have it."""
+
+
+class WorldDriver(EgoDriver):
+    """Lets the world's own driver drive the ego, as far as the scenario leaves it to it.
+
+    A scripted lateral action takes the ego back for as long as it runs, and so does a speed backwards. The scripted speed,
+    once there is any, is the driver's desired speed, and may exceed speed limits; before, the driver goes by the limits. With
+    the longitudinal domain alone, it keeps its lane; with the lateral domain alone, it has exactly the scripted speed.
+    Where the world can't drive the ego, or lets go of it at the end of its roads, the ego goes on as scripted until it is
+    handed over anew.
+
+    Args:
+        handed_over: whether it drives from the beginning.
+        scripted: whether the scenario says from the beginning how fast the ego is.
+    """
+
+    def __init__(self, handed_over: bool, scripted: bool) -> None:
+        super().__init__(handed_over)
+        self.scripted = scripted
+        self._returning = False
+        self._refused = False
+
+    def request(self, ego: Entity) -> DriverRequest | None:
+        """The scripted speed, unless the ego is handed over to the scenario or the world has refused it."""
+        controls = ego.controls
+        moved = LATERAL in controls.owners or controls.target_offset is not None or controls.target_speed < 0.0 or ego.speed < 0.0
+        if moved or not (self.longitudinal or self.lateral):
+            self._refused = False
+            return None
+        if self._refused:
+            return None
+        self.scripted = self.scripted or controls.target_speed != 0.0 or LONGITUDINAL in controls.owners
+        return DriverRequest(controls.target_speed if self.scripted else None, not self.longitudinal, self.lateral)
+
+    def answer(self, driven: bool) -> None:
+        """Once the world has driven the ego, it has to return to the scripted speed."""
+        self._returning = self._returning or driven
+        self._refused = not driven
+
+    def decide(self, ego: Entity, run: Run) -> Decision:
+        """The scripted speed, or the way back to it."""
+        target = ego.controls.target_speed
+        if not self._returning:
+            return Decision(target)
+        speed = returning(ego, run.dt)
+        self._returning = abs(speed - target) >= _SAME
+        return Decision(speed)
+
+
+class SystemDriver(EgoDriver):
+    """Turns the controls of a system under test into what it wants of the ego's motion.
+
+    Args:
+        system: the system under test.
+        handed_over: whether it drives from the beginning.
+    """
+
+    def __init__(self, system: SystemUnderTest, handed_over: bool) -> None:
+        super().__init__(handed_over)
+        self.system = system
+        self._intervening = False
+
+    def decide(self, ego: Entity, run: Run) -> Decision:
+        """The system's acceleration and steering, within the ego's limits; the scripted speed where it gives none."""
+        control = self._ask(ego, run) if self.longitudinal or self.lateral else Control()
+        steering = control.steering if self.lateral else None
+        control = _overridden(control, ego) if self.longitudinal else Control()
+        if control.acceleration is not None:
+            return Decision(self._intervene(ego, control.acceleration, control.reason, run), steering)
+        target = ego.controls.target_speed
+        if not self._intervening:
+            return Decision(target, steering)
+        speed = returning(ego, run.dt)
+        if abs(speed - target) < _SAME:
+            self._intervening = False
+            run.note("interventionEnd", ego.name, "back at the scripted speed")
+        return Decision(speed, steering)
+
+    def _ask(self, ego: Entity, run: Run) -> Control:
+        """The system's answer, checked."""
+        others = [seen(e) for e in run.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
+        observation = Observation(run.time, seen(ego), others, ego.controls.target_speed, run.roads.network, run.environment)
+        try:
+            control = self.system.control(observation, run.dt)
+            if not isinstance(control, Control):
+                raise TypeError(f"control() returned {control!r}, a runner.sut.Control is expected")
+            for value in (control.acceleration, control.steering):
+                if value is not None and not math.isfinite(value):
+                    raise ValueError(f"control() returned {control}, finite numbers are expected")
+        except Exception as error:
+            raise failed(self.system, error, run.time) from error
+        return control
+
+    def _intervene(self, ego: Entity, acceleration: float, reason: str, run: Run) -> float:
+        """Speed after a step of the system's acceleration, m/s: a change of the direction of travel ends in standstill."""
+        if not self._intervening:
+            self._intervening = True
+            run.note("interventionStart", ego.name, reason)
+        limits = ego.declared.performance
+        grip = _GRAVITY * run.environment.friction
+        speed = ego.speed + max(-min(limits.max_deceleration, grip), min(limits.max_acceleration, grip, acceleration)) * run.dt
+        return min(max(speed, 0.0), max(limits.max_speed, ego.speed)) if ego.speed >= 0.0 else min(speed, 0.0)
+
+
+def failed(system: System, error: Exception, time: float) -> ToolchainError:
+    """An error of a system under test, which is named, at a simulation time (s)."""
+    if isinstance(error, ToolchainError):
+        return error
+    return ToolchainError(f"the system under test {system_name(system)} failed at {time:.2f} s: {type(error).__name__}: {error}")
+
+
+def returning(ego: Entity, dt: float) -> float:
+    """Speed (m/s) after dt (s) on the way back to the scripted speed, when something else has driven the ego."""
+    limits, change = ego.declared.performance, ego.controls.target_speed - ego.speed
+    faster = change * ego.speed >= 0.0
+    most = dt * (min(_RETURN, limits.max_acceleration) if faster else limits.max_deceleration)
+    return ego.speed + max(-most, min(most, change))
+
+
+def _overridden(control: Control, ego: Entity) -> Control:
+    """The system's control with the pedals that OverrideControllerValueAction holds in place of its own."""
+    pedals = ego.controls.overrides
+    if not pedals.keys() & {"Throttle", "Brake", "ParkingBrake"}:
+        return control
+    limits, own = ego.declared.performance, control.acceleration or 0.0
+    forwards, backwards = max(own, 0.0), max(-own, 0.0)
+    if "Throttle" in pedals:
+        forwards = pedals["Throttle"] * min(limits.max_acceleration, _PEDAL)
+    if "Brake" in pedals:
+        backwards = pedals["Brake"] * min(limits.max_deceleration, _PEDAL)
+    backwards = max(backwards, pedals.get("ParkingBrake", 0.0) * min(limits.max_deceleration, _PEDAL))
+    if control.acceleration is None and forwards == backwards == 0.0:
+        return control
+    return replace(control, acceleration=forwards - backwards, reason="overridden controller inputs")

@@ -1,0 +1,115 @@
+"""The road network as entities move on it: where they are, and which way of moving takes them on from there."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner.motion.free import STRAIGHT_AHEAD
+from runner.motion.lane import LaneMotion
+from runner.motion.placement import Placement, wrap
+from runner.motion.surface import in_world, pose_of
+from xodr.model import RoadPoint
+
+if TYPE_CHECKING:
+    from runner.participants.entity import Entity
+    from xodr.network import RoadNetwork
+
+_ACROSS = math.radians(45.0)
+"""Heading relative to the lane from which an entity faces across it, rad"""
+
+
+class Roads:
+    """Where entities are on a road network, and the transitions between motion along a lane and off it.
+
+    Args:
+        network: the roads; None where the scenario names none.
+    """
+
+    def __init__(self, network: RoadNetwork | None) -> None:
+        self.network = network
+        self._lane_motion = LaneMotion(network) if network is not None else None
+
+    def road_point(self, entity: Entity) -> RoadPoint | None:
+        """Where an entity is on the road network; None where there is none."""
+        if self.network is None:
+            return None
+        if entity.on_lane and entity.road is not None:
+            return RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+        if entity.located_at != (entity.x, entity.y):
+            entity.located_at = (entity.x, entity.y)
+            entity.located = self.network.locate(entity.x, entity.y, entity.z, entity.h, entity.located)
+        return entity.located
+
+    def is_off_road(self, entity: Entity) -> bool:
+        """Whether an entity's reference point is on no lane of the road network; never where there is no road network."""
+        if entity.on_lane and entity.section is not None:
+            lane = entity.section.lanes[entity.lane]
+            if lane.type != "none" and abs(entity.offset) <= lane.width(entity.s) / 2:
+                return False
+        point = self.road_point(entity)
+        return point is not None and self.network is not None and not self.network.on_road(point)
+
+    # ways of moving -------------------------------------------------------------------------
+
+    def place(self, entity: Entity, placement: Placement) -> None:
+        """Put an entity somewhere, at its present speed; from there it follows its lane.
+
+        It goes straight ahead where there is no lane, or where it faces across the lane (a pedestrian about to cross).
+        """
+        entity.x, entity.y, entity.z = placement.x, placement.y, placement.z
+        entity.h, entity.pitch, entity.roll = wrap(placement.h), placement.pitch, placement.roll
+        entity.placed = True
+        entity.at_road_end, entity.road_end = False, 0.0
+        entity.controls.target_offset = None
+        if placement.point is None or self.network is None or abs(wrap(placement.heading_offset)) > _ACROSS:
+            self.leave_lane(entity)
+        else:
+            self.follow_lane(entity, placement.point, placement.direction, placement.heading_offset)
+
+    def follow_lane(self, entity: Entity, point: RoadPoint, direction: int, heading_offset: float = 0.0) -> None:
+        """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
+        assert self.network is not None and self._lane_motion is not None
+        entity.road = self.network.road(point.road_id)
+        entity.section = entity.road.section(point.s)
+        entity.lane, entity.s, entity.t, entity.offset = point.lane_id, point.s, point.t, point.offset
+        entity.direction, entity.heading_offset, entity.on_lane = direction, heading_offset, True
+        entity.controls.motion = self._lane_motion
+
+    def leave_lane(self, entity: Entity) -> None:
+        """Let an entity go straight ahead, off any lane."""
+        entity.on_lane = False
+        entity.controls.motion = STRAIGHT_AHEAD
+
+    def keep_to_road(self, entity: Entity) -> None:
+        """Let an entity that goes straight ahead move along its road instead, facing as it does."""
+        point = self.road_point(entity)
+        if point is None or self.network is None or entity.controls.motion is not STRAIGHT_AHEAD:
+            return
+        turn = wrap(entity.h - self.network.pose(point).h)
+        direction = 1 if abs(turn) <= math.pi / 2 else -1
+        self.follow_lane(entity, point, direction, turn if direction > 0 else wrap(turn + math.pi))
+
+    def back_to_lane(self, entity: Entity) -> None:
+        """Let an entity follow the lane that it is on, at the offset and heading it has; off the road, go straight ahead.
+
+        Without any road there is nothing left to follow at the end of a path: the entity stops, as at the end of a road.
+        """
+        if self.network is None:
+            self.leave_lane(entity)
+            entity.controls.target_speed = 0.0
+            return
+        place = in_world(self.network, pose_of(entity), z_known=False, hint=self.road_point(entity))
+        if place.point is None:
+            self.leave_lane(entity)
+        else:
+            self.follow_lane(entity, place.point, place.direction, place.heading_offset)
+
+    def lift(self, entity: Entity) -> None:
+        """Put an entity that moves in the plane onto the road's surface."""
+        point = self.road_point(entity)
+        if point is None or self.network is None or self.network.roads[point.road_id].flat:
+            return
+        pose = self.network.pose(point)
+        direction = 1.0 if math.cos(entity.h - pose.h) >= 0.0 else -1.0
+        entity.z, entity.pitch, entity.roll = pose.z, direction * pose.pitch, direction * pose.roll

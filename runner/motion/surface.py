@@ -1,0 +1,74 @@
+"""Places on the surface of a road: height and tilt there, and which way something on it faces."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner.motion.placement import Placement, wrap
+from xodr.model import Pose, RoadPoint
+
+if TYPE_CHECKING:
+    from runner.participants.state import EntityState
+    from xodr.network import RoadNetwork
+    from xodr.road import Road
+
+_ACROSS = 1e-6
+"""Angle (rad) within which a heading counts as across the road."""
+_OTHER_LEVEL = 2.0
+"""Height (m) above or below a road's surface from which a pose has nothing to do with that road."""
+
+
+def tilted(pose: Pose, h: float) -> tuple[float, float]:
+    """Pitch and roll (rad) of something that stands on a surface and faces h, given the pose along the road."""
+    if not (pose.pitch or pose.roll):
+        return 0.0, 0.0
+    turn = h - pose.h
+    cos, sin = math.cos(turn), math.sin(turn)
+    return pose.pitch * cos - pose.roll * sin, pose.pitch * sin + pose.roll * cos
+
+
+def surface(network: RoadNetwork, point: RoadPoint, h: float) -> tuple[float, float, float]:
+    """z (m), pitch and roll (rad) of something that stands on the road at a point and faces h."""
+    pose = network.pose(point)
+    return pose.z, *tilted(pose, h)
+
+
+def facing(placement: Placement, road: Road, point: RoadPoint) -> Placement:
+    """The placement tied to a road point, with `direction` and `heading_offset` as its heading says.
+
+    Whoever stands across the road faces the way that the lane's traffic drives.
+    """
+    heading = road.heading(point.s)
+    direction = road.direction(point.lane_id, point.s) if point.lane_id else 1
+    turn = wrap(placement.h - heading - (0.0 if direction > 0 else math.pi))
+    if abs(turn) > math.pi / 2 + _ACROSS:
+        direction, turn = -direction, wrap(turn + math.pi)
+    return placement._replace(point=point, direction=direction, heading_offset=turn)
+
+
+def in_world(network: RoadNetwork | None, pose: Pose, z_known: bool = True, hint: RoadPoint | None = None) -> Placement:
+    """A placement at a world pose, tied to the road under it where there is one.
+
+    Args:
+        pose: where; its z counts where `z_known`, else z, pitch and roll are the surface's.
+        hint: a road point close by.
+    """
+    placement = Placement(*pose)
+    if network is None:
+        return placement
+    point = network.locate(pose.x, pose.y, pose.z if z_known else None, pose.h, hint)
+    if not network.on_road(point):
+        return placement
+    surface = network.pose(point)
+    if not z_known:
+        pitch, roll = tilted(surface, pose.h)
+        placement = placement._replace(z=surface.z, pitch=pose.pitch or pitch, roll=pose.roll or roll)
+    elif abs(surface.z - pose.z) > _OTHER_LEVEL:
+        return placement
+    return facing(placement, network.road(point.road_id), point)
+
+
+def pose_of(entity: EntityState) -> Pose:
+    """Where an entity is and which way it faces, taken as level."""
+    return Pose(entity.x, entity.y, entity.z, entity.h, 0.0, 0.0)

@@ -1,0 +1,1 @@
+"""What surrounds the participants: weather and time of day, traffic signals."""
