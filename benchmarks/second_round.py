@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from generation.loop.failures import Failures, failures
+from generation.loop.tasks.failures import Failures, failures
 from generation.pipeline import Settings, generate
 from generation.recorded import kind_of, of_recordings, of_samples
 from xodr.array_types import FloatArray

@@ -6,7 +6,7 @@ import os
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -14,6 +14,11 @@ from generation.options import Jobs, Quiet, Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, progress_bar
 from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from generation.loop.settings import LoopSettings
+    from generation.loop.stages.findings import Finding
+    from generation.loop.stages.finished import Stage
 
 NAME = "xosc-loop"
 _EPILOG = (
@@ -51,17 +56,17 @@ def xosc_loop(
     """
     from generation.loop.loop import run_loop
     from generation.loop.page import write
-    from generation.loop.settings import Settings
+    from generation.loop.settings import LoopSettings
     from generation.loop.words import closing
 
-    settings = Settings(RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
+    settings = LoopSettings(RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
     _refuse_wrong(settings)
     with interruptible(NAME, "the same command goes on where it was"):
         found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
         page = write(found, out)
         if not quiet:
             print(f"{closing(found)}\n{page} shows all of it")
-    raise typer.Exit(1 if found["checked"]["problems"] else 0)
+    raise typer.Exit(1 if found.checked.problems else 0)
 
 
 def _model(labels: str, model: Path | None) -> Path | None:
@@ -76,14 +81,14 @@ def _model(labels: str, model: Path | None) -> Path | None:
     return model or SHIPPED
 
 
-def _refuse_wrong(settings: Any) -> None:
+def _refuse_wrong(settings: LoopSettings) -> None:
     """What can't be is better known at once than after the recognition."""
     from generation.search.method import method
 
     method(settings.method)
 
 
-def _told(quiet: bool, stage: str, found: dict[str, Any], seconds: float | None) -> None:
+def _told(quiet: bool, stage: Stage, found: Finding, seconds: float | None) -> None:
     """A line for each finished stage."""
     if quiet:
         return
@@ -91,7 +96,7 @@ def _told(quiet: bool, stage: str, found: dict[str, Any], seconds: float | None)
 
     when = "done before" if seconds is None else f"{seconds:.1f} s"
     print(f"{when:>11}  {summary(stage, found)}", flush=True)
-    for name, error in found.get("failures", {}).items():
+    for name, error in found.failures.items():
         print(f"{NAME}: {name}: {error}", file=sys.stderr)
 
 

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from generation.loop import recognising
 from generation.loop.inputs import Inputs
-from generation.loop.running import run_all
-from generation.loop.searching import found_by, search
-from generation.loop.settings import Bar, Settings
-from generation.loop.stages import Found, Stages
-from generation.loop.targets import Refused, Target, of_classes, of_scenario, split
+from generation.loop.settings import Bar, LoopSettings
+from generation.loop.stages.findings import (
+    Checked,
+    Labelled,
+    LabelledScenario,
+    LoopResult,
+    Measured,
+    Ran,
+    Recognised,
+    Refused,
+    Round,
+    Searched,
+)
+from generation.loop.stages.finished import FinishedStages, Report, Stage
+from generation.loop.tasks import recognising
+from generation.loop.tasks.running import run_all
+from generation.loop.tasks.searching import found_by, search
+from generation.loop.tasks.targets import Target, of_classes, of_scenario, split
 from recognition.catalogue.episodes import plain
 from recognition.catalogue.writing.index import rows_of
 from recognition.maneuvers.units import Samples
@@ -31,7 +43,7 @@ RUNS, RECOGNISED = "runs", "recognised"
 """Folders of a round: runs of its edge cases, and the catalogue of what is recognised in these runs"""
 
 
-def run_loop(folder: Path, out: Path, settings: Settings, bar: Bar, done: Callable[[str, Found, float | None], None]) -> Found:
+def run_loop(folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: Report) -> LoopResult:
     """Go through the loop, or on with it where it was interrupted.
 
     Args:
@@ -39,7 +51,7 @@ def run_loop(folder: Path, out: Path, settings: Settings, bar: Bar, done: Callab
         out: folder for all that comes of it.
         settings: what to do.
         bar: shows progress.
-        done: told of each finished stage: name, finding, and time (s) unless it was finished before.
+        report: told of each finished stage.
 
     Returns:
         What all stages found, for `generation.loop.page`.
@@ -49,20 +61,20 @@ def run_loop(folder: Path, out: Path, settings: Settings, bar: Bar, done: Callab
         UsageError: a setting is wrong, or the output folder has something else.
     """
     inputs = _inputs(folder, out)
-    stages = Stages(out, settings.deciding() | {"inputs": inputs.identity}, done)
+    stages = FinishedStages(out, settings.deciding() | {"inputs": inputs.identity}, report)
     work = _Loop(inputs, out, settings, bar, stages)
     recognised, targets, refused = work.recognise()
     rounds = [work.round(number, targets) for number in range(1, settings.rounds + 1)] if targets else []
-    return {
-        "settings": settings.deciding(),
-        "recordings": len(inputs.recordings),
-        "recognised": recognised,
-        "refused": [each._asdict() for each in refused],
-        "rounds": rounds,
-        "played": work.play() if inputs.recordings else {},
-        "scenarios": work.run_scenarios() if inputs.scenarios else {},
-        "checked": stages.once("check", work.check),
-    }
+    return LoopResult(
+        settings=settings.deciding(),
+        recordings=len(inputs.recordings),
+        recognised=recognised,
+        refused=refused,
+        rounds=rounds,
+        played=work.play() if inputs.recordings else Ran(),
+        scenarios=work.run_scenarios() if inputs.scenarios else Ran(),
+        checked=stages.once(Stage("check"), Checked, work.check),
+    )
 
 
 def _inputs(folder: Path, out: Path) -> Inputs:
@@ -74,43 +86,43 @@ def _inputs(folder: Path, out: Path) -> Inputs:
 class _Loop:
     """What the stages do."""
 
-    def __init__(self, inputs: Inputs, out: Path, settings: Settings, bar: Bar, stages: Stages) -> None:
+    def __init__(self, inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, stages: FinishedStages) -> None:
         self._inputs, self._out, self._settings, self._bar, self._once = inputs, out, settings, bar, stages.once
-        self._earlier: dict[str, list[Found]] = {}
+        self._earlier: dict[str, list[Searched]] = {}
 
-    def recognise(self) -> tuple[Found, list[Target], list[Refused]]:
+    def recognise(self) -> tuple[Recognised, list[Target], list[Refused]]:
         """Make the catalogue; what to search, and what not."""
-        found: Found = {}
+        found = Recognised()
         own: Samples | None = None
         listed: Iterable[Target | Refused] = []
         if self._inputs.recordings:
             catalogue, model = self._out / CATALOGUE, self._out / recognising.MODEL
             make = partial(recognising.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
-            found = self._once("recognise", make)
+            found = self._once(Stage("recognise"), Recognised, make)
             table = self._out / UNITS
-            self._once("measure", partial(recognising.units, self._inputs.recordings, table, self._bar))
+            self._once(Stage("measure"), Measured, partial(recognising.units, self._inputs.recordings, table, self._bar))
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
         targets, refused = split(chain(listed, (of_scenario(path, own) for path in self._inputs.scenarios)))
         return found, targets, refused
 
-    def round(self, number: int, targets: Iterable[Target]) -> Found:
+    def round(self, number: int, targets: Iterable[Target]) -> Round:
         """Search everything, run what was found, and recognise it in the runs."""
         searched = [
-            self._once(f"round_{number}_search_{target.name}", partial(self._search, number, target)) for target in targets
+            self._once(Stage("search", number, target.name), Searched, partial(self._search, number, target))
+            for target in targets
         ]
         for each in searched:
-            self._earlier.setdefault(each["target"], []).append(each)
-        files = [self._out / case["file"] for each in searched for case in each.get("cases", [])]
-        told: Found = {"number": number, "searches": searched, "runs": {}, "recognised": {}}
-        if files:
-            folder = self._out / f"round_{number}"
-            jobs = list(jobs_of(files, {}, True))
-            told["runs"] = self._once(f"round_{number}_run", partial(self._run, jobs, self._settings.run, folder / RUNS))
-            told["recognised"] = self._once(f"round_{number}_label", partial(self._label, folder))
-        return told
+            self._earlier.setdefault(each.target, []).append(each)
+        files = [self._out / case.file for each in searched for case in each.cases]
+        if not files:
+            return Round(number, searched, Ran(), Labelled())
+        folder = self._out / f"round_{number}"
+        run = partial(self._run, list(jobs_of(files, {}, True)), self._settings.run, folder / RUNS)
+        runs = self._once(Stage("run", number), Ran, run)
+        return Round(number, searched, runs, self._once(Stage("label", number), Labelled, partial(self._label, folder)))
 
-    def play(self) -> Found:
+    def play(self) -> Ran:
         """Replay some recorded scenarios of each class, as they were recorded."""
         jobs = [
             Job(f"{plain(row['class'])}_{Path(row['file']).stem}", path, path)
@@ -118,14 +130,14 @@ class _Loop:
             for path in [self._out / CATALOGUE / row["file"]]
         ]
         as_recorded = replace(self._settings.run, sut=None)
-        return self._once("play", partial(self._run, jobs, as_recorded, self._out / "played"))
+        return self._once(Stage("play"), Ran, partial(self._run, jobs, as_recorded, self._out / "played"))
 
-    def run_scenarios(self) -> Found:
+    def run_scenarios(self) -> Ran:
         """Run the user's own scenarios against the system under test."""
         jobs = list(jobs_of(self._inputs.scenarios, {}, True))
-        return self._once("run_scenarios", partial(self._run, jobs, self._settings.run, self._out / "scenarios"))
+        return self._once(Stage("run_scenarios"), Ran, partial(self._run, jobs, self._settings.run, self._out / "scenarios"))
 
-    def check(self) -> Found:
+    def check(self) -> Checked:
         """Check everything that was written, and the user's scenarios."""
         files = [*expand([str(self._out)]), *self._inputs.scenarios]
         problems = []
@@ -133,26 +145,26 @@ class _Loop:
             for _, found in check_many(files):
                 problems += [str(problem) for problem in found if problem.level == "error"]
                 advance(1)
-        return {"files": len(files), "problems": problems}
+        return Checked(files=len(files), problems=problems)
 
-    def _search(self, number: int, target: Target) -> Found:
+    def _search(self, number: int, target: Target) -> Searched:
         known = found_by(self._earlier.get(target.name, []))
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
             return search(target, number, self._out, self._settings, known, advance)
 
-    def _run(self, jobs: Sequence[Job | Outcome], settings: RunSettings, folder: Path) -> Found:
+    def _run(self, jobs: Sequence[Job | Outcome], settings: RunSettings, folder: Path) -> Ran:
         with self._bar("running", len(jobs)) as advance:
             return run_all(jobs, settings, folder, self._out, self._settings.processes, advance)
 
-    def _label(self, folder: Path) -> Found:
+    def _label(self, folder: Path) -> Labelled:
         """The classes that are recognised about the ego in each run; by the run's name."""
         grown = self._out / recognising.MODEL
         model = grown if grown.is_dir() else self._settings.model
         recognising.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
-        found: Found = {}
+        found = Labelled()
         for row in rows_of(folder / RECOGNISED):
             if row["vehicle"] == "Ego":
-                found.setdefault(row["recording"], []).append({"class": row["class"], "file": row["file"]})
+                found.runs.setdefault(row["recording"], []).append(LabelledScenario(row["class"], row["file"]))
         return found
 
 

@@ -17,7 +17,7 @@ Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
 
 
 @dataclass(frozen=True)
-class Settings:
+class LoopSettings:
     """What a loop does.
 
     Attributes:

@@ -2,130 +2,129 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
-from generation.loop.stages import Found
+from generation.loop.stages.findings import EdgeCase, LoopResult, Ran, Round, Run, Searched
 from recognition.catalogue.writing.index import rows_of
+from recognition.labels.classes import Label
 from runner.replay.page import page, write_page
 from runner.replay.report import REPORT
 
 PAGE = "index.html"
 """Name of the page in the output folder"""
 _FOLDER = Path(__file__).parent
+_STYLES = "base.css", "report.css", str(_FOLDER / "loop.css")
+_PARTS = "common", "flow", "recognised", "generated", "space", "main"
+_SCRIPTS = "dom.js", "axes.js", *(str(_FOLDER / f"{part}.js") for part in _PARTS)
 _MEASURES = ("min_ttc", "min_thw", "min_distance", "pet")
+_NOT_PLOTTED = ("cases", "failed", "failures", "failed_runs")
+"""What a page's search has in another form, or not at all"""
+
+Json = dict[str, Any]
+"""Values for the page's scripts: numbers, texts from files, and codes that they have words for."""
 
 
-def write(found: Found, out: Path) -> Path:
-    """Write the page into the output folder; links in it are relative to it. The same findings give the same bytes.
-
-    Args:
-        found: what `generation.loop.loop.run_loop` returns.
-    """
+def write(found: LoopResult, out: Path) -> Path:
+    """Write the page into the output folder; links in it are relative to it. The same findings give the same bytes."""
     path = out / PAGE
-    styles = "base.css", "report.css", str(_FOLDER / "loop.css")
-    scripts = "dom.js", "axes.js", str(_FOLDER / "loop.js")
-    write_page(path, page(f"{out.resolve().name} – from recordings to edge cases", styles, scripts, _data(found, out)))
+    write_page(path, page(f"{out.resolve().name} – from recordings to edge cases", _STYLES, _SCRIPTS, _data(found, out)))
     return path
 
 
-def _data(found: Found, out: Path) -> dict[str, Any]:
+def _data(found: LoopResult, out: Path) -> Json:
     """What the page is made from."""
-    settings = found["settings"]
-    rows = rows_of(out / CATALOGUE) if found["recordings"] else []
-    searches = [_search(each, each_round, out) for each_round in found["rounds"] for each in each_round["searches"]]
+    rows = rows_of(out / CATALOGUE) if found.recordings else []
     return {
         "title": out.resolve().name,
-        "settings": settings,
-        "recordings": found["recordings"],
-        "unread": found["recognised"].get("failures", {}),
-        "classes": _classes(rows, found, int(settings["shown"])),
+        "settings": found.settings,
+        "recordings": found.recordings,
+        "unread": found.recognised.failures,
+        "classes": _classes(rows, found),
         "catalogue": f"{CATALOGUE}/index.csv" if rows else None,
-        "searches": searches,
-        "refused": found["refused"],
-        "scenarios": [_run(run, name) for name, runs in found["scenarios"].items() for run in runs],
-        "reports": _reports(found),
-        "checked": found["checked"],
+        "searches": [_search(search, of) for of in found.rounds for search in of.searches],
+        "refused": [asdict(each) for each in found.refused],
+        "scenarios": [_run(run, name) for name, runs in found.scenarios.files.items() for run in runs],
+        "reports": list(_reports(found)),
+        "checked": asdict(found.checked),
     }
 
 
-def _classes(rows: list[dict[str, Any]], found: Found, most: int) -> list[dict[str, Any]]:
+def _classes(rows: list[Json], found: LoopResult) -> list[Json]:
     """The classes of a catalogue, the most frequent first, with the scenarios of each that are shown."""
-    counts = found["recognised"].get("classes", {})
-    shown: dict[str, list[dict[str, Any]]] = {}
-    for row in chosen(rows, most):
+    counts = found.recognised.classes
+    shown: dict[str, list[Json]] = {}
+    for row in chosen(rows, int(found.settings["shown"])):
         shown.setdefault(row["class"], []).append(row)
     return [
         {
             "title": title,
             "state": shown[title][0]["state"],
             "count": counts[title],
-            "rows": [_recorded(row, found["played"]) for row in shown[title]],
+            "rows": [_recorded(row, found.played) for row in shown[title]],
         }
         for title in sorted(counts, key=lambda title: (-counts[title], title))
     ]
 
 
-def _recorded(row: dict[str, Any], played: Found) -> dict[str, Any]:
-    """A scenario of the catalogue of recordings."""
-    runs = played.get(f"{CATALOGUE}/{row['file']}", [])
+def _recorded(row: Json, played: Ran) -> Json:
+    """A scenario of the catalogue of recordings; classes that rules or model do not tell are None."""
+    runs = played.files.get(f"{CATALOGUE}/{row['file']}", [])
     files = {"scenario": row["file"], "manoeuvre": row["maneuver"], "road": row["road"], "tags": row["openlabel"]}
-    told = {
-        name: row[name] for name in ("recording", "vehicle", "time", "confidence", "rule_class", "model_class", "participants")
-    }
+    told = {name: row[name] for name in ("recording", "vehicle", "time", "confidence", "participants")}
+    labels = {name: row[name] if row[name] != Label.UNKNOWN.title else None for name in ("rule_class", "model_class")}
     return {
         **told,
+        **labels,
         "name": Path(row["file"]).stem,
         "measures": {name: row[name] for name in _MEASURES},
-        "play": runs[0]["replay"] if runs else None,
+        "play": runs[0].replay if runs else None,
         "files": {name: f"{CATALOGUE}/{file}" for name, file in files.items() if file},
     }
 
 
-def _search(search: Found, of: Found, out: Path) -> dict[str, Any]:
-    """A search with its edge cases."""
-    told = {name: value for name, value in search.items() if name not in ("failed", "cases")}
-    cases = [_case(case, of, out) for case in search.get("cases", [])]
-    return {**told, "round": of["number"], "failed": len(search.get("failed", [])), "cases": cases}
+def _search(search: Searched, of: Round) -> Json:
+    """A search with its edge cases, and how many failures it has."""
+    told = {name: value for name, value in asdict(search).items() if name not in _NOT_PLOTTED}
+    return {**told, "failed": len(search.failed), "cases": [_case(case, of) for case in search.cases]}
 
 
-def _case(case: dict[str, Any], of: Found, out: Path) -> dict[str, Any]:
+def _case(case: EdgeCase, of: Round) -> Json:
     """An edge case with what became of its run."""
-    run = next(iter(of["runs"].get(case["file"], [])), None)
-    labels = of["recognised"].get(run["name"], []) if run else []
-    tags = case["file"].removesuffix(".xosc") + ".openlabel.json"
+    run = next(iter(of.runs.files.get(case.file, [])), None)
+    labels = of.recognised.runs.get(run.name, []) if run else []
+    tags = case.file.removesuffix(".xosc") + ".openlabel.json"
     return {
-        "name": Path(case["file"]).stem,
-        "theta": case["theta"],
-        "verdict": case["Verdict"],
-        "careful": case["CarefulDriver"],
-        "likelihood": case["LogLikelihood"],
-        "risk": case["RRisk"],
-        "state": run["state"] if run else None,
-        "play": run["replay"] if run else None,
-        "recognised": [{"title": each["class"], "file": f"round_{of['number']}/{RECOGNISED}/{each['file']}"} for each in labels],
-        "files": {"scenario": case["file"], **({"road": case["road"]} if case["road"] else {}), "tags": tags},
+        "name": Path(case.file).stem,
+        "theta": case.theta,
+        "verdict": case.verdict,
+        "careful": case.careful,
+        "avoidable": case.avoidable,
+        "likelihood": case.likelihood,
+        "risk": case.risk,
+        "state": run.state if run else None,
+        "play": run.replay if run else None,
+        "recognised": [{"title": each.title, "file": f"round_{of.number}/{RECOGNISED}/{each.file}"} for each in labels],
+        "files": {"scenario": case.file, **({"road": case.road} if case.road else {}), "tags": tags},
     }
 
 
-def _run(run: dict[str, Any], name: str) -> dict[str, Any]:
+def _run(run: Run, name: str) -> Json:
     """The run of a scenario of the user's."""
-    told = {key: run[key] for key in ("name", "state", "message", "end")}
-    return {**told, "file": name, "measures": {key: run["measures"].get(key) for key in _MEASURES}, "play": run["replay"]}
+    measures = {key: run.measures.get(key) for key in _MEASURES}
+    told = {"name": run.name, "state": run.state, "message": run.message, "end": run.end}
+    return {**told, "file": name, "measures": measures, "play": run.replay}
 
 
-def _reports(found: Found) -> list[dict[str, str]]:
+def _reports(found: LoopResult) -> Iterator[Json]:
     """The reports of the batches."""
-
-    def each() -> Iterable[tuple[str, str]]:
-        if found["played"]:
-            yield "replays of recorded scenarios", f"played/{REPORT}"
-        for of in found["rounds"]:
-            if of["runs"]:
-                yield f"runs of edge cases, round {of['number']}", f"round_{of['number']}/runs/{REPORT}"
-        if found["scenarios"]:
-            yield "runs of your scenarios", f"scenarios/{REPORT}"
-
-    return [{"title": title, "file": file} for title, file in each()]
+    if found.played.files:
+        yield {"of": "played", "file": f"played/{REPORT}"}
+    for of in found.rounds:
+        if of.runs.files:
+            yield {"of": "cases", "round": of.number, "file": f"round_{of.number}/runs/{REPORT}"}
+    if found.scenarios.files:
+        yield {"of": "scenarios", "file": f"scenarios/{REPORT}"}

@@ -2,7 +2,12 @@
 
 const style = getComputedStyle(document.documentElement);
 const colour = name => style.getPropertyValue("--" + name).trim();
-const short = value => (typeof value !== "number" ? value ?? "–" : Math.abs(value) < 1e6 ? String(Number(value.toPrecision(4))) : value.toExponential(1));
+const short = value =>
+  typeof value !== "number"
+    ? (value ?? "–")
+    : Math.abs(value) < 1e6
+      ? String(Number(value.toPrecision(4)))
+      : value.toExponential(1);
 
 /** Extremes of arrays of any length. */
 const least = values => values.reduce((a, b) => Math.min(a, b));
@@ -20,7 +25,9 @@ function axes(ctx, xs, ys, us, vs, height) {
   ctx.lineTo(xs[1], ys[0]);
   ctx.stroke();
   ctx.textAlign = "center";
-  for (const u of ticks(us[0], us[1], 5)) ctx.fillText(short(u), xs[0] + (u - us[0]) / (us[1] - us[0] || 1) * (xs[1] - xs[0]), height - 4);
+  for (const u of ticks(us[0], us[1], 5))
+    ctx.fillText(short(u), xs[0] + ((u - us[0]) / (us[1] - us[0] || 1)) * (xs[1] - xs[0]), height - 4);
   ctx.textAlign = "right";
-  for (const v of ticks(vs[0], vs[1], 4)) ctx.fillText(short(v), xs[0] - 4, ys[0] + (v - vs[0]) / (vs[1] - vs[0] || 1) * (ys[1] - ys[0]) + 4);
+  for (const v of ticks(vs[0], vs[1], 4))
+    ctx.fillText(short(v), xs[0] - 4, ys[0] + ((v - vs[0]) / (vs[1] - vs[0] || 1)) * (ys[1] - ys[0]) + 4);
 }

@@ -2,11 +2,18 @@
 
 /** Bounds of the axes: values beyond a cap run out of the picture. `worst` says which extreme matters. */
 const AXES = {
-  speed: { low: 0, worst: Math.max }, acceleration: { zero: true, worst: Math.min }, ttc: { low: 0, cap: 10, worst: Math.min },
-  thw: { low: 0, cap: 6, worst: Math.min }, rss_margin_ad_rss: { zero: true, cap: 20, worst: Math.min, forbidden: true },
-  distance: { low: 0, cap: 60, worst: Math.min }, drac: { low: 0, cap: 10, worst: Math.max },
+  speed: { low: 0, worst: Math.max },
+  acceleration: { zero: true, worst: Math.min },
+  ttc: { low: 0, cap: 10, worst: Math.min },
+  thw: { low: 0, cap: 6, worst: Math.min },
+  rss_margin_ad_rss: { zero: true, cap: 20, worst: Math.min, forbidden: true },
+  distance: { low: 0, cap: 60, worst: Math.min },
+  drac: { low: 0, cap: 10, worst: Math.max },
 };
-const LEFT = 34, RIGHT = 6, TOP = 6, BOTTOM = 4;
+const LEFT = 34,
+  RIGHT = 6,
+  TOP = 6,
+  BOTTOM = 4;
 
 class Chart {
   /** curves: the same measure of each run, undefined where a run has none. */
@@ -17,23 +24,39 @@ class Chart {
     this.extremes = curves.map((curve, index) => curve && this.extreme(curve, runs[index].sample));
     this.canvas = el("canvas", { role: "img", "aria-label": `${first.label} over time. ${this.summary()}` });
     this.cursor = el("div", { class: "cursor" });
-    const jumps = this.extremes.map((extreme, i) => extreme && el("button", { class: `extreme run${i}`, click: () => seek(extreme.time) }, this.letter(i) + this.told(extreme)));
-    this.node = el("div", { class: "chart" }, el("h3", null, first.label, el("span", null, ...this.now)),
-      el("div", { class: "plot" }, this.canvas, this.cursor), el("div", { class: "extremes" }, ...jumps.filter(Boolean)));
+    const jumps = this.extremes.map(
+      (extreme, i) =>
+        extreme &&
+        el("button", { class: `extreme run${i}`, click: () => seek(extreme.time) }, this.letter(i) + this.told(extreme)),
+    );
+    this.node = el(
+      "div",
+      { class: "chart" },
+      el("h3", null, first.label, el("span", null, ...this.now)),
+      el("div", { class: "plot" }, this.canvas, this.cursor),
+      el("div", { class: "extremes" }, ...jumps.filter(Boolean)),
+    );
     this.range = this.bounds();
     const go = event => {
       const { left, width } = this.canvas.getBoundingClientRect();
-      seek((event.clientX - left - LEFT) / (width - LEFT - RIGHT) * this.end);
+      seek(((event.clientX - left - LEFT) / (width - LEFT - RIGHT)) * this.end);
     };
-    this.canvas.addEventListener("pointerdown", event => { this.canvas.setPointerCapture(event.pointerId); go(event); });
-    this.canvas.addEventListener("pointermove", event => { if (event.buttons) go(event); });
+    this.canvas.addEventListener("pointerdown", event => {
+      this.canvas.setPointerCapture(event.pointerId);
+      go(event);
+    });
+    this.canvas.addEventListener("pointermove", event => {
+      if (event.buttons) go(event);
+    });
   }
 
   extreme(curve, sample) {
     let best = null;
-    for (const { start, values } of curve.parts) values.forEach((value, i) => {
-      if (best === null || (value !== best.value && this.axis.worst(value, best.value) === value)) best = { value, time: (start + i) * sample };
-    });
+    for (const { start, values } of curve.parts)
+      values.forEach((value, i) => {
+        if (best === null || (value !== best.value && this.axis.worst(value, best.value) === value))
+          best = { value, time: (start + i) * sample };
+      });
     return best;
   }
 
@@ -42,7 +65,8 @@ class Chart {
   }
 
   told(extreme) {
-    return `${this.axis.worst === Math.min ? "least" : "greatest"} ${extreme.value.toFixed(2)} ${this.unit} at ${seconds(extreme.time)}`;
+    const which = this.axis.worst === Math.min ? "least" : "greatest";
+    return `${which} ${extreme.value.toFixed(2)} ${this.unit} at ${seconds(extreme.time)}`;
   }
 
   summary() {
@@ -51,8 +75,13 @@ class Chart {
 
   bounds() {
     const all = this.curves.filter(Boolean).flatMap(curve => curve.parts.map(part => part.values));
-    let low = this.axis.zero ? 0 : Infinity, high = this.axis.zero ? 0 : -Infinity;
-    for (const values of all) for (const value of values) { low = Math.min(low, value); high = Math.max(high, value); }
+    let low = this.axis.zero ? 0 : Infinity,
+      high = this.axis.zero ? 0 : -Infinity;
+    for (const values of all)
+      for (const value of values) {
+        low = Math.min(low, value);
+        high = Math.max(high, value);
+      }
     if (low > high) [low, high] = [0, 1];
     high = Math.min(high, this.axis.cap ?? Infinity);
     low = this.axis.low ?? Math.max(low, -120);
@@ -61,8 +90,10 @@ class Chart {
   }
 
   draw(colour) {
-    const { ctx, width, height } = fitted(this.canvas), [low, high] = this.range;
-    const x = time => LEFT + time / this.end * (width - LEFT - RIGHT), y = value => TOP + (high - value) / (high - low) * (height - TOP - BOTTOM);
+    const { ctx, width, height } = fitted(this.canvas),
+      [low, high] = this.range;
+    const x = time => LEFT + (time / this.end) * (width - LEFT - RIGHT),
+      y = value => TOP + ((high - value) / (high - low)) * (height - TOP - BOTTOM);
     ctx.clearRect(0, 0, width, height);
     if (this.axis.forbidden && low < 0) {
       ctx.fillStyle = colour("bad-soft");

@@ -2,9 +2,12 @@
 
 /** Numbers from base64 of variable-length integers that hold differences of the given order. */
 function unpack(text, order, step) {
-  const bytes = atob(text), values = [];
+  const bytes = atob(text),
+    values = [];
   for (let i = 0; i < bytes.length;) {
-    let value = 0, weight = 1, byte;
+    let value = 0,
+      weight = 1,
+      byte;
     do {
       byte = bytes.charCodeAt(i++);
       value += (byte & 127) * weight;
@@ -18,7 +21,9 @@ function unpack(text, order, step) {
 
 /** Polylines or rings as one path in world coordinates. */
 function unpackPath([lengths, xs, ys], step, closed) {
-  const path = new Path2D(), x = unpack(xs, 1, step), y = unpack(ys, 1, step);
+  const path = new Path2D(),
+    x = unpack(xs, 1, step),
+    y = unpack(ys, 1, step);
   let next = 0;
   for (const length of unpack(lengths, 0, 1)) {
     const end = next + length;
@@ -32,8 +37,11 @@ function unpackPath([lengths, xs, ys], step, closed) {
 
 function unpackTrack(track, steps) {
   const parts = track.parts.map(part => ({
-    start: part.start, x: unpack(part.x, 2, steps.length), y: unpack(part.y, 2, steps.length),
-    h: unpack(part.h, 2, steps.angle), v: unpack(part.v, 2, steps.speed),
+    start: part.start,
+    x: unpack(part.x, 2, steps.length),
+    y: unpack(part.y, 2, steps.length),
+    h: unpack(part.h, 2, steps.angle),
+    v: unpack(part.v, 2, steps.speed),
   }));
   const way = new Path2D();
   for (const { x, y } of parts) {
@@ -53,10 +61,18 @@ function stateAt(track, time, length) {
   const sample = time / length + 1e-6;
   const part = partAt(track.parts, sample, each => each.x.length);
   if (!part) return null;
-  const i = Math.floor(sample - part.start), j = Math.min(i + 1, part.x.length - 1), f = sample - part.start - i;
+  const i = Math.floor(sample - part.start),
+    j = Math.min(i + 1, part.x.length - 1),
+    f = sample - part.start - i;
   const mix = values => values[i] + (values[j] - values[i]) * f;
   const slowing = part.v[Math.max(0, j - 2)] - part.v[j];
-  return { x: mix(part.x), y: mix(part.y), h: mix(part.h), v: mix(part.v), brakes: part.v[i] > 0.1 && slowing > 1.0 * 2 * length };
+  return {
+    x: mix(part.x),
+    y: mix(part.y),
+    h: mix(part.h),
+    v: mix(part.v),
+    brakes: part.v[i] > 0.1 && slowing > 1.0 * 2 * length,
+  };
 }
 
 /** A curve's value at a time, or null where it is not defined. */

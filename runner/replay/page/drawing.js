@@ -2,13 +2,21 @@
 
 const SURFACES = ["verge", "walk", "shoulder", "bike", "road"];
 const DASHES = { broken: [3, 6], dots: [0.15, 1.5] };
-const MARK_COLOURS = { yellow: "#f0be00", blue: "#4a90ff", green: "#2fa84f", red: "#e0483d", orange: "#f08a24", violet: "#a86be0" };
+const MARK_COLOURS = {
+  yellow: "#f0be00",
+  blue: "#4a90ff",
+  green: "#2fa84f",
+  red: "#e0483d",
+  orange: "#f08a24",
+  violet: "#a86be0",
+};
 const HEAVY = new Set(["truck", "bus", "semitrailer", "trailer", "train", "tram"]);
 const CYCLES = new Set(["bicycle", "motorbike"]);
 
 /** Colours of the page's style sheet, by name without the dashes. */
 function palette() {
-  const style = getComputedStyle(document.documentElement), found = new Map();
+  const style = getComputedStyle(document.documentElement),
+    found = new Map();
   return name => {
     if (!found.has(name)) found.set(name, style.getPropertyValue("--" + name).trim());
     return found.get(name);
@@ -69,8 +77,10 @@ function drawSignals(ctx, road, states, time, colour, scale) {
 
 /** Colour of a light's state: one that is named in it, or of "on;off;off" (red, yellow, green) those that are on. */
 function lamp(state) {
-  const lamps = state.toLowerCase().split(";"), names = ["red", "yellow", "green"];
-  const lit = lamps.length === 3 ? names.filter((_, i) => lamps[i].startsWith("on")) : names.filter(name => lamps[0].includes(name));
+  const lamps = state.toLowerCase().split(";"),
+    names = ["red", "yellow", "green"];
+  const lit =
+    lamps.length === 3 ? names.filter((_, i) => lamps[i].startsWith("on")) : names.filter(name => lamps[0].includes(name));
   const found = lit.length > 1 ? "yellow" : lit[0];
   return { red: "#e5322d", yellow: "#f5b800", green: "#1fae54" }[found] || "#9aa3ad";
 }
@@ -123,11 +133,15 @@ function drawBox(ctx, length, width, radius) {
 }
 
 function drawVehicle(ctx, track, state, length, width, colour) {
-  const half = width / 2, front = length / 2, heavy = HEAVY.has(track.category);
+  const half = width / 2,
+    front = length / 2,
+    heavy = HEAVY.has(track.category);
   drawBox(ctx, length, width, Math.min(heavy ? 0.15 : 0.5, half));
   ctx.fillStyle = colour("glass");
-  const deep = Math.min(length * 0.16, 0.8), at = track.category === "trailer" ? null : heavy ? front - deep : front - length * 0.28;
-  if (at !== null) { // windscreen: narrower towards the front
+  const deep = Math.min(length * 0.16, 0.8),
+    at = track.category === "trailer" ? null : heavy ? front - deep : front - length * 0.28;
+  if (at !== null) {
+    // windscreen: narrower towards the front
     ctx.beginPath();
     ctx.moveTo(at, half * 0.82);
     ctx.lineTo(at, -half * 0.82);
@@ -138,7 +152,8 @@ function drawVehicle(ctx, track, state, length, width, colour) {
   if (!heavy) ctx.fillRect(-front + length * 0.1, -half * 0.62, deep * 0.7, width * 0.62);
   if (state.brakes) {
     ctx.fillStyle = "#ff2a1a";
-    for (const side of [-1, 1]) ctx.fillRect(-front - 0.1, side * half * 0.7 - width * 0.12, Math.max(0.25, length * 0.05), width * 0.24);
+    for (const side of [-1, 1])
+      ctx.fillRect(-front - 0.1, side * half * 0.7 - width * 0.12, Math.max(0.25, length * 0.05), width * 0.24);
   }
 }
 
@@ -193,5 +208,5 @@ function drawScale(ctx, scale, height, colour) {
   ctx.lineTo(12 + metres * scale, height - 12);
   ctx.lineTo(12 + metres * scale, height - 18);
   ctx.stroke();
-  drawLabel(ctx, `${metres} m`, 12 + metres * scale / 2, height - 20, colour);
+  drawLabel(ctx, `${metres} m`, 12 + (metres * scale) / 2, height - 20, colour);
 }

@@ -4,7 +4,8 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const roads = data.roads.map(road => unpackRoad(road, data.steps));
 const runs = data.runs.map(run => unpackRun(run, data));
 for (const run of runs) {
-  run.collisions = run.rows.filter(([level]) => level === "collision")
+  run.collisions = run.rows
+    .filter(([level]) => level === "collision")
     .flatMap(([, , subject, bars]) => bars.map(([from, to]) => ({ from, to: to ?? run.end, who: subject.split(" – ") })));
 }
 const end = Math.max(...runs.map(run => run.end), 0.01);
@@ -12,7 +13,9 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 const TABLES = 0.1; // s between updates of tables while playing
 
 const clock = { time: 0, playing: false, rate: 1, last: 0, dirty: true, shown: 0 };
-const changed = () => { clock.dirty = true; };
+const changed = () => {
+  clock.dirty = true;
+};
 
 function seek(time) {
   clock.time = Math.min(end, Math.max(0, time));
@@ -33,18 +36,57 @@ const timelines = runs.map((run, i) => new Timeline(run, i, end, seek));
 const logs = runs.map((run, i) => new Log(run, i, seek));
 const tables = runs.map((run, i) => new Participants(run, i, changed));
 const plots = charts(runs, end, seek);
-const sign = index => (runs.length > 1 ? el("span", { class: `sign run${index}`, role: "img", "aria-label": `run ${"AB"[index]}` }, "AB"[index]) : null);
+const sign = index =>
+  runs.length > 1
+    ? el("span", { class: `sign run${index}`, role: "img", "aria-label": `run ${"AB"[index]}` }, "AB"[index])
+    : null;
 
-const button = (label, action, attributes, text) => el("button", { "aria-label": label, title: label, click: action, ...attributes }, text);
+const button = (label, action, attributes, text) =>
+  el("button", { "aria-label": label, title: label, click: action, ...attributes }, text);
 const playButton = button("Play", () => play(!clock.playing), { class: "play" }, "Play");
 const clockText = el("output", { id: "clock", "aria-live": "off" });
-const slider = el("input", { type: "range", min: 0, max: end, step: "any", "aria-label": "Time in seconds", input: () => seek(Number(slider.value)) });
-const rate = el("select", { "aria-label": "Speed", change: () => { clock.rate = Number(rate.value); } }, ...RATES.map(each => el("option", { value: each, selected: each === 1 }, `${each} ×`)));
-const names = [...new Set(runs.flatMap(run => run.tracks.map(track => track.name)))].filter(name => runs.some(run => run.ego !== name));
+const slider = el("input", {
+  type: "range",
+  min: 0,
+  max: end,
+  step: "any",
+  "aria-label": "Time in seconds",
+  input: () => seek(Number(slider.value)),
+});
+const rate = el(
+  "select",
+  {
+    "aria-label": "Speed",
+    change: () => {
+      clock.rate = Number(rate.value);
+    },
+  },
+  ...RATES.map(each => el("option", { value: each, selected: each === 1 }, `${each} ×`)),
+);
+const names = [...new Set(runs.flatMap(run => run.tracks.map(track => track.name)))].filter(name =>
+  runs.some(run => run.ego !== name),
+);
 const hasEgo = runs.some(run => run.ego !== null && run.tracks.some(track => track.name === run.ego));
-const whom = el("select", { "aria-label": "Follow", change: () => { choose(whom.value); } },
-  ...(hasEgo ? [el("option", { value: "ego" }, "the ego")] : []), el("option", { value: "none" }, "nobody"), ...names.map(name => el("option", { value: `=${name}` }, name)));
-const labels = el("input", { type: "checkbox", checked: true, change: () => { for (const view of views) view.labels = labels.checked; changed(); } });
+const whom = el(
+  "select",
+  {
+    "aria-label": "Follow",
+    change: () => {
+      choose(whom.value);
+    },
+  },
+  ...(hasEgo ? [el("option", { value: "ego" }, "the ego")] : []),
+  el("option", { value: "none" }, "nobody"),
+  ...names.map(name => el("option", { value: `=${name}` }, name)),
+);
+const labels = el("input", {
+  type: "checkbox",
+  checked: true,
+  change: () => {
+    for (const view of views) view.labels = labels.checked;
+    changed();
+  },
+});
 const announced = el("div", { class: "hidden", "aria-live": "polite" });
 
 /** Follow the ego, nobody (and stay where the view is), or a name. */
@@ -59,39 +101,147 @@ function differing(index) {
   if (runs.length < 2) return [];
   const given = run => ({ ...run.parameters, "system under test": run.sut, ...run.settings });
   const [own, other] = [given(runs[index]), given(runs[1 - index])];
-  const found = Object.keys(own).filter(name => own[name] !== other[name]).map(name => `${name} ${own[name]}`);
+  const found = Object.keys(own)
+    .filter(name => own[name] !== other[name])
+    .map(name => `${name} ${own[name]}`);
   return found.length ? [el("small", null, ` ${found.join(", ")}`)] : [];
 }
 
 function figure(run, i) {
   const values = Object.entries({ ...run.parameters, "system under test": run.sut, ...run.settings });
-  const caption = el("figcaption", null, sign(i), el(runs.length > 1 ? "h2" : "h1", null, run.name, ...differing(i)), el("span", { class: `badge ${run.passed ? "passed" : "failed"}` }, run.passed ? "passed" : "failed"),
-    el("span", { class: "reason muted" }, [`${seconds(run.end)}, ${run.status === "timeout" ? "time limit" : "stop trigger"}`, ...run.reasons].join("; ")),
-    el("details", null, el("summary", { class: "muted" }, "parameters and settings"), el("dl", null, ...values.flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)]))));
-  const zooms = el("div", { class: "zoom" }, button("Zoom in", () => { zoom(1.4); changed(); }, null, "+"), button("Zoom out", () => { zoom(1 / 1.4); changed(); }, null, "−"),
-    button("Show everything", () => { views[i].fit(); changed(); }, null, "⤢"));
+  const caption = el(
+    "figcaption",
+    null,
+    sign(i),
+    el(runs.length > 1 ? "h2" : "h1", null, run.name, ...differing(i)),
+    el("span", { class: `badge ${run.passed ? "passed" : "failed"}` }, run.passed ? "passed" : "failed"),
+    el(
+      "span",
+      { class: "reason muted" },
+      [`${seconds(run.end)}, ${run.status === "timeout" ? "time limit" : "stop trigger"}`, ...run.reasons].join("; "),
+    ),
+    el(
+      "details",
+      null,
+      el("summary", { class: "muted" }, "parameters and settings"),
+      el("dl", null, ...values.flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)])),
+    ),
+  );
+  const zooms = el(
+    "div",
+    { class: "zoom" },
+    button(
+      "Zoom in",
+      () => {
+        zoom(1.4);
+        changed();
+      },
+      null,
+      "+",
+    ),
+    button(
+      "Zoom out",
+      () => {
+        zoom(1 / 1.4);
+        changed();
+      },
+      null,
+      "−",
+    ),
+    button(
+      "Show everything",
+      () => {
+        views[i].fit();
+        changed();
+      },
+      null,
+      "⤢",
+    ),
+  );
   return el("figure", { class: `run${i}` }, caption, el("div", { class: "stage" }, views[i].canvas, views[i].told, zooms));
 }
 
-const HELP = [["Space", "play, pause"], ["← →", "one step; with Shift one second"], ["Home End", "beginning, end"], ["+ −", "zoom"], ["F", "follow the ego"],
-  ["0", "show everything"], ["L", "labels"], [", .", "slower, faster"]];
-const help = el("details", { class: "panel" }, el("summary", null, "Keys"), el("dl", null, ...HELP.flatMap(([keys, what]) => [el("dt", null, ...keys.split(" ").flatMap(key => [el("kbd", null, key), " "])), el("dd", null, what)])));
+const HELP = [
+  ["Space", "play, pause"],
+  ["← →", "one step; with Shift one second"],
+  ["Home End", "beginning, end"],
+  ["+ −", "zoom"],
+  ["F", "follow the ego"],
+  ["0", "show everything"],
+  ["L", "labels"],
+  [", .", "slower, faster"],
+];
+const help = el(
+  "details",
+  { class: "panel" },
+  el("summary", null, "Keys"),
+  el(
+    "dl",
+    null,
+    ...HELP.flatMap(([keys, what]) => [
+      el("dt", null, ...keys.split(" ").flatMap(key => [el("kbd", null, key), " "])),
+      el("dd", null, what),
+    ]),
+  ),
+);
 
-const each = (title, parts) => el("section", { class: "panel", "aria-label": title }, el("h2", null, title),
-  ...parts.flatMap((part, i) => [runs.length > 1 ? el("p", { class: "muted" }, sign(i), " ", runs[i].name) : null, part.node]));
+const each = (title, parts) =>
+  el(
+    "section",
+    { class: "panel", "aria-label": title },
+    el("h2", null, title),
+    ...parts.flatMap((part, i) => [runs.length > 1 ? el("p", { class: "muted" }, sign(i), " ", runs[i].name) : null, part.node]),
+  );
 const chartPanel = plots.length
-  ? el("section", { class: "panel", "aria-label": "Ego and criticality" }, el("h2", null, "Ego and criticality"), el("div", { class: "charts" }, ...plots.map(plot => plot.node)))
-  : el("section", { class: "panel" }, el("h2", null, "Ego and criticality"), el("p", { class: "muted" }, "There is no ego in this run."));
+  ? el(
+      "section",
+      { class: "panel", "aria-label": "Ego and criticality" },
+      el("h2", null, "Ego and criticality"),
+      el("div", { class: "charts" }, ...plots.map(plot => plot.node)),
+    )
+  : el(
+      "section",
+      { class: "panel" },
+      el("h2", null, "Ego and criticality"),
+      el("p", { class: "muted" }, "There is no ego in this run."),
+    );
 
-document.body.append(el("main", { id: "page" }, ...[
-  runs.length > 1 ? el("h1", null, "Two runs") : null,
-  el("div", { class: "views" }, ...runs.map(figure)),
-  el("div", { class: "panel controls", role: "group", "aria-label": "Playback" }, slider, playButton,
-    button("One step back", () => step(-1), null, "◀"), button("One step ahead", () => step(1), null, "▶"), clockText,
-    el("span", { class: "spacer" }), el("label", null, el("span", { class: "optional" }, "Speed"), rate), el("label", null, el("span", { class: "optional" }, "Follow"), whom), el("label", null, labels, "Labels")),
-  el("div", { class: "lower" }, el("div", { class: "column" }, each("Triggers and actions", timelines), each("Event log", logs), each("Participants", tables)),
-    el("div", { class: "column" }, chartPanel, help)),
-  announced].filter(Boolean)));
+document.body.append(
+  el(
+    "main",
+    { id: "page" },
+    ...[
+      runs.length > 1 ? el("h1", null, "Two runs") : null,
+      el("div", { class: "views" }, ...runs.map(figure)),
+      el(
+        "div",
+        { class: "panel controls", role: "group", "aria-label": "Playback" },
+        slider,
+        playButton,
+        button("One step back", () => step(-1), null, "◀"),
+        button("One step ahead", () => step(1), null, "▶"),
+        clockText,
+        el("span", { class: "spacer" }),
+        el("label", null, el("span", { class: "optional" }, "Speed"), rate),
+        el("label", null, el("span", { class: "optional" }, "Follow"), whom),
+        el("label", null, labels, "Labels"),
+      ),
+      el(
+        "div",
+        { class: "lower" },
+        el(
+          "div",
+          { class: "column" },
+          each("Triggers and actions", timelines),
+          each("Event log", logs),
+          each("Participants", tables),
+        ),
+        el("div", { class: "column" }, chartPanel, help),
+      ),
+      announced,
+    ].filter(Boolean),
+  ),
+);
 
 function step(count) {
   play(false);
@@ -102,8 +252,16 @@ function step(count) {
 /** Say where things are, for those who do not see the picture. */
 function announce() {
   const parts = runs.map((run, i) => {
-    const state = run.tracks.map(track => [track.name, stateAt(track, Math.min(clock.time, run.end), run.sample)]).filter(([, each]) => each);
-    return (runs.length > 1 ? `run ${"AB"[i]}: ` : "") + state.slice(0, 5).map(([name, { v }]) => `${name} ${v.toFixed(1)} metres per second`).join(", ");
+    const state = run.tracks
+      .map(track => [track.name, stateAt(track, Math.min(clock.time, run.end), run.sample)])
+      .filter(([, each]) => each);
+    return (
+      (runs.length > 1 ? `run ${"AB"[i]}: ` : "") +
+      state
+        .slice(0, 5)
+        .map(([name, { v }]) => `${name} ${v.toFixed(1)} metres per second`)
+        .join(", ")
+    );
   });
   announced.textContent = `${seconds(clock.time)}. ${parts.join(". ")}`;
 }
@@ -111,9 +269,19 @@ function announce() {
 // keyboard ------------------------------------------------------------------------------------
 
 const KEYS = {
-  " ": () => play(!clock.playing), ArrowLeft: event => (event.shiftKey ? seek(clock.time - 1) : step(-1)), ArrowRight: event => (event.shiftKey ? seek(clock.time + 1) : step(1)),
-  Home: () => seek(0), End: () => seek(end), "+": () => zoom(1.25), "=": () => zoom(1.25), "-": () => zoom(0.8), 0: () => views[0].fit(),
-  f: () => choose(hasEgo ? "ego" : "none"), l: () => labels.click(), ",": () => faster(-1), ".": () => faster(1),
+  " ": () => play(!clock.playing),
+  ArrowLeft: event => (event.shiftKey ? seek(clock.time - 1) : step(-1)),
+  ArrowRight: event => (event.shiftKey ? seek(clock.time + 1) : step(1)),
+  Home: () => seek(0),
+  End: () => seek(end),
+  "+": () => zoom(1.25),
+  "=": () => zoom(1.25),
+  "-": () => zoom(0.8),
+  0: () => views[0].fit(),
+  f: () => choose(hasEgo ? "ego" : "none"),
+  l: () => labels.click(),
+  ",": () => faster(-1),
+  ".": () => faster(1),
 };
 
 function faster(by) {
@@ -122,8 +290,12 @@ function faster(by) {
 }
 
 addEventListener("keydown", event => {
-  const at = event.target, key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-  const typed = at.tagName === "SELECT" || (key === " " && ["BUTTON", "SUMMARY"].includes(at.tagName)) || (key === " " && at.type === "checkbox");
+  const at = event.target,
+    key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  const typed =
+    at.tagName === "SELECT" ||
+    (key === " " && ["BUTTON", "SUMMARY"].includes(at.tagName)) ||
+    (key === " " && at.type === "checkbox");
   if (event.ctrlKey || event.metaKey || event.altKey || typed || !(key in KEYS)) return;
   event.preventDefault();
   KEYS[key](event);
@@ -134,7 +306,7 @@ addEventListener("keydown", event => {
 
 function frame(now) {
   if (clock.playing) {
-    clock.time = Math.min(end, clock.time + (now - clock.last) / 1000 * clock.rate);
+    clock.time = Math.min(end, clock.time + ((now - clock.last) / 1000) * clock.rate);
     clock.last = now;
     clock.dirty = true;
     if (clock.time >= end) play(false);

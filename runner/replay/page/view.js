@@ -1,6 +1,7 @@
 // One run from above. All views share one camera, so that two runs are seen alike.
 
-const NEAREST = 200, FARTHEST = 0.02; // px per m
+const NEAREST = 200,
+  FARTHEST = 0.02; // px per m
 
 /** Where everybody looks: at a participant (plus an offset), or at a place; m, and px per m. */
 const camera = { follow: null, x: 0, y: 0, dx: 0, dy: 0, scale: 6 };
@@ -16,14 +17,21 @@ function follow(name) {
 class View {
   constructor(run, road, index, changed) {
     Object.assign(this, { run, road, index, changed, labels: true, colour: palette(), middle: [0, 0] });
-    this.canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `${run.name} from above, zoom by + and -, drag to move` });
+    this.canvas = el("canvas", {
+      tabindex: 0,
+      role: "img",
+      "aria-label": `${run.name} from above, zoom by + and -, drag to move`,
+    });
     this.told = el("div", { class: "told" });
     this.pointers = new Map();
     this.canvas.addEventListener("pointerdown", event => this.press(event));
     this.canvas.addEventListener("pointermove", event => this.move(event));
     for (const name of ["pointerup", "pointercancel"]) this.canvas.addEventListener(name, event => this.release(event));
     this.canvas.addEventListener("wheel", event => this.wheel(event), { passive: false });
-    this.canvas.addEventListener("dblclick", () => { this.fit(); changed(); });
+    this.canvas.addEventListener("dblclick", () => {
+      this.fit();
+      changed();
+    });
   }
 
   /** Names of those followed: the camera's choice, where this run has it. */
@@ -35,9 +43,14 @@ class View {
   /** The whole of everybody's way. */
   fit() {
     let [west, east, south, north] = [Infinity, -Infinity, Infinity, -Infinity];
-    for (const { parts } of this.run.tracks) for (const { x, y } of parts) for (let i = 0; i < x.length; i++) {
-      west = Math.min(west, x[i]); east = Math.max(east, x[i]); south = Math.min(south, y[i]); north = Math.max(north, y[i]);
-    }
+    for (const { parts } of this.run.tracks)
+      for (const { x, y } of parts)
+        for (let i = 0; i < x.length; i++) {
+          west = Math.min(west, x[i]);
+          east = Math.max(east, x[i]);
+          south = Math.min(south, y[i]);
+          north = Math.max(north, y[i]);
+        }
     if (west > east) [west, east, south, north] = [-50, 50, -50, 50];
     const { clientWidth: width, clientHeight: height } = this.canvas;
     camera.scale = Math.min(width / (east - west + 20), height / (north - south + 20), 12);
@@ -45,9 +58,13 @@ class View {
   }
 
   draw(time) {
-    const { ctx, width, height, ratio } = fitted(this.canvas), { scale } = camera, { run, colour } = this;
-    const at = Math.min(time, run.end), states = run.tracks.map(track => stateAt(track, at, run.sample));
-    const followed = this.followed, target = followed && states[run.tracks.indexOf(followed)];
+    const { ctx, width, height, ratio } = fitted(this.canvas),
+      { scale } = camera,
+      { run, colour } = this;
+    const at = Math.min(time, run.end),
+      states = run.tracks.map(track => stateAt(track, at, run.sample));
+    const followed = this.followed,
+      target = followed && states[run.tracks.indexOf(followed)];
     if (target) this.middle = [target.x + camera.dx, target.y + camera.dy];
     else if (!followed) this.middle = [camera.x, camera.y];
     const [x, y] = this.middle;
@@ -59,7 +76,11 @@ class View {
     if (this.road) drawSignals(ctx, this.road, run.signals, at, colour, scale);
     const touching = new Set(run.collisions.filter(c => c.from <= at && at <= c.to).flatMap(c => c.who));
     run.tracks.forEach((track, i) => {
-      const marked = touching.has(track.name) ? colour("bad") : track === followed && track.name !== run.ego ? colour("accent") : null;
+      const marked = touching.has(track.name)
+        ? colour("bad")
+        : track === followed && track.name !== run.ego
+          ? colour("accent")
+          : null;
       if (states[i]) drawParticipant(ctx, track, states[i], colour, look(track, run.ego), scale, marked);
     });
     ctx.restore();
@@ -85,11 +106,13 @@ class View {
     const taken = [];
     const crowded = scale < 3 && this.run.tracks.length > 8;
     this.run.tracks.forEach((track, i) => {
-      const state = this.states[i], own = track.name === this.run.ego || track === this.followed;
+      const state = this.states[i],
+        own = track.name === this.run.ego || track === this.followed;
       if (!state || (crowded && !own)) return;
       const [x, y] = this.toScreen(state.x, state.y, width, height);
-      const [ahead, , length, broad] = track.box, [cos, sin] = [Math.cos(state.h), Math.sin(state.h)];
-      const above = Math.max(10, (ahead * sin + Math.abs(sin) * length / 2 + Math.abs(cos) * broad / 2) * scale + 6);
+      const [ahead, , length, broad] = track.box,
+        [cos, sin] = [Math.cos(state.h), Math.sin(state.h)];
+      const above = Math.max(10, (ahead * sin + (Math.abs(sin) * length) / 2 + (Math.abs(cos) * broad) / 2) * scale + 6);
       const text = own ? `${track.name} ${state.v.toFixed(1)} m/s` : track.name;
       if (x < -50 || x > width + 50 || y < -20 || y > height + 20) return;
       const wide = text.length * 7;
@@ -122,7 +145,9 @@ class View {
   move(event) {
     const before = this.pointers.get(event.pointerId);
     if (!before) return;
-    const now = [event.clientX, event.clientY], dx = now[0] - before[0], dy = now[1] - before[1];
+    const now = [event.clientX, event.clientY],
+      dx = now[0] - before[0],
+      dy = now[1] - before[1];
     if (this.pointers.size === 2) {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)[1];
       const apart = p => Math.hypot(p[0] - other[0], p[1] - other[1]);
@@ -150,11 +175,12 @@ class View {
   /** Follow whom the pointer is at. */
   pick(event) {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    let best = 20, found = null;
+    let best = 20,
+      found = null;
     this.run.tracks.forEach((track, i) => {
       if (!this.states[i]) return;
       const [x, y] = this.toScreen(this.states[i].x, this.states[i].y, width, height);
-      const away = Math.hypot(x - event.clientX + left, y - event.clientY + top) - track.box[2] / 2 * camera.scale;
+      const away = Math.hypot(x - event.clientX + left, y - event.clientY + top) - (track.box[2] / 2) * camera.scale;
       if (away < best) [best, found] = [away, track.name];
     });
     if (found !== null) {
@@ -166,7 +192,9 @@ class View {
   wheel(event) {
     event.preventDefault();
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    const x = event.clientX - left - width / 2, y = height / 2 - event.clientY + top, before = camera.scale;
+    const x = event.clientX - left - width / 2,
+      y = height / 2 - event.clientY + top,
+      before = camera.scale;
     zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)));
     const shift = 1 / before - 1 / camera.scale; // what is under the pointer stays there
     this.pan(x * shift * camera.scale, y * shift * camera.scale);

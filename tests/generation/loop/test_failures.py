@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from generation.loop.failures import Failures, failures
+from generation.loop.tasks.failures import Failures, failures
 from generation.mcsg.search import search
 from generation.outcomes.cases import Choice, diverse
 from generation.search.problem import Problem

@@ -8,7 +8,7 @@ import pytest
 
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
-from generation.loop.settings import Settings
+from generation.loop.settings import LoopSettings
 from schemas.command_line import progress_bar
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.motorway import write_motorway
@@ -45,7 +45,7 @@ def test_a_folder_with_neither_is_refused(tmp_path: Path) -> None:
 def test_the_output_may_not_be_among_the_recordings(tmp_path: Path) -> None:
     scenario(tmp_path, stop=1.0)
     with pytest.raises(UsageError, match="inside the folder"):
-        run_loop(tmp_path, tmp_path / "out", Settings(), lambda *_: progress_bar("", 0, quiet=True), lambda *_: None)
+        run_loop(tmp_path, tmp_path / "out", LoopSettings(), lambda *_: progress_bar("", 0, quiet=True), lambda *_: None)
 
 
 def test_other_files_are_another_identity(tmp_path: Path) -> None:

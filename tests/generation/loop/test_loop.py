@@ -14,7 +14,9 @@ import pytest
 from generation.logical.library import SCENARIOS
 from generation.loop.loop import chosen, run_loop
 from generation.loop.page import PAGE, write
-from generation.loop.settings import Settings
+from generation.loop.settings import LoopSettings
+from generation.loop.stages.findings import Finding
+from generation.loop.stages.finished import Stage
 from schemas import check_many
 from schemas.command_line import progress_bar
 from schemas.files import expand
@@ -23,7 +25,7 @@ from tests.runner.chromium import Browser
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 
-SETTINGS = Settings(model=None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1)
+SETTINGS = LoopSettings(model=None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1)
 BAR = partial(progress_bar, quiet=True)
 
 
@@ -31,13 +33,13 @@ def go(folder: Path, out: Path, stop_at: str = "") -> list[tuple[str, bool]]:
     """Run the loop, interrupted when a stage is finished; the stages, and whether each was done now."""
     told = []
 
-    def done(name: str, found: dict[str, Any], seconds: float | None) -> None:
-        told.append((name, seconds is not None))
-        if name == stop_at:
+    def report(stage: Stage, found: Finding, seconds: float | None) -> None:
+        told.append((stage.name, seconds is not None))
+        if stage.name == stop_at:
             raise KeyboardInterrupt
 
     try:
-        write(run_loop(folder, out, SETTINGS, BAR, done), out)
+        write(run_loop(folder, out, SETTINGS, BAR, report), out)
     except KeyboardInterrupt:
         assert stop_at
     return told

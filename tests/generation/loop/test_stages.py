@@ -1,34 +1,89 @@
-"""Stages of a loop are done once."""
+"""Stages of a loop are done once, and what they found is read back as it was."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from generation.loop.stages import Stages
+from generation.loop.stages.findings import (
+    CarefulDriver,
+    CaseVerdict,
+    Checked,
+    EdgeCase,
+    Finding,
+    Labelled,
+    LabelledScenario,
+    Measured,
+    Prior,
+    Ran,
+    Range,
+    Recognised,
+    Run,
+    Searched,
+)
+from generation.loop.stages.finished import FinishedStages, Stage
+from generation.loop.words import summary
 from schemas.errors import InvalidFile, UsageError
 
+COUNT = Stage("count")
+CASE = EdgeCase("a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriver.AVOIDS, -1.5, 0.25)
+RUN = Run("a", "failed", "completed", "collision with Lead at 2.00 s", 3.0, {"min_ttc": None}, "round_1/runs/a/replay.html#t=1")
+FINDINGS: list[tuple[Finding, str]] = [
+    (Recognised(classes={"highway cut in": 2}, states={"known": 2}), "2 scenarios recognised: 2 known"),
+    (Measured(kinds={"cut_in": 3}, failures={"b": "no such file"}), "manoeuvres measured: 3 cut_in"),
+    (
+        Searched(
+            round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway", prior=Prior(40, own=True),
+            parameters=[Range("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, collisions=5, distinct=4, new=3,
+            cases=[CASE], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
+        ),
+        "highway cut in: 20 runs, 5 collisions, 4 of them unlike each other (3 new), 1 edge cases written; "
+        "density of 40 manoeuvres of these recordings",
+    ),
+    (
+        Searched(round=1, target="x", title="x", scenario="x", prior=Prior(40, own=False), error="no box"),
+        "x was not searched: no box",
+    ),
+    (Ran(files={"a.xosc": [RUN]}), "1 runs: 0 passed, 1 failed, 0 with errors"),
+    (
+        Labelled(runs={"a": [LabelledScenario("highway cut in", "cut_in/one.xosc")]}),
+        "1 scenarios recognised about the ego in 1 runs of edge cases",
+    ),
+    (Checked(files=2, problems=["a.xosc:1: wrong"]), "2 files checked, 1 problems, the first: a.xosc:1: wrong"),
+]  # fmt: skip
 
-def stages(out: Path, told: list[tuple[str, bool]], **settings: Any) -> Stages:
-    return Stages(out, {"sut": "cas", **settings}, lambda name, found, seconds: told.append((name, seconds is not None)))
+
+def stages(out: Path, told: list[tuple[str, bool]], **settings: Any) -> FinishedStages:
+    return FinishedStages(
+        out, {"sut": "cas", **settings}, lambda stage, found, seconds: told.append((stage.name, seconds is not None))
+    )
 
 
-def test_a_finished_stage_is_not_done_again(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("found", "words"), FINDINGS, ids=lambda value: type(value).__name__)
+def test_a_finished_stage_is_not_done_again(found: Finding, words: str, tmp_path: Path) -> None:
     told: list[tuple[str, bool]] = []
-    assert stages(tmp_path / "out", told).once("count", lambda: {"value": 1}) == {"value": 1}
-    assert stages(tmp_path / "out", told).once("count", lambda: pytest.fail("it was done")) == {"value": 1}
+    assert stages(tmp_path / "out", told).once(COUNT, type(found), lambda: found) is found
+    assert stages(tmp_path / "out", told).once(COUNT, type(found), lambda: pytest.fail("it was done")) == found
     assert told == [("count", True), ("count", False)]
+    assert summary(Stage("search", 2, "cut_in"), found) == f"round 2: {words}"
 
 
 def test_a_stage_that_was_interrupted_is_done_again(tmp_path: Path) -> None:
-    def interrupted() -> dict[str, Any]:
+    def interrupted() -> Finding:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        stages(tmp_path / "out", []).once("count", interrupted)
-    assert stages(tmp_path / "out", []).once("count", lambda: {"value": 2}) == {"value": 2}
+        stages(tmp_path / "out", []).once(COUNT, Finding, interrupted)
+    assert stages(tmp_path / "out", []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1})).kinds == {"a": 1}
+
+
+def test_each_stage_of_each_round_has_a_file_of_its_own() -> None:
+    names = [Stage("check"), Stage("run", 1), Stage("search", 2, "cut_in")]
+    assert [each.name for each in names] == ["check", "round_1_run", "round_2_search_cut_in"]
 
 
 def test_other_settings_need_another_folder(tmp_path: Path) -> None:
@@ -43,9 +98,24 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
         stages(tmp_path, [])
 
 
-@pytest.mark.parametrize("text", ["", "{", "[1]"])
+def damaged() -> list[str]:
+    """What is no JSON, no object, and an object that lacks a field, has one too many, and one of another type."""
+    case = asdict(CASE)
+    searched = asdict(FINDINGS[2][0])
+    wrong = [
+        {**searched, "title": None},
+        {**searched, "calls": "many"},
+        {**searched, "colour": "red"},
+        {**searched, "cases": [{**case, "verdict": "beautiful"}]},
+        {**searched, "cases": {"0": case}},
+        {name: value for name, value in searched.items() if name != "prior"},
+    ]
+    return ["", "{", "[1]", *map(json.dumps, wrong)]
+
+
+@pytest.mark.parametrize("text", damaged())
 def test_a_damaged_stage_is_named(tmp_path: Path, text: str) -> None:
-    stages(tmp_path, []).once("count", dict)
+    stages(tmp_path, []).once(COUNT, Searched, lambda: FINDINGS[2][0])  # type: ignore[arg-type,return-value]
     (tmp_path / "stages" / "count.json").write_text(text)
     with pytest.raises(InvalidFile, match=r"count\.json:.* remove it"):
-        stages(tmp_path, []).once("count", dict)
+        stages(tmp_path, []).once(COUNT, Searched, lambda: pytest.fail("it was done"))

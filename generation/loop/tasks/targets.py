@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from generation.logical.library import SCENARIOS
+from generation.loop.stages.findings import Prior, Refused
 from generation.parameters import Space
 from generation.pipeline import LEAST
 from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_samples
@@ -38,21 +39,14 @@ class Target(NamedTuple):
         title: the class, or the user's scenario.
         scenario: the logical scenario.
         recorded: gives the recorded parameters of its space.
-        prior: in words, whose parameters these are.
+        prior: how many these are, and whose.
     """
 
     name: str
     title: str
     scenario: Path
     recorded: Callable[[Space], Recorded]
-    prior: str
-
-
-class Refused(NamedTuple):
-    """A class or scenario that is not searched, and why."""
-
-    title: str
-    reason: str
+    prior: Prior
 
 
 def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[Target | Refused]:
@@ -84,9 +78,7 @@ def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target 
         return None
     space = Space.of(scenario.path)
     count = len(scenario.on(space).within(space).theta)
-    return (
-        Target(folder, title, scenario.path, scenario.on, f"{count} manoeuvres of these recordings") if count >= LEAST else None
-    )
+    return Target(folder, title, scenario.path, scenario.on, Prior(count, own=True)) if count >= LEAST else None
 
 
 def _why_not(scenario: Scenario | None) -> str:
@@ -118,14 +110,14 @@ def _kind(path: Path) -> str:
         raise UsageError(reason) from None
 
 
-def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], str]:
+def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], Prior]:
     """What gives the recorded parameters of a space, and whose they are."""
-    for samples, words in ((own, "of these recordings"), (Samples.read(OWN), "shipped with the package")):
+    for samples in (own, Samples.read(OWN)):
         if samples is not None:
             recorded = partial(of_samples, samples.of_kind(kind))
             count = len(recorded(space).within(space).theta)
             if count >= LEAST:
-                return recorded, f"{count} manoeuvres {words}"
+                return recorded, Prior(count, own=samples is own)
     raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
 
 

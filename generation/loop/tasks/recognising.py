@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from generation.loop.settings import Bar
-from generation.loop.stages import Found
+from generation.loop.stages.findings import Measured, Recognised
 from recognition.catalogue.pipeline import ByRules, Settings, build
 from recognition.catalogue.writing.index import rows_of
 from recognition.datasets import Source, cache_roads
@@ -18,7 +18,7 @@ MODEL = "model"
 """Folder in the output folder with the model as it is after the recordings: the classes discovered in them are known to it"""
 
 
-def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar, keep: Path | None = None) -> Found:
+def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar, keep: Path | None = None) -> Recognised:
     """Make a catalogue of recordings.
 
     Args:
@@ -43,15 +43,15 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
         summary = build(paths, folder, Settings(), recogniser, along)
         if keep is not None:
             recogniser.keep(keep, waiting=False)  # so that what runs show is not clustered with the unknown of these recordings
-    return {
-        "classes": dict(sorted(summary.classes.items())),
-        "states": dict(sorted(Counter(row["state"] for row in rows_of(folder)).items())),
-        "failures": {name: str(error) for name, error in summary.failures.items()},
-        "edited": summary.edited,
-    }
+    return Recognised(
+        classes=dict(sorted(summary.classes.items())),
+        states=dict(sorted(Counter(row["state"] for row in rows_of(folder)).items())),
+        failures={name: str(error) for name, error in summary.failures.items()},
+        edited=summary.edited,
+    )
 
 
-def units(sources: Sequence[Source], path: Path, bar: Bar) -> Found:
+def units(sources: Sequence[Source], path: Path, bar: Bar) -> Measured:
     """Extract the parameters of the recordings' manoeuvres and write them as a table."""
     parts, failures = [], {}
     with bar("measuring manoeuvres", len(sources)) as advance:
@@ -65,4 +65,4 @@ def units(sources: Sequence[Source], path: Path, bar: Bar) -> Found:
     if samples is not None:
         samples.write(path)
     kinds = Counter(samples.kinds.tolist()) if samples is not None else Counter()
-    return {"kinds": dict(sorted(kinds.items())), "failures": failures}
+    return Measured(kinds=dict(sorted(kinds.items())), failures=failures)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
-from generation.loop.stages import Found
+from generation.loop.stages.findings import Ran, Run
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Job, Outcome
 from runner.replay.player import keep_replay
@@ -16,7 +16,7 @@ from runner.settings import RunSettings
 
 def run_all(
     jobs: Iterable[Job | Outcome], settings: RunSettings, folder: Path, out: Path, processes: int, progress: Callable[[int], None]
-) -> Found:
+) -> Ran:
     """Run jobs into a folder, with a replay page of each run and a report of all; goes on where it was interrupted.
 
     Args:
@@ -25,8 +25,7 @@ def run_all(
         out: output folder of the loop.
 
     Returns:
-        By the name of its file (relative to `out` where it is there) what `runner.replay.report` tells of each run; of several
-        runs of one file, a list.
+        What `runner.replay.report` tells of each run.
     """
     outcomes = run_batch(jobs, settings, out=folder, processes=processes, resume=True, also=[partial(keep_replay, out=folder)])
     files = {}
@@ -35,11 +34,11 @@ def run_all(
         progress(1)
     write_report(folder)
     place = folder.relative_to(out).as_posix()
-    found: Found = {}
+    found = Ran()
     for run in report(folder)["runs"]:
-        told = {key: run[key] for key in ("name", "state", "status", "message", "end", "measures")}
         replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
-        found.setdefault(_named(files[run["name"]], out), []).append(told | {"replay": replay})
+        told = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
+        found.files.setdefault(_named(files[run["name"]], out), []).append(Run(**told, replay=replay))
     return found
 
 

@@ -1,0 +1,81 @@
+// How the loop went: its steps with their numbers, its settings, reports of its runs.
+
+function flow() {
+  const step = (title, count, told) =>
+    el("li", null, el("h3", null, title), el("strong", null, count.toLocaleString("en")), el("p", null, told));
+  const unread = Object.keys(data.unread).length,
+    found = sum(data.classes.map(each => each.count)),
+    steps = [];
+  if (data.recordings) {
+    steps.push(step("Recordings", data.recordings, unread ? `${unread} could not be read` : "all read"));
+    steps.push(step("Scenarios recognised", found, STATES.map(state => `${scenarios(state)} ${state}`).join(", ")));
+  }
+  if (data.scenarios.length)
+    steps.push(
+      step(
+        "Runs of your scenarios",
+        data.scenarios.length,
+        `${data.scenarios.filter(run => run.state === "failed").length} failed`,
+      ),
+    );
+  steps.push(
+    step(
+      "Runs searched",
+      total(done, "calls"),
+      `${many(new Set(done.map(search => search.target)).size, "logical scenario")}, ${many(last, "round")}`,
+    ),
+  );
+  steps.push(step("Collisions", total(done, "collisions"), `${total(done, "new")} of them unlike each other`));
+  steps.push(
+    step(
+      "Edge cases written",
+      cases.length,
+      `${cases.filter(each => each.verdict === "collision").length} collisions, ` +
+        `${cases.filter(each => each.avoidable).length} of them a careful driver avoids`,
+    ),
+  );
+  steps.push(
+    step(
+      "Files checked",
+      data.checked.files,
+      data.checked.problems.length ? many(data.checked.problems.length, "problem") : "all valid",
+    ),
+  );
+  const back = rounds
+    .slice(1)
+    .map((searches, i) =>
+      el(
+        "p",
+        { class: "loop" },
+        `Round ${i + 2} started from ${many(total(rounds[i], "failed"), "failure")} of round ${i + 1} ` +
+          `(${many(total(rounds[i], "distinct"), "collision")} unlike each other among them) and found ` +
+          `${many(total(searches, "new"), "collision")} unlike all of those, with as many runs.`,
+      ),
+    );
+  return el(
+    "section",
+    { class: "panel" },
+    el("h2", null, "The loop"),
+    el(
+      "p",
+      { class: "muted" },
+      `System under test: ${data.settings.sut}. Recordings become scenarios, scenarios become edge cases, ` +
+        "and what it fails at is where the next round of search begins.",
+    ),
+    el("ol", { class: "flow" }, ...steps),
+    ...back,
+    settings(),
+  );
+}
+
+function settings() {
+  const told = Object.entries(data.settings).flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)]);
+  const reports = data.reports.map(each => el("li", null, el("a", { href: link(each.file) }, REPORTS[each.of](each))));
+  return el(
+    "details",
+    null,
+    el("summary", { class: "muted" }, "settings and reports of all runs"),
+    el("dl", null, ...told),
+    el("ul", null, ...reports),
+  );
+}

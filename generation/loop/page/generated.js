@@ -1,0 +1,97 @@
+// The edge cases of each search, with their runs.
+
+function generated() {
+  const failed = data.searches.filter(search => search.error);
+  const refused = [
+    ...data.refused.map(({ title, reason }) => [title, reason]),
+    ...failed.map(search => [`${search.title}, round ${search.round}`, search.error]),
+  ];
+  const why = refused.length
+    ? el(
+        "details",
+        { class: "group" },
+        el("summary", null, el("h3", null, `Not varied: ${many(refused.length, "class", "classes")}`)),
+        el("dl", null, ...refused.flatMap(([title, reason]) => [el("dt", null, title), el("dd", null, reason)])),
+      )
+    : null;
+  return el(
+    "section",
+    { class: "panel" },
+    el("h2", null, "Edge cases generated"),
+    el(
+      "p",
+      { class: "muted" },
+      "Log-likelihood: how likely recorded traffic makes the parameters; higher is more plausible. R_risk: share of time " +
+        "in which RSS distances are violated. The careful driver is the competent and careful human of UN R157: a collision " +
+        "that it avoids is one that the system should have avoided.",
+    ),
+    ...done.map(search => searched(search)),
+    why,
+  );
+}
+
+function searched(search) {
+  const columns = [
+    ["replay", null],
+    ["verdict", null],
+    ["careful driver", null],
+    ["log-likelihood", "number"],
+    ["R_risk", "number"],
+    ["recognised in the run", null],
+    ["files", null],
+    ["parameters", null],
+  ];
+  const told =
+    `${many(search.calls, "run")}, ${many(search.collisions, "collision")}, ${search.new} new and unlike each other; ` +
+    `density of ${priorOf(search.prior)}`;
+  return el(
+    "details",
+    { class: "group", open: search.cases.length > 0 && search === done[0] },
+    el(
+      "summary",
+      null,
+      el("span", { class: "count" }, String(search.cases.length)),
+      el("h3", null, search.title),
+      badge("plain", `round ${search.round}`),
+      el("span", { class: "muted" }, told),
+    ),
+    search.cases.length
+      ? table(
+          `${search.title}, round ${search.round}`,
+          columns,
+          search.cases.map(each => edge(each)),
+        )
+      : el("p", { class: "muted" }, "No run was critical."),
+    el(
+      "p",
+      { class: "muted" },
+      `Scenario ${search.scenario}; kept as they are: ${
+        Object.entries(search.pinned)
+          .map(([name, value]) => `${name} ${value}`)
+          .join(", ") || "no parameters"
+      }.`,
+    ),
+  );
+}
+
+function edge(each) {
+  const careful = each.avoidable ? badge("avoidable", "avoids it") : el("span", { class: "muted" }, CAREFUL[each.careful]);
+  const seen = each.recognised.length
+    ? each.recognised.map(({ title, file }, i) => el("span", null, i ? ", " : "", el("a", { href: link(file) }, title)))
+    : ["–"];
+  const theta = Object.entries(each.theta)
+    .map(([name, value]) => `${name} ${short(value)}`)
+    .join(", ");
+  return el(
+    "tr",
+    null,
+    el("td", null, play(each.play, each.name)),
+    el("td", null, badge(...verdict(each))),
+    el("td", null, careful),
+    number(each.likelihood),
+    number(each.risk),
+    el("td", null, ...seen),
+    files(each.files, each.name),
+    el("td", { class: "theta muted" }, theta),
+  );
+}

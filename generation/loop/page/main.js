@@ -1,0 +1,59 @@
+// The user's scenarios, what is not as it should be, and the page made of all parts.
+
+function own() {
+  if (!data.scenarios.length) return null;
+  const columns = [
+    ["replay", null],
+    ["scenario", null],
+    ["verdict", null],
+    ["why", null],
+    ["end (s)", "number"],
+    ["least TTC (s)", "number"],
+    ["least distance (m)", "number"],
+  ];
+  const rows = data.scenarios.map(run =>
+    el(
+      "tr",
+      null,
+      el("td", null, play(run.play, run.name)),
+      el("td", null, run.name),
+      el("td", null, badge(run.state, run.state)),
+      el("td", { class: "muted" }, run.message || "–"),
+      number(run.end),
+      number(run.measures.min_ttc),
+      number(run.measures.min_distance),
+    ),
+  );
+  return el("section", { class: "panel" }, el("h2", null, "Your scenarios"), table("Your scenarios", columns, rows));
+}
+
+function problems() {
+  const unread = Object.entries(data.unread).map(([name, error]) => `${name}: ${error}`),
+    listed = [...unread, ...data.checked.problems];
+  if (!listed.length) return null;
+  return el(
+    "section",
+    { class: "panel" },
+    el("h2", null, "Problems"),
+    el("ul", null, ...listed.map(each => el("li", null, each))),
+  );
+}
+
+document.body.append(
+  el(
+    "main",
+    { id: "page" },
+    ...[
+      el("h1", null, `${data.title}: from recordings to edge cases`),
+      flow(),
+      problems(),
+      recognised(),
+      generated(),
+      space(),
+      own(),
+    ].filter(Boolean),
+  ),
+);
+const redraw = () => redraws.forEach(draw => draw());
+new ResizeObserver(redraw).observe(document.getElementById("page"));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);

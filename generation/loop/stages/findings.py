@@ -1,0 +1,207 @@
+"""What the stages of a loop find, and the whole of it: values and codes; words for them are chosen by `words` and the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class CaseVerdict(StrEnum):
+    """What the system under test makes of an edge case: it collides, or comes nearer than RSS allows."""
+
+    COLLISION = "collision"
+    VIOLATION = "violation"
+
+
+class CarefulDriver(StrEnum):
+    """What the careful and competent driver of UN R157 makes of it; unknown where its run failed."""
+
+    AVOIDS = "avoids"
+    COLLIDES = "collides"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What a stage has found.
+
+    Args:
+        failures: what it could not do, by name, and why.
+    """
+
+    failures: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recognised(Finding):
+    """Scenarios recognised in recordings, by title of their class and by its state; files that were edited, left as they are."""
+
+    classes: dict[str, int] = field(default_factory=dict)
+    states: dict[str, int] = field(default_factory=dict)
+    edited: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured(Finding):
+    """Manoeuvres measured in recordings, by kind."""
+
+    kinds: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """How many recorded manoeuvres a density is made of, and whether they are from these recordings or shipped."""
+
+    manoeuvres: int
+    own: bool
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter that is searched, and its limits."""
+
+    name: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class EdgeCase:
+    """An edge case that was written.
+
+    Args:
+        file, road: its scenario and road, relative to the output folder; no road where it is not there.
+        theta: values of the parameters.
+        likelihood: log-density of recorded parameters there.
+        risk: R_risk.
+    """
+
+    file: str
+    road: str | None
+    theta: dict[str, float]
+    verdict: CaseVerdict
+    careful: CarefulDriver
+    likelihood: float
+    risk: float
+
+    @property
+    def avoidable(self) -> bool:
+        """Whether it is a collision that the careful driver avoids."""
+        return self.verdict is CaseVerdict.COLLISION and self.careful is CarefulDriver.AVOIDS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Searched(Finding):
+    """A search of one class or scenario in one round.
+
+    Args:
+        target, title, scenario: its folder, the class or scenario, and the name of the logical scenario.
+        error: why nothing was searched; empty where it was.
+        pinned: values of parameters that are not searched.
+        calls, failed_runs: runs, and those that failed.
+        collisions, distinct, new: collisions, those unlike each other, and those unlike the ones of earlier rounds as well.
+        failed: parameters of the failures, one a row, no two alike.
+        real, tried: recorded parameters and those of the runs, thinned out for a plot.
+    """
+
+    round: int
+    target: str
+    title: str
+    scenario: str
+    prior: Prior
+    error: str = ""
+    parameters: list[Range] = field(default_factory=list)
+    pinned: dict[str, str] = field(default_factory=dict)
+    calls: int = 0
+    failed_runs: int = 0
+    collisions: int = 0
+    distinct: int = 0
+    new: int = 0
+    cases: list[EdgeCase] = field(default_factory=list)
+    failed: list[list[float]] = field(default_factory=list)
+    real: list[list[float]] = field(default_factory=list)
+    tried: list[list[float]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run: its name, state, status, message and end (s) as in the table of a batch, criticality measures by name, and its
+    replay, relative to the output folder, with the moment to begin at; none where there is no replay."""
+
+    name: str
+    state: str
+    status: str | None
+    message: str
+    end: float | None
+    measures: dict[str, float | None]
+    replay: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ran(Finding):
+    """Runs by the scenario or variation file that they are of, relative to the output folder where it is there."""
+
+    files: dict[str, list[Run]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LabelledScenario:
+    """A scenario recognised in a run: title of its class, and its file in the catalogue of the round."""
+
+    title: str
+    file: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labelled(Finding):
+    """Scenarios recognised about the ego, by the name of the run."""
+
+    runs: dict[str, list[LabelledScenario]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checked(Finding):
+    """How many files were checked, and the errors in them."""
+
+    files: int
+    problems: list[str]
+
+
+@dataclass(frozen=True)
+class Round:
+    """A round of search: its number from 1, its searches, the runs of their edge cases, and what is recognised in these."""
+
+    number: int
+    searches: list[Searched]
+    runs: Ran
+    recognised: Labelled
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A class or scenario that is not searched, and why."""
+
+    title: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """A whole loop.
+
+    Args:
+        settings: those that decide what is found, as text.
+        recordings: how many there were.
+        refused: what could not be searched.
+        played: replays of recorded scenarios.
+        scenarios: runs of the user's scenarios.
+    """
+
+    settings: dict[str, str]
+    recordings: int
+    recognised: Recognised
+    refused: list[Refused]
+    rounds: list[Round]
+    played: Ran
+    scenarios: Ran
+    checked: Checked

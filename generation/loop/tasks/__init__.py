@@ -1,0 +1,1 @@
+"""What the stages of a loop do: recognise, choose what to search, search, run."""
