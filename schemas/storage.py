@@ -1,4 +1,4 @@
-"""Reading files that may be anything, and writing files whole or not at all."""
+"""Reading files that may be anything, writing files whole or not at all, and resuming work only with the same settings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -86,6 +86,43 @@ def parse_object(content: bytes, path: Path, line: int | None = None, remedy: st
     if not isinstance(found, dict):
         raise InvalidFile("; ".join(filter(None, (reason, remedy))), path=path, line=line)
     return found
+
+
+def write_object(values: Mapping[str, Any], path: Path) -> None:
+    """Write a JSON object, whole or not at all (see `keep`). Numbers must be finite.
+
+    Raises:
+        UsageError: the file can't be written.
+    """
+    text = json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    with writing("this", path):
+        keep(text.encode(errors="backslashreplace"), path)  # which is how JSON writes bytes in file names
+
+
+def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
+    """Refuse to go on with work that was begun with other settings; fine where none was begun.
+
+    Whoever begins work that can be resumed checks its settings, then keeps them beside it by `write_object`.
+
+    Args:
+        path: the file beside the work that holds its settings.
+        settings: JSON-able; all that decides what the work finds, or a part of it.
+        what: the work, for the message: "a batch".
+
+    Raises:
+        UsageError: the work has other settings, which are named, or they are not readable.
+    """
+    if not path.exists():
+        return
+    try:
+        before = read_object(path)
+    except InvalidFile as error:
+        raise UsageError(f"the settings of {what} in this folder can't be read: {error.message}", path=path) from None
+    mine = json.loads(json.dumps(settings))
+    changed = [name for name, value in mine.items() if name not in before or before[name] != value]
+    if changed:
+        reason = f"this folder holds {what} with other settings ({', '.join(changed)}): give the same, or another folder"
+        raise UsageError(reason, path=path.parent)
 
 
 @contextmanager

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from runner.batch.jobs import Job, Outcome
-from runner.outputs.report import finite, write_json
+from runner.outputs.report import finite
 from schemas.errors import UsageError
+from schemas.storage import check_settings, write_object
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
 DRAFT = ".draft-"
@@ -42,15 +43,18 @@ def begin(out: Path, settings: dict[str, Any], resume: bool) -> dict[str, Outcom
         UsageError: the folder holds results already (and `resume` is not set), or those of a batch with other settings.
     """
     journal, manifest = out / _JOURNAL, out / _SETTINGS
+    settings = finite(settings)
     if journal.exists() and not resume:
         raise UsageError("this folder holds the results of an earlier batch; use --resume to go on with it", path=out)
     done: dict[str, Outcome] = {}
     if journal.exists():
-        _compare(manifest, settings)
+        if not manifest.exists():
+            raise UsageError("the settings of the batch to go on with are missing", path=manifest)
+        check_settings(manifest, settings, "a batch")
         done = _read(journal)
         clear_drafts(out)
     out.mkdir(parents=True, exist_ok=True)
-    write_json(settings, manifest)
+    write_object(settings, manifest)
     journal.touch()
     return done
 
@@ -59,16 +63,6 @@ def clear_drafts(out: Path) -> None:
     """Remove what interrupted runs left behind."""
     for draft in out.glob(f"{DRAFT}*"):
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def _compare(manifest: Path, settings: dict[str, Any]) -> None:
-    try:
-        before = json.loads(manifest.read_text(encoding="utf-8"))
-        changed = [key for key in settings if settings[key] != before.get(key)]
-    except (FileNotFoundError, ValueError, AttributeError):
-        raise UsageError("the settings of the batch to go on with can't be read", path=manifest) from None
-    if changed:
-        raise UsageError(f"the batch was begun with other settings ({', '.join(changed)}); resume with the same", path=manifest)
 
 
 def is_batch(out: Path) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import keep, parse_object, read_object, writing
+from schemas.storage import check_settings, keep, parse_object, read_object, write_object, writing
 
 
 @pytest.fixture(params=[0o022, 0o007], ids=oct)
@@ -69,3 +69,25 @@ def test_an_object_is_read_or_refused_by_its_line(tmp_path: Path) -> None:
         parse_object(b"{", path, 7)
     with pytest.raises(InvalidFile, match=r"none\.json: no such file$"):
         read_object(tmp_path / "none.json", "mend it")
+
+
+def test_work_goes_on_with_the_same_settings_or_a_part_of_them(tmp_path: Path) -> None:
+    path = tmp_path / "work" / "settings.json"
+    check_settings(path, {"seed": 1}, "a batch")
+    write_object({"seed": 1, "names": ("ä", "b")}, path)
+    check_settings(path, {"seed": 1, "names": ("ä", "b")}, "a batch")
+    check_settings(path, {"seed": 1}, "a batch")
+
+
+@pytest.mark.parametrize("settings", [{"seed": 2}, {"seed": 1, "sut": None}, {"seed": 1, "sut": "cas"}, {"seed": "1"}])
+def test_work_with_other_settings_is_refused_by_their_names(tmp_path: Path, settings: dict[str, object]) -> None:
+    write_object({"seed": 1}, tmp_path / "settings.json")
+    changed = "sut" if "sut" in settings else "seed"
+    with pytest.raises(UsageError, match=rf"holds a batch with other settings \({changed}\)"):
+        check_settings(tmp_path / "settings.json", settings, "a batch")
+
+
+def test_damaged_settings_are_named(tmp_path: Path) -> None:
+    (tmp_path / "settings.json").write_text("[1]")
+    with pytest.raises(UsageError, match=r"settings of a batch .* a JSON object is expected"):
+        check_settings(tmp_path / "settings.json", {}, "a batch")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -12,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 from generation.loop.stages.findings import Finding
 from generation.loop.stages.records import from_json
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import keep, read_object, writing
+from schemas.storage import check_settings, read_object, write_object
 
 _FOLDER = "stages"
 _SETTINGS = "loop.json"
@@ -49,21 +48,15 @@ class FinishedStages:
 
     Raises:
         UsageError: the folder holds a loop with other settings, or something else, or can't be made.
-        InvalidFile: the settings there are not readable.
     """
 
     def __init__(self, out: Path, settings: Mapping[str, Any], report: Report) -> None:
         self._folder, self._report = out / _FOLDER, report
         path = out / _SETTINGS
-        if path.is_file():
-            before = read_object(path, _REMEDY)
-            changed = [name for name in settings if settings[name] != before.get(name)]
-            if changed:
-                reason = f"this folder holds a loop with other settings ({', '.join(changed)}): give the same, or another folder"
-                raise UsageError(reason, path=out)
-        elif out.is_dir() and any(out.iterdir()):
+        check_settings(path, settings, "a loop")
+        if not path.exists() and out.is_dir() and any(out.iterdir()):
             raise UsageError("there is something else in this folder: a loop needs one of its own", path=out)
-        _write(path, settings)
+        write_object(settings, path)
 
     def once(self, stage: Stage, kind: type[F], work: Callable[[], F]) -> F:
         """What a stage finds, of that kind; it does its work only where it has not been finished before.
@@ -78,7 +71,7 @@ class FinishedStages:
             return found
         begun = time.monotonic()
         found = work()
-        _write(path, asdict(found))
+        write_object(asdict(found), path)
         self._report(stage, found, time.monotonic() - begun)
         return found
 
@@ -88,9 +81,3 @@ def _read(path: Path, kind: type[F]) -> F:
         return from_json(kind, read_object(path, _REMEDY))
     except (TypeError, ValueError) as error:
         raise InvalidFile(f"this is not what the stage finds: {error}; {_REMEDY}", path=path) from None
-
-
-def _write(path: Path, values: Mapping[str, Any]) -> None:
-    content = (json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-    with writing("this", path):
-        keep(content, path)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from schemas.errors import UsageError
-from schemas.storage import keep, read_object
+from schemas.storage import check_settings, keep, read_object, write_object
 
 _CONFIGURATION, _RESULTS = "configuration.json", "results"
 _REMEDY = "remove it to have it made again"
@@ -39,12 +38,7 @@ class Store:
         Raises:
             UsageError: the folder has another; the differing settings are named.
         """
-        path = self.folder / _CONFIGURATION
-        if path.exists():
-            before = read_object(path, _REMEDY)
-            different = [name for name, value in json.loads(json.dumps(configuration)).items() if before.get(name) != value]
-            if different:
-                raise UsageError(f"the folder holds results of another {', '.join(different)}; choose another folder", path=path)
+        check_settings(self.folder / _CONFIGURATION, configuration, "results")
 
     def open(self, configuration: dict[str, Any]) -> None:
         """Make the folder ready for results of a configuration.
@@ -53,7 +47,7 @@ class Store:
             UsageError: see `check`.
         """
         self.check(configuration)
-        _write(self.folder / _CONFIGURATION, configuration)
+        write_object(configuration, self.folder / _CONFIGURATION)
 
     def has(self, key: Key) -> bool:
         """Whether that result is there."""

@@ -25,7 +25,7 @@ def test_what_was_written_is_there_again(tmp_path: Path) -> None:
 
 def test_another_configuration_is_refused_by_the_name_of_the_setting(tmp_path: Path) -> None:
     Store(tmp_path).open({"events": 400, "preset": "cpu"})
-    with pytest.raises(UsageError, match="another events"):
+    with pytest.raises(UsageError, match=r"other settings \(events\)"):
         Store(tmp_path).open({"events": 100, "preset": "cpu"})
 
 
