@@ -146,7 +146,7 @@ class Spiral:
 class ParamPoly3:
     """A parametric cubic: u(p), v(p) in the element's own frame, p from 0 to `p_end`.
 
-    Curve parameter and arc length are told apart: p is found from ds by a table of the arc length. Where the curve's true
+    The curve parameter is not the arc length: p is found from ds by a table of the arc length. Where the curve's true
     length differs from the declared one (files round), ds is scaled, so that the element ends where its polynomials end.
 
     Raises:
@@ -289,12 +289,12 @@ def _hermite(a: float, b: float, slope_a: float, slope_b: float, x: float) -> fl
     return a + x * (slope_a + x * (3.0 * change - 2.0 * slope_a - slope_b + x * (slope_a + slope_b - 2.0 * change)))
 
 
-def _pieces(wanted: float) -> int:
-    if not wanted < MAX_PIECES:
+def _pieces(count: float) -> int:
+    if not count < MAX_PIECES:
         raise ValueError("the element winds too often to be followed")
-    return max(1, math.ceil(wanted))
+    return max(1, math.ceil(count))
 
 
-def _even(length: float, wanted: float) -> list[float]:
-    count = _pieces(wanted)
+def _even(length: float, pieces: float) -> list[float]:
+    count = _pieces(pieces)
     return [length * index / count for index in range(count + 1)]

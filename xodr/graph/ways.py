@@ -1,7 +1,7 @@
 """The graph of a road network: which roads follow each other in which direction, and how far one is from another.
 
 A way is a road in one direction of travel. One way follows another where any lane leads over; changing lanes on a road is
-free. Two graphs are told apart: ways along which traffic drives, and all ways (for distances, and for pedestrians).
+free. There are two graphs: of the ways that traffic drives, and of all ways (for distances, and for pedestrians).
 """
 
 from __future__ import annotations

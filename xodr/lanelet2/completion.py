@@ -1,4 +1,4 @@
-"""What a Lanelet2 map leaves to its reader to see, put in words that a road network needs.
+"""What a Lanelet2 map leaves implicit and a road network has to state.
 
 Lanelets link where they share end points. Maps by hand have lanes that end at the side of another one, and lanes that are
 missing between two others although their borders are there.

@@ -126,10 +126,10 @@ def project(road: Road, x: float, y: float, s: float, low: float, high: float) -
     for _ in range(12):
         ahead, aside = _local(road, x, y, s)
         # d(ahead)/ds is 1 − κ·aside; kept away from 0 at the centre of a curve
-        wanted = s + ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
-        before, s = s, min(max(wanted, 0.0), road.length)
+        following = s + ahead / max(1.0 - road.line.curvature(s) * aside, 0.1)
+        before, s = s, min(max(following, 0.0), road.length)
         if abs(s - before) < CONVERGED:
-            if s == wanted:
+            if s == following:
                 ahead = 0.0  # what is left is the square of the last step, far below a micrometre
             break
     else:

@@ -116,8 +116,8 @@ def _project(part: Part, x: FloatArray, y: FloatArray, start: OnChord) -> tuple[
     moving = np.arange(len(x))
     for _ in range(_MOST_STEPS):
         ahead, aside, curvature = part.local(x[moving], y[moving], s[moving])
-        wanted = np.clip(s[moving] + ahead / np.maximum(1.0 - curvature * aside, 0.1), part.s[0], part.s[-1])
-        step, s[moving] = np.abs(wanted - s[moving]), wanted
+        following = np.clip(s[moving] + ahead / np.maximum(1.0 - curvature * aside, 0.1), part.s[0], part.s[-1])
+        step, s[moving] = np.abs(following - s[moving]), following
         moving = moving[step >= CONVERGED]
         if not len(moving):
             break
