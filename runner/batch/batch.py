@@ -66,7 +66,8 @@ def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Se
         return failure(job, error)
     state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
     message = one_line("; ".join((*result.verdict.reasons, *result.remarks)))
-    return Outcome(job, state, code, message, result.status, result.end_time, measures)
+    criteria = report.criteria(result.verdict)
+    return Outcome(job, state, code, message, result.status, result.end_time, measures, criteria=criteria)
 
 
 def _write(result: RunResult, folder: Path, plot: bool) -> dict[str, Any]:

@@ -42,6 +42,7 @@ class Outcome:
         message: reasons of a failed verdict and remarks on the run, or the error.
         status, end_time, measures: of the run, where there was one (measures only with an output folder).
         trace: traceback of an error.
+        criteria: results of the scenario's criteria, as in `result.json`.
     """
 
     job: Job
@@ -52,6 +53,7 @@ class Outcome:
     end_time: float | None = None
     measures: dict[str, Any] = field(default_factory=dict)
     trace: str = ""
+    criteria: list[dict[str, Any]] = field(default_factory=list)
 
 
 def jobs_of(paths: Iterable[Path], parameters: dict[str, str], enforce_constraints: bool) -> Iterator[Job | Outcome]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from runner.contracts import registry
 from runner.contracts.action import Action, PrivateAction
 from runner.contracts.condition import ByEntityCondition, Condition
+from runner.criteria.declared import Criterion, declared, is_criterion
 from runner.interpreter.elements import ActionElement
 from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 from runner.interpreter.triggers import Trigger
@@ -72,6 +73,8 @@ class Scenario:
     activated: frozenset[str] = frozenset()
     """names of entities whose controller the scenario activates or deactivates at some time"""
     signals: TrafficSignals = field(default_factory=TrafficSignals)
+    criteria: tuple[Criterion, ...] = ()
+    """what its ego is judged by, from its stop triggers"""
     violations: tuple[ToolchainError, ...] = ()
     """parameter values outside their constraint groups, where that is allowed"""
     observers: tuple[Callable[[Run], None], ...] = ()
@@ -212,6 +215,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         monitors=context.monitors,
         activated=_activated(context.storyboard),
         signals=context.signals,
+        criteria=declared(document.node.need("Storyboard")),
         violations=document.violations,
         observers=tuple(context.observers),
     )
@@ -238,7 +242,11 @@ def _read_storyboard(node: Node, context: ScenarioContext) -> None:
         board.stories.append(story)
         for act_node in story_node.children("Act"):
             _read_act(act_node, story, context)
-    board.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
+    trigger = node.find("StopTrigger")
+    board.stop_trigger = Trigger.from_xml(trigger, context)
+    board.ends_with_stories = (
+        board.stop_trigger is None and trigger is not None and any(map(is_criterion, trigger.iter("Condition")))
+    )
 
 
 def _read_init(node: Node, context: ScenarioContext) -> None:

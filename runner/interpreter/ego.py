@@ -1,7 +1,8 @@
 """The ego: how it is found, and from when on a system under test drives it.
 
 The ego is, in this order: the entity named by the caller (`--ego`); the vehicle called `Ego` (any case, also
-`EgoVehicle`, `ego_vehicle`, `hero`; of several one with a controller, then the first); the only vehicle with a controller.
+`EgoVehicle`, `ego_vehicle`, `hero`; of several one with a controller, then the first); the first vehicle whose Property
+`type` is `ego_vehicle`, as in files for CARLA; the only vehicle with a controller.
 Scenarios without any of these have no ego, and no system under test drives anyone.
 
 A scenario that assigns the ego a controller hands it over by ActivateControllerAction: until then, and in domains that
@@ -39,8 +40,16 @@ def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
     named = [entity for entity in vehicles if EGO_NAME.fullmatch(entity.name)]
     if named:
         return next((entity for entity in named if entity.declared.controllers), named[0])
+    called = [entity for entity in vehicles if is_called_ego(entity)]
+    if called:
+        return called[0]
     controlled = [entity for entity in vehicles if entity.declared.controllers]
     return controlled[0] if len(controlled) == 1 else None
+
+
+def is_called_ego(entity: Entity) -> bool:
+    """Whether a file for CARLA says that this is an ego: there may be several."""
+    return entity.declared.properties.get("type") == "ego_vehicle"
 
 
 def driver_of(scenario: Scenario, ego: Entity, system: System, timestep: float, seed: int) -> EgoDriver:

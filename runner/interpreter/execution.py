@@ -15,7 +15,7 @@ from runner.interpreter.departures import Departures
 from runner.interpreter.ego import driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
-from runner.interpreter.verdict import judge
+from runner.interpreter.verdict import criteria_remarks, judge
 from runner.settings import RunSettings
 from runner.sut import load_system, system_name
 
@@ -62,18 +62,20 @@ def run(
             pass
     finally:
         sim.world.close()
+    recording = sim.recorder.recording()
+    verdict = judge(compiled, sim.contacts, recording, driver)
     return RunResult(
         scenario=compiled.path,
         parameters={name: str(value) for name, value in (parameters or {}).items()},
         status="completed" if sim.finished else "timeout",
         end_time=sim.time,
-        verdict=judge(sim.contacts, driver),
-        remarks=departures.remarks,
+        verdict=verdict,
+        remarks=(*departures.remarks, *criteria_remarks(compiled.criteria, verdict)),
         ego=driver.name if driver is not None else None,
         sut=system_name(chosen.sut) if driver is not None else "none",
         settings={name: getattr(chosen, name) for name in ("timestep", "seed", "world", "max_time")},
         events=sim.log,
-        recording=sim.recorder.recording(),
+        recording=recording,
     )
 
 

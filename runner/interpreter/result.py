@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runner.criteria.criterion import CriterionResult
 from runner.interpreter.event_log import LogEntry
 
 if TYPE_CHECKING:
@@ -18,10 +19,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a run passed: false where one of the `reasons` is a failure (collision of the ego, a failed criterion)."""
+    """Whether a run passed.
+
+    Args:
+        passed: false where the ego collided or a criterion failed.
+        reasons: the failures; empty where it passed.
+        criteria: results of the scenario's criteria, in its order.
+    """
 
     passed: bool
     reasons: tuple[str, ...] = ()
+    criteria: tuple[CriterionResult, ...] = ()
 
 
 @dataclass(eq=False)

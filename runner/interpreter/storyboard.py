@@ -219,13 +219,15 @@ class Story(Element):
 class Storyboard:
     """Init actions, stories and the stop trigger that ends the run.
 
-    The storyboard itself ends by its stop trigger only; without one the run goes on to its time limit.
+    The storyboard itself ends by its stop trigger only; without one the run goes on to its time limit. Where criteria are all
+    that the stop trigger holds (see `runner.criteria`), it ends when all stories have, as in CARLA's scenario_runner.
     """
 
     def __init__(self) -> None:
         self.init: list[tuple[Entity | None, ActionElement]] = []
         self.stories: list[Story] = []
         self.stop_trigger: Trigger | None = None
+        self.ends_with_stories = False
 
     @property
     def acts(self) -> list[Act]:
@@ -272,7 +274,7 @@ class Storyboard:
         for event in due:
             if event.waits:
                 event.begin(run)
-        return False
+        return self.ends_with_stories and all(story.state is ElementState.COMPLETE for story in self.stories)
 
 
 def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[Entity | None, ActionElement]]:

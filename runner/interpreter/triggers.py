@@ -6,6 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Protocol
 
 from runner.contracts.condition import Condition
+from runner.criteria.declared import is_criterion
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -101,14 +102,19 @@ class Trigger:
 
     @classmethod
     def from_xml(cls, node: Node | None, context: ConditionContext) -> Trigger | None:
-        """Build from a StartTrigger or StopTrigger element; None where it is absent or empty."""
+        """Build from a StartTrigger or StopTrigger element; None where it is absent or empty.
+
+        Criteria in a StopTrigger are no conditions (see `runner.criteria`); a group of nothing else never fires.
+        """
         if node is None:
             return None
+        stop = node.tag == "StopTrigger"
         groups = [
-            [TimedCondition.from_xml(condition, context) for condition in group.children("Condition")]
+            [TimedCondition.from_xml(each, context) for each in group.children("Condition") if not (stop and is_criterion(each))]
             for group in node.children("ConditionGroup")
         ]
-        return cls(groups) if any(groups) else None
+        groups = [group for group in groups if group]
+        return cls(groups) if groups else None
 
     def reset(self) -> None:
         """As before a run."""

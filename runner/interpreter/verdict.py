@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from runner.criteria.criterion import CriterionResult
+from runner.criteria.judge import judge_criteria, light_states
+from runner.interpreter.ego import is_called_ego
 from runner.interpreter.result import Verdict
 
 if TYPE_CHECKING:
+    from runner.criteria.declared import Criterion
     from runner.interpreter.collision import Contacts
+    from runner.interpreter.compiler import Scenario
     from runner.participants.entity import Entity
+    from runner.recording import Recording
 
 
-def judge(contacts: Contacts, ego: Entity | None) -> Verdict:
-    """A run fails when the ego touched another participant; scenarios without an ego can only pass."""
-    if ego is None:
-        return Verdict(True)
-    reasons = tuple(
+def judge(scenario: Scenario, contacts: Contacts, recording: Recording, ego: Entity | None) -> Verdict:
+    """A run fails when the ego touched another participant or a criterion failed; without an ego it can only pass."""
+    criteria = _criteria(scenario, contacts, recording, ego)
+    collisions = [
         f"collision with {second if first == ego.name else first} at {time:.2f} s"
         for time, first, second in contacts.history
-        if ego.name in (first, second)
-    )
-    return Verdict(not reasons, reasons)
+        if ego is not None and ego.name in (first, second)
+    ]
+    reasons = (*collisions, *(str(result) for result in criteria if result.passed is False))
+    return Verdict(not reasons, reasons, criteria)
+
+
+def _criteria(scenario: Scenario, contacts: Contacts, recording: Recording, ego: Entity | None) -> tuple[CriterionResult, ...]:
+    """Results of the scenario's criteria for its ego and all others that it calls so."""
+    if not scenario.criteria:
+        return ()
+    egos = [entity.name for entity in scenario.entities.values() if entity is ego or is_called_ego(entity)]
+    return judge_criteria(scenario.criteria, egos, recording, contacts.history, light_states(scenario.signals.history))
+
+
+def criteria_remarks(criteria: Sequence[Criterion], verdict: Verdict) -> tuple[str, ...]:
+    """What is to be said of criteria that could not be judged, or whose parameters mean nothing."""
+    unused = [f"{each.name}: {each.remark}" for each in criteria if each.kind is not None and each.remark]
+    return (*unused, *(f"not judged: {result}" for result in verdict.criteria if result.passed is None))

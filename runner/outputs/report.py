@@ -15,7 +15,7 @@ from schemas.version import version
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Outcome
-    from runner.interpreter.result import RunResult
+    from runner.interpreter.result import RunResult, Verdict
 
 
 def summary(result: RunResult) -> dict[str, Any]:
@@ -31,6 +31,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "status": result.status,
         "verdict": "passed" if result.verdict.passed else "failed",
         "reasons": list(result.verdict.reasons),
+        "criteria": criteria(result.verdict),
         "remarks": list(result.remarks),
         "end_time": result.end_time,
         "ego": result.ego,
@@ -43,6 +44,14 @@ def summary(result: RunResult) -> dict[str, Any]:
         "criticality": result.criticality.summary if result.criticality is not None else None,
         "version": version(),
     }
+
+
+def criteria(verdict: Verdict) -> list[dict[str, Any]]:
+    """Results of criteria as JSON-able values: result, name, entity, value (null where nothing was measured), unit, reason."""
+    return [
+        {"result": each.state, **{key: value for key, value in each._asdict().items() if key != "passed"}}
+        for each in verdict.criteria
+    ]
 
 
 def write_json(values: dict[str, Any], path: Path) -> None:
@@ -70,7 +79,10 @@ def write_events(events: Iterable[LogEntry], path: Path) -> None:
 
 
 def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Write a JUnit file: one test case a run; a failed verdict is a failure, a defect of file or run an error."""
+    """Write a JUnit file: one test case a run; a failed verdict is a failure, a defect of file or run an error.
+
+    Results of criteria are properties of their test case.
+    """
     suites = etree.Element("testsuites", name="xosc-run")
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
@@ -88,11 +100,21 @@ def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
         for outcome in members:
             case = etree.SubElement(suite, "testcase", classname=_printable(Path(source).stem), name=outcome.job.name)
             case.set("time", f"{outcome.end_time or 0.0:.3f}")
+            _add_criteria(case, outcome.criteria)
             if outcome.state != "passed":
                 tag = "failure" if outcome.state == "failed" else "error"
                 detail = etree.SubElement(case, tag, message=_printable(outcome.message))
                 detail.text = _printable(outcome.message)
     path.write_bytes(etree.tostring(suites, pretty_print=True, xml_declaration=True, encoding="UTF-8"))
+
+
+def _add_criteria(case: etree._Element, results: list[dict[str, Any]]) -> None:
+    properties = etree.SubElement(case, "properties") if results else case
+    for result in results:
+        name = " ".join(text for text in (f"criteria_{result['name']}", result["entity"]) if text)
+        etree.SubElement(
+            properties, "property", name=_printable(name), value=_printable(f"{result['result']}: {result['reason']}")
+        )
 
 
 def _printable(text: str) -> str:

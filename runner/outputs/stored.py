@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from runner.criteria.criterion import CriterionResult
 from runner.interpreter.event_log import LogEntry
 from runner.interpreter.result import RunResult, Verdict
 from runner.participants.declaration import BoundingBox
@@ -76,7 +77,7 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
             parameters={str(name): str(value) for name, value in values["parameters"].items()},
             status=str(values["status"]),
             end_time=_number(values, "end_time", 0.0, _LONGEST),
-            verdict=Verdict(values["verdict"] == "passed", tuple(map(str, values["reasons"]))),
+            verdict=Verdict(values["verdict"] == "passed", tuple(map(str, values["reasons"])), _criteria(values)),
             remarks=tuple(map(str, values["remarks"])),
             ego=setup.ego,
             sut=str(values["sut"]),
@@ -103,6 +104,22 @@ def _setup(values: Mapping[str, Any]) -> Setup:
         _number(values["settings"], "timestep", _SHORTEST),
         None if ego is None else str(ego),
         {name: (str(who["kind"]), str(who["category"]), _box(who["box"])) for name, who in values["entities"].items()},
+    )
+
+
+def _criteria(values: Mapping[str, Any]) -> tuple[CriterionResult, ...]:
+    """Results of criteria; runs of earlier versions have none."""
+    states = {"passed": True, "failed": False, "not judged": None}
+    return tuple(
+        CriterionResult(
+            str(each["name"]),
+            str(each["entity"]),
+            states[each["result"]],
+            None if each["value"] is None else _number(each, "value"),
+            str(each["unit"]),
+            str(each["reason"]),
+        )
+        for each in values.get("criteria", ())
     )
 
 

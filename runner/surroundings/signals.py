@@ -92,6 +92,8 @@ class TrafficSignals:
         self.controllers = {controller.name: controller for controller in controllers}
         self.states: dict[str, str] = {}
         """state of each signal that has one, by its id"""
+        self.history: list[tuple[float, str, str]] = []
+        """Changes of states: time (s), signal, state."""
         self.phases: dict[str, str] = {}
         """name of the present phase of each controller"""
         self._present: dict[str, Phase] = {}
@@ -103,6 +105,7 @@ class TrafficSignals:
             controller.reset()
         for table in (self.states, self.phases, self._present):
             table.clear()
+        self.history.clear()
 
     @classmethod
     def from_xml(cls, node: Node | None, network: RoadNetwork | None) -> TrafficSignals:
@@ -156,6 +159,7 @@ class TrafficSignals:
         """Put a signal into a state."""
         if self.states.get(signal) != state:
             self.states[signal] = state
+            self.history.append((run.time, signal, state))
             understood = run.world.signal(signal, state)
             run.note("trafficSignal", signal, state if understood else f"{state} (not understood by {run.world.name}'s traffic)")
 

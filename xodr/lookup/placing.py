@@ -7,6 +7,7 @@ and where surfaces overlap height, heading and the distance from the lane's cent
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -60,6 +61,35 @@ def place(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None 
         left = left[best.rank[0, left] > reach]
         reach = max(_WIDER * reach, _FIRST_REACH)
     return best.places
+
+
+class Lanes(NamedTuple):
+    """Lanes of one road under some of n positions: which positions, the lane of each, and its s (m)."""
+
+    road: Road
+    rows: IntArray
+    lane_id: IntArray
+    s: FloatArray
+
+
+def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None) -> Iterator[Lanes]:
+    """Every lane under each position: where roads overlap, as in junctions, a position is on several.
+
+    Args:
+        x, y: positions (n,), m.
+        z: heights (m), to leave out roads on another level.
+    """
+    users = _Users(np.asarray(x, np.float64), np.asarray(y, np.float64), _given(z), None)
+    for part in _parts(network):
+        rows = np.flatnonzero(part.near(users.x, users.y, 0.0))
+        if not len(rows):
+            continue
+        s, t, gap = _project(part, users.x[rows], users.y[rows], part.on_chords(users.x[rows], users.y[rows]))
+        on = gap == 0.0
+        if users.z is not None:
+            on &= np.abs(users.z[rows] - _heights(part.road, s, t)) <= OTHER_LEVEL
+        if on.any():
+            yield Lanes(part.road, rows[on], _lanes(part.road, s[on], t[on])[0], s[on])
 
 
 @lru_cache(maxsize=8)
