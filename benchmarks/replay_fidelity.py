@@ -20,7 +20,7 @@ from recognition.catalogue import pipeline
 from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
-from schemas.files import expand
+from schemas.commands.files import expand
 
 
 def main() -> None:

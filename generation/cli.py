@@ -12,7 +12,7 @@ import typer
 
 from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
+from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder
+from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

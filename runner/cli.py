@@ -14,7 +14,7 @@ import typer
 
 from runner.run_options import Param, with_run_settings
 from runner.settings import RunSettings
-from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
+from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

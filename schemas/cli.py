@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from schemas.command_line import Version, new_app, print_anything
+from schemas.checks.problems import LEVELS, Problem
+from schemas.commands.options import Version, new_app, print_anything
 from schemas.errors import ToolchainError
-from schemas.problems import LEVELS, Problem
 from schemas.storage import writing
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
@@ -23,8 +23,8 @@ app = new_app()
 
 def _print_rules(wanted: bool) -> None:
     if wanted:
-        from schemas.report import listing
-        from schemas.rules.registry import all_rules
+        from schemas.checks.registry import all_rules
+        from schemas.checks.report import listing
 
         print(listing(all_rules()), end="")
         raise typer.Exit
@@ -43,7 +43,7 @@ def xosc_check(
     _version: Version = False,
 ) -> None:
     """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules."""
-    from schemas.files import expand
+    from schemas.commands.files import expand
 
     results = _check(expand(paths), progress=not quiet and sys.stderr.isatty())
     refused = {"error", "warning"} if strict else {"error"}
@@ -58,7 +58,7 @@ def xosc_check(
 
 
 def _check(paths: Sequence[Path], progress: bool) -> list[tuple[Path, list[Problem]]]:
-    from schemas.checker import check_many
+    from schemas.checks.checker import check_many
 
     checked: Iterable[tuple[Path, list[Problem]]] = check_many(paths)
     if progress:
@@ -71,7 +71,7 @@ def _check(paths: Sequence[Path], progress: bool) -> list[tuple[Path, list[Probl
 
 def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: bool) -> None:
     """The report for people; in colours on a terminal."""
-    from schemas import report
+    from schemas.checks import report
 
     if not sys.stdout.isatty():
         sound = (f"{path}: accepted" for path, problems in results if verbose and not problems)
@@ -94,7 +94,7 @@ def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: 
 
 
 def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: Path | None, quiet: bool) -> None:
-    from schemas import report
+    from schemas.checks import report
 
     content = report.FORMATS[format](results)
     if output is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.command_line import Version, new_app, print_anything
+from schemas.commands.options import Version, new_app, print_anything
 from schemas.errors import ToolchainError
 from schemas.storage import writing
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
+from schemas.commands.files import expand
 from schemas.errors import UsageError
 from schemas.expressions import ExpressionError
-from schemas.files import expand
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load
 from xosc.node import Node

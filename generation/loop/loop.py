@@ -34,8 +34,8 @@ from recognition.maneuvers.units import Samples
 from runner.batch.jobs import Job, Outcome, jobs_of
 from runner.settings import RunSettings
 from schemas import check_many
+from schemas.commands.files import expand
 from schemas.errors import UsageError
-from schemas.files import expand
 
 CATALOGUE = "catalogue"
 UNITS = "units.parquet"

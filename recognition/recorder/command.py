@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schemas.command_line import Verbose, Version, interruptible, writable_folder
+from schemas.commands.options import Verbose, Version, interruptible, writable_folder
 
 
 @interruptible("xosc-recognize record")

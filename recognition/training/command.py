@@ -13,7 +13,7 @@ import typer
 from recognition.encoder.config import preset as preset_of
 from recognition.training.card import CARD, card_of
 from recognition.training.splits import Split, Unit, split
-from schemas.command_line import Verbose, Version, interruptible, out_folder
+from schemas.commands.options import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 from schemas.storage import keep
 

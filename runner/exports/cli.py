@@ -12,7 +12,7 @@ import typer
 from runner.exports import TARGETS
 from runner.run_options import Param, with_run_settings
 from runner.settings import RunSettings
-from schemas.command_line import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
+from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def xosc_export(
 
 def _sources(paths: list[str]) -> list[Path]:
     """The files meant; roads, which are taken along by the scenarios on them, only where they are named themselves."""
-    from schemas.files import expand
+    from schemas.commands.files import expand
 
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
 

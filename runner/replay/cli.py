@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schemas.command_line import Verbose, Version, guarded, interruptible, new_app
+from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

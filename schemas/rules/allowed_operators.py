@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.expressions import FIRST_VERSION, FUNCTIONS, ExpressionError, functions, is_expression
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
 
 
 @rule("asam.net:xosc:1.2.0:data_type.allowed_operators", kinds=("scenario", "catalog"))

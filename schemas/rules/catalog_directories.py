@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from schemas.catalogs import locate
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.xml import local_name
 
 

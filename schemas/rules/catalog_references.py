@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from schemas.catalogs import NoEntry
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 
 
 @rule("asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability", kinds=("scenario",))

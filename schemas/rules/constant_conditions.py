@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from schemas.rules.document import Document
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.rules.parameter_constraints import satisfies
-from schemas.rules.registry import Finding, rule
 from schemas.xml import local_name
 
 _MAGNITUDES = {

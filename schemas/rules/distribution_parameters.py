@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from lxml import etree
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
+from schemas.checks.wording import unknown
 from schemas.errors import InvalidFile
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
-from schemas.rules.wording import unknown
 from schemas.xml import parse
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
-from schemas.rules.wording import negative
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
+from schemas.checks.wording import negative
 
 _DURATIONS = (
     ("StandStillCondition", "duration"),

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
-from schemas.rules.wording import unknown
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
+from schemas.checks.wording import unknown
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_entity_references", kinds=("scenario",))

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from lxml import etree
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.expressions import ExpressionError, evaluate, is_expression, references
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
 
 
 @rule("xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value", kinds=("scenario", "catalog"), since=(1, 1))

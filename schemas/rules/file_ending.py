@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 
 
 @rule("asam.net:xosc:1.0.0:general.file_ending", level="warning")

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from pathlib import PurePosixPath, PureWindowsPath
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 
 _LEVELS = {"LogicFile": "error", "ScenarioFile": "error", "SceneGraphFile": "warning", "File": "warning"}
 

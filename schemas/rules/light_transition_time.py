@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
-from schemas.rules.wording import negative
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
+from schemas.checks.wording import negative
 
 
 @rule("asam.net:xosc:1.2.0:data_type.non_negative_transition_time_in_light_state_action", since=(1, 2))

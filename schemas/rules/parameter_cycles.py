@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from lxml import etree
 
+from schemas.checks.document import Document
+from schemas.checks.graphs import on_cycles
+from schemas.checks.registry import Finding, rule
 from schemas.expressions import ExpressionError, references
-from schemas.rules.document import Document
-from schemas.rules.graphs import on_cycles
-from schemas.rules.registry import Finding, rule
 
 
 @rule("xosc.toolchain:xosc:1.0.0:parameters.no_cyclic_definitions", kinds=("scenario", "catalog"))

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.graphs import on_cycles
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.graphs import on_cycles
+from schemas.checks.registry import Finding, rule
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.no_cyclic_entity_selections", kinds=("scenario",))

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.graphs import on_cycles
-from schemas.rules.registry import Finding, rule
-from schemas.rules.wording import unknown
+from schemas.checks.document import Document
+from schemas.checks.graphs import on_cycles
+from schemas.checks.registry import Finding, rule
+from schemas.checks.wording import unknown
 
 
 @rule("asam.net:xosc:1.0.0:reference_control.traffic_signal_controller_references", kinds=("scenario",))

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
+from schemas.checks.wording import unknown
 from schemas.expressions import ExpressionError, references
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
-from schemas.rules.wording import unknown
 
 
 @rule("asam.net:xosc:1.1.0:parameters.parameter_declaration_parameter_scope", kinds=("scenario",))

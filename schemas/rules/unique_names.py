@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.xml import local_name
 
 _NOT_OWN_NAMES = {"TrafficSignalStateAction", "TrafficSignalCondition", "UserDefinedValueCondition"}

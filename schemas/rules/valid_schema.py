@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.registry import SCHEMA_DIR, schema_for
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
 from schemas.validate import find_violations
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.registry import OPENDRIVE, OPENSCENARIO
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
 
 UIDS = {
     OPENSCENARIO: "asam.net:xosc:1.0.0:xml.valid_xml_document",
@@ -17,6 +17,6 @@ UIDS = {
 def check(document: Document) -> Iterator[Finding]:
     """The file must be a well-formed XML document, without a document type and of bearable size.
 
-    Nothing is left to find in a document that has been parsed; `schemas.checker` reports the others under this uid.
+    Nothing is left to find in a document that has been parsed; `schemas.checks.checker` reports the others under this uid.
     """
     return iter(())

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 from schemas.registry import revision
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
 
 
 @rule("asam.net:xosc:1.0.0:xml.version_is_defined", precondition=True)

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 
 
 @rule("asam.net:xodr:1.4.0:ids.id_unique_in_class")

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 from lxml import etree
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 
 
 @rule("xosc.toolchain:xodr:1.4.0:road.lane.link.linked_lanes_exist")

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 
 _SIDES = {"left": 1, "center": 0, "right": -1}
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding, rule
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding, rule
 
 _TOLERANCE = 0.01
 """Metres that the end of one geometry may be away from the start of the next."""

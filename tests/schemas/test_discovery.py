@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from schemas import discovery
-from schemas.rules.registry import all_rules
+from schemas.checks.registry import all_rules
 
 KIND = "SUMMARY = 'the {0}'\nLOADED = list(range(3))\ndef work():\n    return '{0}'\n"
 FILES = {

@@ -9,8 +9,8 @@ import pytest
 from lxml import etree
 
 from schemas import Problem
-from schemas.report import FORMATS, summary
-from schemas.rules.registry import all_rules
+from schemas.checks.registry import all_rules
+from schemas.checks.report import FORMATS, summary
 
 ERROR = Problem("asam.net:xosc:1.0.0:xml.valid_schema", "error", "<bad> & worse", "dir/a b.xosc", 7, "/OpenSCENARIO/Init")
 WARNING = Problem(

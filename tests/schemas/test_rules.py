@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
-from schemas.rules.registry import all_rules
+from schemas.checks.registry import all_rules
 
 ASAM, OWN = "asam.net:xosc:", "xosc.toolchain:xosc:"
 ASAM_ROAD, OWN_ROAD = "asam.net:xodr:", "xosc.toolchain:xodr:"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from recognition.training.splits import Unit
-from schemas.command_line import Verbose, Version, interruptible, out_folder
+from schemas.commands.options import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:

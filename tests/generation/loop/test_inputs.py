@@ -9,7 +9,7 @@ import pytest
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
 from generation.loop.settings import LoopSettings
-from schemas.command_line import progress_bar
+from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.motorway import write_motorway
 from tests.runner.files import distribution, scenario

@@ -18,8 +18,8 @@ from generation.loop.settings import LoopSettings
 from generation.loop.stages.findings import Finding
 from generation.loop.stages.finished import Stage
 from schemas import check_many
-from schemas.command_line import progress_bar
-from schemas.files import expand
+from schemas.commands.files import expand
+from schemas.commands.options import progress_bar
 from tests.recognition.traffic import Car, write_highd
 from tests.runner.chromium import Browser
 from xosc.exports import standard

@@ -21,8 +21,8 @@ from recognition.catalogue.writing.catalogue import Config
 from recognition.datasets import open as open_recordings
 from runner.recording import Recording
 from schemas import check_many
+from schemas.commands.files import expand
 from schemas.errors import InvalidFile, UsageError
-from schemas.files import expand
 from tests.recognition import motorway
 from tests.recognition.traffic import interaction_rows, write_csv
 from xosc import tags

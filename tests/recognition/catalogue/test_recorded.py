@@ -14,7 +14,7 @@ from recognition.catalogue.pipeline import ByRules, Settings, Summary
 from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
-from schemas.files import expand
+from schemas.commands.files import expand
 
 TRACKS = "taf_bw/recorded_trackfiles"
 SETTINGS = Settings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Iterator
 
+from schemas.checks.document import Document
+from schemas.checks.registry import Finding
 from schemas.errors import nearest
-from schemas.rules.document import Document
-from schemas.rules.registry import Finding
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:

@@ -12,10 +12,10 @@ from lxml import etree
 
 from schemas import expressions
 from schemas.catalogs import Catalogs, Directory, Entry, NoEntry, referred
+from schemas.checks import roads
+from schemas.checks.problems import Problem
 from schemas.errors import InvalidFile, ToolchainError
-from schemas.problems import Problem
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
-from schemas.rules import roads
 from schemas.values import operand, type_named, typed
 from schemas.xml import line_of, local_name, parse
 

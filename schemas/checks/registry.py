@@ -15,9 +15,9 @@ from typing import NamedTuple
 from lxml import etree
 
 from schemas import discovery
-from schemas.problems import Problem
+from schemas.checks.document import Document
+from schemas.checks.problems import Problem
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType
-from schemas.rules.document import Document
 
 
 class Finding(NamedTuple):

@@ -11,8 +11,8 @@ from urllib.parse import quote
 
 from lxml import etree
 
-from schemas.problems import LEVELS, Problem
-from schemas.rules.registry import Rule, all_rules
+from schemas.checks.problems import LEVELS, Problem
+from schemas.checks.registry import Rule, all_rules
 from schemas.version import version
 
 TOOL = "xosc-check"

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
 
+from schemas.checks.document import Document
+from schemas.checks.problems import Problem
+from schemas.checks.registry import all_rules
 from schemas.errors import InvalidFile
-from schemas.problems import Problem
 from schemas.registry import OPENDRIVE, OPENSCENARIO
-from schemas.rules.document import Document
-from schemas.rules.registry import all_rules
 from schemas.rules.valid_xml_document import UIDS
 from schemas.xml import parse
 
