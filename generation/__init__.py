@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from schemas.packages import public
 
 if TYPE_CHECKING:
     from generation.pipeline import Generated as Generated
@@ -11,11 +13,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Generated", "Settings", "generate"]
 
-
-def __getattr__(name: str) -> Any:
-    """Import on first use: the command line must answer `--help` at once."""
-    if name in __all__:
-        from generation import pipeline
-
-        return getattr(pipeline, name)
-    raise AttributeError(f"module 'generation' has no attribute {name!r}")
+__getattr__, __dir__ = public(
+    __name__,
+    {
+        "Generated": "generation.pipeline",
+        "Settings": "generation.pipeline",
+        "generate": "generation.pipeline",
+    },
+)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from schemas.packages import public
 
 if TYPE_CHECKING:
     from recognition.trfe.config import Config as Config
@@ -11,15 +13,11 @@ if TYPE_CHECKING:
 
 __all__ = ["TRFE", "Config", "Recognition"]
 
-
-def __getattr__(name: str) -> Any:
-    """Import on first use: the command line must answer `--help` at once."""
-    if name == "Config":
-        from recognition.trfe.config import Config
-
-        return Config
-    if name in __all__:
-        from recognition.trfe import trfe
-
-        return getattr(trfe, name)
-    raise AttributeError(f"module 'recognition' has no attribute {name!r}")
+__getattr__, __dir__ = public(
+    __name__,
+    {
+        "Config": "recognition.trfe.config",
+        "Recognition": "recognition.trfe.trfe",
+        "TRFE": "recognition.trfe.trfe",
+    },
+)

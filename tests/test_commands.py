@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.version import version
+from schemas.packages import version
 from tests.commands import SCRIPTS, Command
 
 NAMES = [

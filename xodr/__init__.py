@@ -3,6 +3,7 @@
 `xodr.load(path)` reads a file; see `RoadNetwork` for what can be asked of it.
 """
 
+from schemas.packages import public
 from xodr.graph.relative import Relative
 from xodr.graph.routes import RoadPath
 from xodr.graph.travel import Travel
@@ -12,3 +13,5 @@ from xodr.reader import load
 from xodr.road import Road
 
 __all__ = ["LaneLink", "Pose", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "load"]
+
+__getattr__, __dir__ = public(__name__, {})

@@ -1,5 +1,6 @@
 """OpenSCENARIO XML documents of versions 1.0 to 1.3: reading, resolving, varying and writing them."""
 
+from schemas.packages import public
 from xosc.distributions import ParameterSpace, sample, variations, write_distribution
 from xosc.document import Document, load, write
 from xosc.node import Node
@@ -19,3 +20,5 @@ __all__ = [
     "write",
     "write_distribution",
 ]
+
+__getattr__, __dir__ = public(__name__, {})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from recognition.labels.classes import Label
-from schemas.version import version
+from schemas.packages import version
 
 if TYPE_CHECKING:
     from recognition.training.splits import Split

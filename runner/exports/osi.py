@@ -16,7 +16,7 @@ import numpy as np
 
 from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
 from schemas.errors import UsageError
-from schemas.version import version
+from schemas.packages import version
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from lxml import etree
 
 from runner.interpreter.event_log import LogEntry
-from schemas.version import version
+from schemas.packages import version
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Outcome

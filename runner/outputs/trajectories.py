@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.version import version
+from schemas.packages import version
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,7 @@ from lxml import etree
 
 from schemas.checks.problems import LEVELS, Problem
 from schemas.checks.registry import Rule, all_rules
-from schemas.version import version
+from schemas.packages import version
 
 TOOL = "xosc-check"
 

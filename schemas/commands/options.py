@@ -15,7 +15,7 @@ import typer
 from typer.models import OptionInfo
 
 from schemas.errors import ToolchainError, UsageError, describe
-from schemas.version import version
+from schemas.packages import version
 
 INTERRUPTED, PIPE_CLOSED = 130, 141
 """Exit codes that shells give to what SIGINT and SIGPIPE have ended"""

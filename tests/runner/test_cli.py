@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from schemas.version import version
+from schemas.packages import version
 from tests.commands import Command
 from tests.runner.files import car, distribution, place, scenario, story
 

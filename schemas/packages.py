@@ -1,0 +1,43 @@
+"""What every package of the toolchain shows: its public names, imported on first use, and the version."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+
+@cache
+def version() -> str:
+    """Version of xosc-toolchain, from the installed metadata; "unknown" where it is used without being installed."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("xosc-toolchain")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of a package whose public names are imported on first use: commands answer `--help` at once.
+
+    They know `__version__` as well.
+
+    Args:
+        package: the package's name.
+        homes: the module that each name is in.
+    """
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            return version()
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(homes[name]), name)
+
+    def __dir__() -> list[str]:
+        return sorted({*vars(sys.modules[package]), *homes, "__version__"})
+
+    return __getattr__, __dir__
