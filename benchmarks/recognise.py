@@ -20,7 +20,7 @@ from recognition.catalogue.pipeline import SHIPPED
 from recognition.encoder.training import deterministic, mixed
 from recognition.grids import Grid
 from recognition.training.data import windows_at
-from recognition.trfe.trfe import TRFE
+from recognition.trfe.storage import load
 
 _REPEATS = 3
 
@@ -34,7 +34,7 @@ def main() -> None:
     arguments.add_argument("--cache", type=Path, default=Path("windows"), help="folder for the windows that are made")
     options = arguments.parse_args()
     start = time.perf_counter()
-    model = TRFE.load(options.model)
+    model = load(options.model)
     print(f"model read in {time.perf_counter() - start:.1f} s")
     grids = windows_at(options.recordings, options.cache, Grid(), 2600).grids
     chosen = np.ascontiguousarray(grids[np.linspace(0, len(grids) - 1, options.windows).astype(int)])

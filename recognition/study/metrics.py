@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from recognition.trfe.samples import UNKNOWN
+from recognition.trfe.screening.selection import macro_f1 as macro_f1
 from xodr.array_types import IntArray
 
 DROPPED = -1
@@ -61,13 +62,6 @@ def open_set(truth: ArrayLike, closed: ArrayLike, scores: ArrayLike, predicted: 
 def accuracy(truth: ArrayLike, predicted: ArrayLike) -> float:
     """Share of samples whose label is right."""
     return float(np.mean(np.asarray(truth) == np.asarray(predicted)))
-
-
-def macro_f1(truth: ArrayLike, predicted: ArrayLike) -> float:
-    """Mean F1 over all labels that occur in `truth`, unknown among them."""
-    from sklearn.metrics import f1_score
-
-    return float(f1_score(truth, predicted, labels=np.unique(truth), average="macro", zero_division=0.0))
 
 
 def auroc(truth: ArrayLike, scores: ArrayLike) -> float:

@@ -44,13 +44,10 @@ def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:
 
 def decision(model: TRFE) -> str:
     """By what a model takes windows for a class, or for unknown."""
-    from recognition.trfe.screening import EvtDeficit
-
     known = model.known
-    trees, features = len(known.voters.forest.estimators_), known.fitted.features.shape[1]
-    screening = f"the screening `{model.config.screening}` calls unknown what belongs to no class"
-    delta = f", by δ = {known.screening.delta:.2g}" if isinstance(known.screening, EvtDeficit) else ""
-    return f"{trees} trees vote on {features} features of {len(model.encoders)} encoders; {screening}{delta}."
+    trees, features = len(known.forest.trees.estimators_), known.fitted.features.shape[1]
+    screening = f"the screening `joint` calls unknown what belongs to no class, by δ = {1.0 - known.screening.threshold:.2g}"
+    return f"{trees} trees vote on {features} features of {len(model.encoders)} encoders; {screening}."
 
 
 def scope(model: TRFE) -> str:

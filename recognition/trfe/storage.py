@@ -19,21 +19,23 @@ from sklearn.tree import DecisionTreeClassifier
 
 from recognition.trfe.config import Config
 from recognition.trfe.forest.neighbours import Neighbours
-from recognition.trfe.forest.voters import Voters
-from recognition.trfe.known import Known, Labelled, bare_screening, labelled
+from recognition.trfe.forest.voting import VotingForest
+from recognition.trfe.known import Known, Labelled, labelled
 from recognition.trfe.prototypes import Prototypes
 from recognition.trfe.samples import UNKNOWN, matrix
-from schemas.errors import InvalidFile, ToolchainError, reason
+from recognition.trfe.screening import EvtJoint
+from recognition.trfe.steps import Steps
+from recognition.trfe.trfe import TRFE
+from schemas.errors import InvalidFile, ToolchainError, UsageError, reason
 from schemas.storage import keep, writing
 from xodr.array_types import IntArray
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
-    from recognition.trfe.trfe import TRFE
 
 Arrays = dict[str, NDArray[Any]]
 _MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
-_FORMAT = "xosc-toolchain TRFE 2"
+_FORMAT = "xosc-toolchain TRFE 3"
 _ABOUT = "about"
 """The one entry of the metadata: safetensors writes several in an order that differs from time to time"""
 _TREE = "sklearn.tree._tree.Tree"
@@ -52,25 +54,27 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
             None writes all as they are. They matter where the model goes on to discover classes.
 
     Raises:
-        UsageError: the model has not been fitted, or the folder can't be written.
+        UsageError: the model has not been fitted, has steps of a study, or the folder can't be written.
     """
     import skops.io
     from safetensors import numpy as safetensors
 
     known = model.known
+    if model.steps != Steps():
+        raise UsageError("only models with the method's own steps can be stored")
     arrays = {
         **_prefixed("fitted", _thinned(known.fitted, samples)._asdict()),
         **_prefixed("calibrating", _thinned(known.calibrating, samples)._asdict()),
-        **_prefixed("neighbours", known.voters.neighbours._asdict() if known.voters.neighbours else {}),
-        **_prefixed("prototypes", {name: value for name, value in known.prototypes._asdict().items() if name != "metric"}),
-        **_prefixed("screening", known.screening.state() if known.screening else {}),
+        **_prefixed("neighbours", known.forest.neighbours._asdict() if known.forest.neighbours else {}),
+        **_prefixed("prototypes", vars(known.prototypes)),
+        **_prefixed("screening", known.screening.state()),
     }
     if model.buffer.inputs is not None:
         arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
     about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config)})}
     with writing("the model", folder):
         keep(safetensors.save({name: np.asarray(value, order="C") for name, value in arrays.items()}, about), folder / _MODEL)
-        skops.io.dump(known.voters.forest, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
+        skops.io.dump(known.forest.trees, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
         for number, encoder in enumerate(model.encoders):
             from recognition.encoder import storage
 
@@ -83,8 +87,6 @@ def load(folder: Path) -> TRFE:
     Raises:
         InvalidFile: a file is missing, truncated, not such a model's, or not to be trusted.
     """
-    from recognition.trfe.trfe import TRFE
-
     config, arrays = _read_model(folder / _MODEL)
     forest = _read_forest(folder / _FOREST)
     encoders = _read_encoders(folder)
@@ -128,20 +130,17 @@ def _part(arrays: Arrays, prefix: str) -> Arrays:
 
 def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Known:
     fitted, calibrating = (labelled(**_part(arrays, name)) for name in ("fitted", "calibrating"))
-    prototypes = Prototypes(metric=config.metric, **_part(arrays, "prototypes"))
-    screening = bare_screening(config)
-    if screening:
-        screening.restore(_part(arrays, "screening"))
-    near = _part(arrays, "neighbours")
-    voters = Voters(forest, Neighbours(**near) if near else None)
-    classes = voters.classes
-    for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes if screening else classes):
+    prototypes = Prototypes(**_part(arrays, "prototypes"))
+    screening = EvtJoint(seed=config.seed).restore(_part(arrays, "screening"))
+    voting = VotingForest(forest, Neighbours(**_part(arrays, "neighbours")))
+    classes = voting.classes
+    for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes):
         if not np.array_equal(np.unique(of), classes):
             raise ValueError("they are of different classes")
     width = prototypes.centres.shape[1]
     if not width == fitted.features.shape[1] == calibrating.features.shape[1] == len(prototypes.mean):
         raise ValueError("they are of different dimensions")
-    return Known(fitted, calibrating, voters, screening, prototypes)
+    return Known(fitted, calibrating, voting, screening, prototypes)
 
 
 def _read_model(path: Path) -> tuple[Config, Arrays]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
@@ -13,9 +12,11 @@ from numpy.typing import ArrayLike
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import Discovery, discover
+from recognition.trfe.forest.voting import Votes
 from recognition.trfe.known import Known, Labelled, labelled, learn
 from recognition.trfe.samples import UNKNOWN, Features, matrix
-from recognition.trfe.screening import EvtDeficit
+from recognition.trfe.screening.evt import EvtScreening
+from recognition.trfe.steps import Steps
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -48,18 +49,26 @@ class TRFE:
     """Recognises, sets aside, discovers and expands.
 
     Args:
-        config: choices.
+        config: settings.
         encoders: make features of grids, trained and from now on frozen; without any, only features are taken. Features of
             the encoder before fine-tuning, beside those after it, hold what new classes differ in from each other.
         known: what was learnt before.
+        steps: the method's own, or others that a study puts in their place.
 
     Attributes:
         buffer: unknown samples that wait.
     """
 
-    def __init__(self, config: Config | None = None, encoders: Sequence[Encoder] = (), known: Known | None = None) -> None:
+    def __init__(
+        self,
+        config: Config | None = None,
+        encoders: Sequence[Encoder] = (),
+        known: Known | None = None,
+        steps: Steps | None = None,
+    ) -> None:
         self.config = config or Config()
         self.encoders = tuple(encoders)
+        self.steps = steps or Steps()
         self.buffer = Buffer(self.config.preprocessing.capacity)
         self._known = known
 
@@ -86,7 +95,7 @@ class TRFE:
             UsageError: fewer than two classes, classes that differ between the two sets, or features that are not finite.
         """
         fitted, calibrating = labelled(self.encode(inputs), labels), labelled(self.encode(calibration), calibration_labels)
-        self._known = learn(fitted, calibrating, self.config)
+        self._known = learn(fitted, calibrating, self.config, self.steps)
         return self
 
     def encode(self, inputs: ArrayLike) -> Features:
@@ -107,14 +116,15 @@ class TRFE:
     def recognise(self, inputs: ArrayLike) -> Recognition:
         """The known class of each sample (n, …), grids or features, or that it is unknown."""
         features, known = self.encode(inputs), self.known
-        cast = known.voters.cast(features)
-        closed = known.classes[cast.votes.argmax(axis=1)]
-        score, threshold = known.prototypes.ratio(features), 1.0
-        if known.screening:
-            score, threshold = known.screening.score(*cast), known.screening.threshold
-        return Recognition(
-            np.where(score <= threshold, closed, UNKNOWN), cast.votes.max(axis=1) / self.config.trees, score, closed, features
-        )
+        votes = known.forest.vote(features)
+        closed, most = known.classes[votes.counts.argmax(axis=1)], votes.counts.max(axis=1)
+        score, threshold = self._score(features, votes)
+        return Recognition(np.where(score <= threshold, closed, UNKNOWN), most / self.config.trees, score, closed, features)
+
+    def _score(self, features: Features, votes: Votes) -> tuple[FloatArray, float]:
+        """Outlyingness (n,) of samples, and the threshold above which they are unknown."""
+        screening = self.known.screening
+        return screening.score(*votes), screening.threshold
 
     def observe(self, inputs: ArrayLike, keys: ArrayLike) -> Recognition:
         """Recognise samples (n, …) and put the unknown ones into the buffer, under their keys (n,).
@@ -122,8 +132,6 @@ class TRFE:
         Give a stream in parts smaller than the buffer, and `discover` when it is full: of what is more, the oldest are dropped.
         """
         found = self.recognise(inputs)
-        if self.config.window and isinstance(self.known.screening, EvtDeficit):
-            self.known.screening.recalibrate(*self.known.voters.cast(found.features))
         unknown = found.labels == UNKNOWN
         self.buffer.add(found.features[unknown], np.asarray(keys)[unknown])
         return found
@@ -134,7 +142,7 @@ class TRFE:
         Raises:
             UsageError: the buffer is empty, or holds no more samples than a sample must have neighbours.
         """
-        return discover(self.known, self.buffer, self.config)
+        return discover(self.known, self.buffer, self.config, self.steps)
 
     def expand(self, discovery: Discovery) -> None:
         """Take promoted clusters as known classes: they leave the buffer, and forest, screening and prototypes are made anew.
@@ -148,23 +156,10 @@ class TRFE:
         calibrates = _a_share_of_each(labels, _CALIBRATING, self.config.seed)
         fitted, calibrating = (Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates))
         known, config = self.known, self.config
-        if isinstance(known.screening, EvtDeficit):
+        if isinstance(known.screening, EvtScreening):
             config = replace(config, delta=known.screening.delta)
-        self._known = learn(known.fitted.joined(fitted), known.calibrating.joined(calibrating), config)
+        self._known = learn(known.fitted.joined(fitted), known.calibrating.joined(calibrating), config, self.steps)
         self.buffer.remove(np.isin(self.buffer.keys, discovery.keys[promoted]))
-
-    def save(self, folder: Path) -> None:
-        """Write the model into a folder, see `recognition.trfe.storage`."""
-        from recognition.trfe.storage import save
-
-        save(self, folder)
-
-    @classmethod
-    def load(cls, folder: Path) -> TRFE:
-        """Read a model from a folder, see `recognition.trfe.storage`; no code of the files is run."""
-        from recognition.trfe.storage import load
-
-        return load(folder)
 
 
 def _a_share_of_each(labels: IntArray, share: float, seed: int) -> BoolArray:

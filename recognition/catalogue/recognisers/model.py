@@ -11,6 +11,7 @@ from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, UNKNOW
 from recognition.grids import covered, rasterise
 from recognition.labels.classes import Event, Label
 from recognition.sites import Site
+from recognition.trfe import storage
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
@@ -67,7 +68,7 @@ class ByModel:
         """
         if not waiting:
             self._model.buffer.remove(np.ones(len(self._model.buffer), dtype=bool))
-        self._model.save(folder)
+        storage.save(self._model, folder)
 
     def _regular(self, recording: Recording, events: list[Event]) -> list[Moment]:
         """Moments at the stride, away from the events."""
@@ -128,4 +129,4 @@ def load(folder: Path) -> ByModel:
     """
     if not folder.is_dir():
         raise UsageError("there is no model in this folder; --labels rules does without", path=folder)
-    return ByModel(TRFE.load(folder))
+    return ByModel(storage.load(folder))

@@ -1,4 +1,4 @@
-"""The methods that TRFE is compared with, one file each, named after its paper.
+"""The methods that TRFE is compared with, one module each, named after its paper.
 
-Open-set methods work on frozen features of the shared encoder and reject by one rule (`recognition.study.baselines.method`).
+A module of `open_set` or `clustering` with a `TITLE`, the name of its row in the report, is a method: `METHOD`, made of a seed.
 """

@@ -8,7 +8,8 @@ import numpy as np
 
 from recognition.grids import Grid
 from recognition.study import metrics
-from recognition.study.experiments.openset import JointScreening, judged
+from recognition.study.baselines.open_set.voting import VotingMethod
+from recognition.study.experiments.open_set import judged
 from recognition.study.experiments.probe import probe, speed_code
 from recognition.study.protocol.stage import Stage
 from recognition.trfe.samples import UNKNOWN
@@ -34,7 +35,7 @@ def measure_trees(stage: Stage) -> dict[str, Any]:
     fitted, held, tested = stage.labelled, stage.validation, stage.test.features
     points = []
     for trees in TREES:
-        model = JointScreening(stage.seed, trees).fit(fitted.features, fitted.labels, held.features, held.labels)
+        model = VotingMethod(stage.seed, trees=trees).fit(fitted.features, fitted.labels, held.features, held.labels)
         found = judged(model, tested)
         figures = metrics.open_set(stage.truth, found.closed, found.scores, found.predicted)
         points.append({"value": trees, **figures._asdict()})

@@ -11,7 +11,8 @@ import numpy as np
 
 from recognition.encoder.config import preset
 from recognition.grids import Grid
-from recognition.study.experiments import clusterings, openset, openworld, sensitivity
+from recognition.study.ablations import CHAINED, VARIANTS
+from recognition.study.experiments import clustering, open_set, open_world, sensitivity
 from recognition.study.protocol import pixels
 from recognition.study.protocol.rounds import Round, rounds
 from recognition.study.protocol.stage import Laboratory, Stage
@@ -21,10 +22,10 @@ from recognition.training.splits import Split, Unit, split
 from recognition.training.windows import Windows
 
 EXPERIMENTS: dict[str, tuple[str, ...]] = {
-    "open-set": (openset.OWN_RULE, *openset.COMMON_RULE),
-    "clustering": (*clusterings.OWN, *clusterings.OTHERS),
-    "open-world": tuple(openworld.VARIANTS),
-    "chain": openworld.CHAINED,
+    "open-set": tuple(open_set.TITLES),
+    "clustering": tuple(clustering.TITLES),
+    "open-world": tuple(VARIANTS),
+    "chain": CHAINED,
     "sensitivity": ("delta", "trees"),
     "probe": ("encoder",),
 }
@@ -119,13 +120,13 @@ class Evaluation:
     def _measure(self, key: Key, stage: Stage) -> list[tuple[Key, dict[str, Any]]]:
         match key.kind:
             case "open-set":
-                values = openset.measure_open_set(key.method, stage)
+                values = open_set.measure_open_set(key.method, stage)
             case "clustering":
-                values = clusterings.measure_clustering(key.method, stage)
+                values = clustering.measure_clustering(key.method, stage)
             case "open-world":
-                values = openworld.measure_open_world(key.method, stage)
+                values = open_world.measure_open_world(key.method, stage)
             case "chain":
-                links = openworld.measure_chain(key.method, self.stage(key.seed, 1), self.rounds(key.seed))
+                links = open_world.measure_chain(key.method, self.stage(key.seed, 1), self.rounds(key.seed))
                 return [(key._replace(round=number), link) for number, link in enumerate(links, 1)]
             case "sensitivity":
                 values = (sensitivity.measure_delta if key.method == "delta" else sensitivity.measure_trees)(stage)

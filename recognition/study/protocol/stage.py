@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 
 from recognition.encoder.config import Preset, Schedule
 from recognition.grids import Grid
-from recognition.study.baselines.pool import Pool
+from recognition.study.baselines.clustering.pool import Pool
 from recognition.study.protocol.pixels import pixel_features
 from recognition.study.protocol.rounds import STEP, Round
+from recognition.study.strategies import grow_plain
 from recognition.training.splits import Split
 from recognition.training.windows import Windows
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Preprocessing
-from recognition.trfe.forest.voters import Voters, grow
 from recognition.trfe.forest.votes import TREES
+from recognition.trfe.forest.voting import VotingForest
 from recognition.trfe.samples import UNKNOWN, Features, drawn_of_each
 from recognition.trfe.trfe import TRFE
 from xodr.array_types import IntArray
@@ -115,16 +116,21 @@ class Stage:
         new, known = self.appearing, self.labelled
         return Pool(new.features, self.windows.grids[new.rows], known.features, known.labels, len(self.round.new))
 
+    @property
+    def config(self) -> Config:
+        """Settings of TRFE in this stage."""
+        return Config(seed=self.seed)
+
     @cached_property
     def model(self) -> TRFE:
         """TRFE fitted on the known classes."""
         held = self.validation
-        return TRFE(Config(seed=self.seed)).fit(*self.labelled[:2], held.features, held.labels)
+        return TRFE(self.config).fit(*self.labelled[:2], held.features, held.labels)
 
     @cached_property
-    def plain_voters(self) -> Voters:
-        """A forest fitted on the known classes, without what TRFE's has beside: the baselines that vote share it."""
-        return grow(*self.labelled[:2], trees=TREES, seed=self.seed)
+    def plain_forest(self) -> VotingForest:
+        """A forest fitted on the known classes, whose trees see features alone: the baselines that vote share it."""
+        return grow_plain(*self.labelled[:2], trees=TREES, seed=self.seed)
 
     def _rows(self, rows: IntArray, classes: tuple[int, ...]) -> IntArray:
         return rows[np.isin(self.windows.labels[rows], classes)]

@@ -35,9 +35,9 @@ def write_figures(evaluation: Evaluation, folder: Path) -> list[Path]:
     sensitivity = results_of(store, "sensitivity", EXPERIMENTS["sensitivity"])
     drawn: dict[str, Figure] = {}
     if open_set:
-        drawn["open-set-f1"] = _lines(open_set, "macro_f1", "macro-F1 (known classes and unknown)")
+        drawn["open-set-f1"] = _lines(open_set, TITLES["open-set"], "macro_f1", "macro-F1 (known classes and unknown)")
     if clustering:
-        drawn["clustering-accuracy"] = _lines(clustering, "accuracy", "Hungarian clustering accuracy")
+        drawn["clustering-accuracy"] = _lines(clustering, TITLES["clustering"], "accuracy", "Hungarian clustering accuracy")
     if "trfe" in open_set:
         drawn["confusion"] = _confusions(open_set["trfe"])
     if sensitivity:
@@ -50,7 +50,7 @@ def write_figures(evaluation: Evaluation, folder: Path) -> list[Path]:
     return paths
 
 
-def _lines(results: Results, figure: str, label: str) -> Figure:
+def _lines(results: Results, titles: dict[str, str], figure: str, label: str) -> Figure:
     """A line for each method over the rounds; bars are standard deviations over seeds."""
     canvas = Figure(figsize=(8, 5), layout="constrained")
     axes = canvas.add_subplot()
@@ -64,11 +64,11 @@ def _lines(results: Results, figure: str, label: str) -> Figure:
             [stdev(of) if len(of) > 1 else 0.0 for of in values],
             color=_COLOURS[place % len(_COLOURS)],
             linewidth=2.6 if name == "trfe" else 1.2,
-            linestyle="--" if name in ("random", "threshold", "mls", "kmeans") else "-",
+            linestyle="--" if name in ("random", "vote-threshold", "mls", "kmeans") else "-",
             marker="o",
             markersize=4,
             capsize=2,
-            label=TITLES[name].strip("*"),
+            label=titles[name].strip("*"),
         )
     axes.set_xticks(numbers)
     axes.set_xlabel("round")

@@ -10,48 +10,18 @@ from typing import Any
 import numpy as np
 
 from recognition.labels import Label
+from recognition.study.ablations import CHAINED, VARIANTS
+from recognition.study.experiments import clustering, open_set
 from recognition.study.protocol.evaluation import EXPERIMENTS, Evaluation
 from recognition.study.report.tables import Table, by_round, comparison, results_of, spread
 
 TITLES = {
-    "trfe": "**TRFE**",
-    "trfe-common": "TRFE, common rule",
-    "reading-a": "reading A of plain votes",
-    "cac": "CAC",
-    "arpl": "ARPL",
-    "cpn": "CPN for FCPN",
-    "cevt": "CEVT (reading B)",
-    "mdenet": "MDENet, one modality",
-    "mls": "max logit",
-    "threshold": "plain vote threshold",
-    "knn": "nearest neighbours",
-    "random": "random",
-    "trfe-given-k": "TRFE, given K",
-    "trfe-tuned": "TRFE, features after fine-tuning alone",
-    "all-features": "TRFE, all features, given K",
-    "rfap-linkage": "RFAP + average linkage",
-    "stae-kmeans": "STAE + k-means, given K",
-    "stae-linkage": "STAE + average linkage, given K",
-    "iterative-euclidean": "iterative Euclidean",
-    "iterative-autonovel": "iterative AutoNovel",
-    "kmeans": "k-means on features, given K",
-    "no-ucs": "No-UCS",
-    "no-nvp": "No-NVP",
-    "no-oc": "No-OC",
-    "strict": "margins of the publication",
-    "pooled": "TRFE, votes alone",
-    "reading-b": "screening by reading B",
-    "vote-threshold": "screening by plain threshold",
-    "recalibrated": "threshold recalibrated",
-    "euclidean": "Euclidean metric",
-    "cosine": "cosine metric",
-    "margin": "nearest-prototype margin",
-    "soft-targets": "soft pair targets",
-    "all-candidates": "all candidates offered",
-    "supervised-forest": "supervised forest",
-    "refreshed-forest": "unsupervised forest, refreshed",
+    "open-set": open_set.TITLES,
+    "clustering": clustering.TITLES,
+    "open-world": {name: variant.title for name, variant in VARIANTS.items()},
+    "chain": {name: VARIANTS[name].title for name in CHAINED},
 }
-"""What rows are called."""
+"""What rows are called, by kind of experiment and name."""
 PUBLISHED = (
     "Published figures, on highD and INTERACTION, for orientation only: TRFE F1 0.906, ACC 0.972, ACC_cluster 0.964; MDENet F1 "
     "0.883; CEVT F1 0.875; AutoNovel ACC_cluster 0.902. Here: same protocol, other data."
@@ -115,11 +85,14 @@ _CHAIN_NOTE = (
 
 
 def _compared(evaluation: Evaluation, kind: str, figures: dict[str, str], main: str, title: str, note: str) -> list[Table]:
-    results = results_of(evaluation.store, kind, [name for name in EXPERIMENTS[kind] if not _is_capacity(name)])
+    titles, results = (
+        TITLES[kind],
+        results_of(evaluation.store, kind, [name for name in EXPERIMENTS[kind] if not _is_capacity(name)]),
+    )
     results = {name: seeds for name, seeds in results.items() if not _is_capacity(name)}
     return [
-        Table(kind, title, note, *comparison(results, TITLES, figures)),
-        Table(f"{kind}-rounds", f"{title}: {figures[main]} by round", "", *by_round(results, TITLES, main)),
+        Table(kind, title, note, *comparison(results, titles, figures)),
+        Table(f"{kind}-rounds", f"{title}: {figures[main]} by round", "", *by_round(results, titles, main)),
     ]
 
 

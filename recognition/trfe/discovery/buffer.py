@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.distance import cdist
 
 from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import Features
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -40,8 +38,8 @@ class Buffer:
     """First in, first out: of more than `capacity` samples the oldest are dropped.
 
     Attributes:
-        inputs: the samples (m, …), as they were given, oldest first.
-        keys: numbers (m,) by which the giver knows them.
+        inputs: the samples (m, …), oldest first.
+        keys: numbers (m,) by which the caller knows them.
         dropped: how many were dropped since the start.
     """
 
@@ -101,14 +99,13 @@ def sift(features: ArrayLike, prototypes: Prototypes, config: Preprocessing = Pr
     standard = prototypes.standardise(features)
     if len(standard) <= config.neighbours:
         raise UsageError(f"{len(standard)} buffered samples have no {config.neighbours} neighbours each")
-    isolation = _isolation(standard, config.neighbours, "cosine" if prototypes.metric == "cosine" else "euclidean")
+    isolation = _isolation(prototypes.distances(standard, standard), config.neighbours)
     median = np.median(isolation)
     limit = median + config.spread * _NORMAL * np.median(np.abs(isolation - median))
     return Sifted(isolation > limit, prototypes.ratio(features) <= config.margin)
 
 
-def _isolation(standard: Features, neighbours: int, metric: Literal["euclidean", "cosine"]) -> FloatArray:
-    """a(h) (m,): mean distance to the nearest neighbours, not counting the sample itself."""
-    distances = cdist(standard, standard, metric)
+def _isolation(distances: FloatArray, neighbours: int) -> FloatArray:
+    """a(h) (m,): mean distance to the nearest neighbours, not counting the sample itself, from all distances (m, m)."""
     np.fill_diagonal(distances, np.inf)
     return np.partition(distances, neighbours - 1, axis=1)[:, :neighbours].mean(axis=1)

@@ -6,8 +6,8 @@ L_ce: cross entropy of q on labelled samples of known classes;
 L_clu = −mean[w_ij log G_ij + (1 − w_ij) log(1 − G_ij)], G_ij = p_i · p'_j, over pairs of unknown samples;
 L_con = MSE(q, q') + MSE(p, p');
 ω(e) = λ exp(−5 (1 − min(e / E_r, 1))²).
-The targets w_ij come from the similarity S of the samples: S itself, or 1 from its 85th percentile on, 0 up to its median, and no
-part in the mean between.
+The targets w_ij come from the similarity S of the samples: 1 from its 85th percentile on, 0 up to its median, and no part in the
+mean between.
 Source: joint losses as in Han et al., "Automatically Discovering and Learning New Visual Categories with Ranking Statistics"
 (ICLR 2020), with the random-forest similarity in place of ranking statistics.
 """
@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -32,7 +32,6 @@ from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 
 Augment = Callable[[Tensor], Tensor]
-Similarity = Callable[[Features], NDArray[np.float32]]
 _LEAST = 1e-6
 """G is kept this far from 0 and 1, where its logarithm ends."""
 
@@ -43,18 +42,14 @@ class Clustering:
 
     Args:
         candidates: Q_max, most new classes that one round can find.
-        targets: `three-way` or `soft`.
         positive, negative: quantiles of S from which on, and up to which, pairs count as alike and as different.
         epochs, batch, rate: of Adam.
         consistency: λ.
         ramp: E_r, epochs until ω reaches λ.
         threads: that share the arithmetic; a small backbone is faster on one, and sums depend on their number.
-        start: of the novel head: `random`, where unneeded candidates die out, or `k-means`, where there are none to spare.
-        refreshed: whether S is computed anew in each epoch, as for an unsupervised forest on the features learnt so far.
     """
 
     candidates: int = 10
-    targets: Literal["three-way", "soft"] = "three-way"
     positive: float = 0.85
     negative: float = 0.5
     epochs: int = 150
@@ -63,8 +58,6 @@ class Clustering:
     consistency: float = 10.0
     ramp: int = 75
     threads: int = 1
-    start: Literal["random", "k-means"] = "random"
-    refreshed: bool = False
 
 
 class Clusters(NamedTuple):
@@ -88,6 +81,12 @@ class Pairs(NamedTuple):
     counts: Tensor
 
 
+PairsOf = Callable[[Callable[[], Features]], Pairs]
+"""Called at the beginning of each epoch with a function that gives the backbone's features (n, d) of the unknown samples."""
+NovelHead = Callable[[Features, int], nn.Linear]
+"""Makes the novel head from the backbone's features (n, d) of the unknown samples and a seed; it draws from torch's generator."""
+
+
 class _Data(NamedTuple):
     """Unknown samples with their pairs, labelled samples with the columns of their classes."""
 
@@ -102,10 +101,8 @@ def consistency_weight(epoch: int, config: Clustering) -> float:
     return config.consistency * math.exp(-5.0 * (1.0 - min(epoch / config.ramp, 1.0)) ** 2)
 
 
-def pair_targets(similarity: NDArray[np.float32], config: Clustering) -> Pairs:
-    """What S (n, n) says of which pairs are alike."""
-    if config.targets == "soft":
-        return Pairs(torch.from_numpy(similarity), torch.ones(similarity.shape))
+def three_way_pairs(similarity: NDArray[np.float32], config: Clustering) -> Pairs:
+    """Which pairs are alike and which are different by S (n, n), with the quantiles of the settings."""
     low, high = np.quantile(similarity[np.triu_indices(len(similarity), 1)], [config.negative, config.positive])
     alike = similarity >= high
     return Pairs(torch.from_numpy(alike).float(), torch.from_numpy(alike | (similarity <= low)).float())
@@ -155,7 +152,8 @@ def cluster(
     unknown: NDArray[Any],
     known: NDArray[Any],
     labels: IntArray,
-    similarity: Similarity,
+    pairs: PairsOf,
+    novel: NovelHead,
     config: Clustering = Clustering(),
     seed: int = 0,
     augment: Augment = jitter,
@@ -166,7 +164,8 @@ def cluster(
         backbone: maps samples to features; it is trained on, from the state it is given in.
         unknown, known: samples as the backbone takes them.
         labels: of the known samples (m,).
-        similarity: S of the backbone's features of the unknown samples.
+        pairs: which pairs of unknown samples are alike, in each epoch.
+        novel: makes the novel head.
         config: how to train.
         seed: of all that is drawn.
         augment: makes the other view of a sample.
@@ -181,25 +180,39 @@ def cluster(
     losses = np.zeros((config.epochs, 3))
     with deterministic(seed):
         torch.set_num_threads(config.threads)
-        heads = _heads(backbone, samples, anchors, truth, config, seed)
+        heads = _heads(backbone, samples, anchors, truth, novel, config, seed)
         optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
         for epoch in range(config.epochs):
-            if not epoch or config.refreshed:
-                pairs = pair_targets(similarity(_batched(backbone, samples, config.batch).numpy()), config)
-            losses[epoch] = _epoch(heads, optimiser, _Data(samples, pairs, anchors, truth), epoch, config, augment)
+            alike = pairs(lambda: _batched(backbone, samples, config.batch).numpy())
+            losses[epoch] = _epoch(heads, optimiser, _Data(samples, alike, anchors, truth), epoch, config, augment)
         confidence, assignment = _batched(lambda some: heads(some)[1], samples, config.batch).softmax(dim=1).max(dim=1)
     return Clusters(assignment.numpy(), confidence.double().numpy(), losses)
 
 
-def _heads(backbone: nn.Module, samples: Tensor, anchors: Tensor, truth: Tensor, config: Clustering, seed: int) -> Heads:
-    """The known-class head starts as the nearest-centre classifier of the backbone's features, the novel head as configured."""
+def random_head(features: Features, candidates: int) -> nn.Linear:
+    """An untrained novel head for so many candidates; those that are not needed die out."""
+    return nn.Linear(features.shape[1], candidates)
+
+
+def k_means_head(features: Features, candidates: int, seed: int) -> nn.Linear:
+    """A novel head that starts as the nearest-centre classifier of k-means clusters, as many as candidates.
+
+    Of fewer samples than candidates it is a `random_head`.
+    """
+    head = random_head(features, candidates)
+    if candidates > len(features):
+        return head
+    found = KMeans(candidates, n_init=5, random_state=seed).fit(features)
+    return _nearest(torch.from_numpy(found.cluster_centers_), torch.from_numpy(features), torch.from_numpy(found.labels_).long())
+
+
+def _heads(
+    backbone: nn.Module, samples: Tensor, anchors: Tensor, truth: Tensor, novel: NovelHead, config: Clustering, seed: int
+) -> Heads:
+    """The known-class head starts as the nearest-centre classifier of the backbone's features."""
     features, unknown = _batched(backbone, anchors, config.batch), _batched(backbone, samples, config.batch)
     centres = torch.stack([features[truth == label].mean(dim=0) for label in range(int(truth.max()) + 1)])
-    known, novel = _nearest(centres, features, truth), nn.Linear(features.shape[1], config.candidates)
-    if config.start == "k-means" and config.candidates <= len(unknown):
-        found = KMeans(config.candidates, n_init=5, random_state=seed).fit(unknown.numpy())
-        novel = _nearest(torch.from_numpy(found.cluster_centers_), unknown, torch.from_numpy(found.labels_).long())
-    return Heads(backbone, known, novel)
+    return Heads(backbone, _nearest(centres, features, truth), novel(unknown.numpy(), seed))
 
 
 def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:

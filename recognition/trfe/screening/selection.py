@@ -1,16 +1,17 @@
-"""Choosing δ of the vote-based screening: each known class plays the unknown one in turn."""
+"""Choosing δ of the screening: each known class plays the unknown one in turn."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.study.metrics import macro_f1
-from recognition.trfe.forest.voters import grow
+from recognition.trfe.forest.voting import VotingForest
+from recognition.trfe.forest.voting import grow as grow_forest
 from recognition.trfe.samples import UNKNOWN, class_labels, drawn_of_each, matrix
-from recognition.trfe.screening.evt_deficit import EvtDeficit
+from recognition.trfe.screening.base import Screening
+from recognition.trfe.screening.evt_joint import EvtJoint
 
 DELTAS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
 FEWEST_CLASSES = 3
@@ -25,9 +26,8 @@ def choose_delta(
     calibration: ArrayLike,
     calibration_labels: ArrayLike,
     *,
-    reading: type[EvtDeficit] = EvtDeficit,
-    background: bool = False,
-    neighbours: bool = False,
+    grow: Callable[..., VotingForest] = grow_forest,
+    screening: Callable[[float, int], Screening] = EvtJoint,
     trees: int = 100,
     deltas: Sequence[float] = DELTAS,
     seed: int = 0,
@@ -41,8 +41,8 @@ def choose_delta(
     Args:
         features, labels: samples (n, d) to fit forests on, their classes (n,).
         calibration, calibration_labels: other samples (m, d) of the same classes.
-        reading: of which δ is chosen.
-        background, neighbours: of the forests, see `recognition.trfe.forest.voters.grow`.
+        grow, screening: forest and screening, see `recognition.trfe.steps.Steps`; a sample is unknown where the score exceeds
+            1 − δ.
         trees: of each forest.
         deltas: candidates; of equally good ones the first is taken.
         seed: of forests, halves and jitter.
@@ -60,12 +60,19 @@ def choose_delta(
     gains = []
     for out in np.unique(known):
         kept = rows[known[rows] != out]
-        grown = grow(table[kept], known[kept], trees=trees, seed=seed, background=background, neighbours=neighbours)
-        cast, left_out = grown.cast(held), truth == out
+        forest = grow(table[kept], known[kept], trees=trees, seed=seed)
+        votes, left_out = forest.vote(held), truth == out
         calibrating, judged = half & ~left_out, ~half | left_out
-        usual, tried = cast.only(calibrating), cast.only(judged)
-        screening = reading(seed=seed).fit(usual.votes, truth[calibrating], trees, usual.distances)
-        score, best = screening.score(*tried), grown.classes[tried.votes.argmax(axis=1)]
-        wanted = np.where(left_out, UNKNOWN, truth)[judged]
-        gains.append([macro_f1(wanted, np.where(score > 1.0 - delta, UNKNOWN, best)) for delta in deltas])
+        usual, tried = votes.only(calibrating), votes.only(judged)
+        fitted = screening(deltas[0], seed).fit(usual.counts, truth[calibrating], trees, usual.distances)
+        score, best = fitted.score(*tried), forest.classes[tried.counts.argmax(axis=1)]
+        expected = np.where(left_out, UNKNOWN, truth)[judged]
+        gains.append([macro_f1(expected, np.where(score > 1.0 - delta, UNKNOWN, best)) for delta in deltas])
     return float(deltas[int(np.mean(gains, axis=0).argmax())])
+
+
+def macro_f1(truth: ArrayLike, predicted: ArrayLike) -> float:
+    """Mean F1 over all labels that occur in `truth`, unknown among them."""
+    from sklearn.metrics import f1_score
+
+    return float(f1_score(truth, predicted, labels=np.unique(truth), average="macro", zero_division=0.0))

@@ -19,6 +19,7 @@ from recognition.sites import site_at
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
+from recognition.trfe.storage import load
 from recognition.trfe.trfe import TRFE
 from schemas.errors import UsageError
 from tests.recognition import motorway
@@ -146,7 +147,7 @@ def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
     trfe.buffer.add(100.0 * new[:3], np.arange(3))
     for waiting, left in ((True, 3), (False, 0)):
         ByModel(trfe).keep(tmp_path / "kept", waiting=waiting)
-        kept = TRFE.load(tmp_path / "kept")
+        kept = load(tmp_path / "kept")
         assert set(kept.recognise(new).labels.tolist()) & {FIRST_DISCOVERED}
         assert len(kept.buffer) == left
 

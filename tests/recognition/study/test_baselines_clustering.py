@@ -10,13 +10,14 @@ import pytest
 import torch
 
 from recognition.study import metrics
-from recognition.study.baselines.iterative_autonovel import IterativeAutoNovel
-from recognition.study.baselines.iterative_euclidean import IterativeEuclidean
-from recognition.study.baselines.kmeans import ChanceClusters, KMeansFeatures
-from recognition.study.baselines.pool import ClusteringMethod, Pool
-from recognition.study.baselines.stae import CODE, Autoencoder
-from recognition.study.baselines.stae_kmeans import STAEKMeans
-from recognition.study.baselines.stae_linkage import STAELinkage
+from recognition.study.baselines.clustering.iterative_autonovel import IterativeAutoNovel
+from recognition.study.baselines.clustering.iterative_euclidean import IterativeEuclidean
+from recognition.study.baselines.clustering.kmeans import KMeansFeatures
+from recognition.study.baselines.clustering.pool import ClusteringMethod, Pool
+from recognition.study.baselines.clustering.random import ChanceClusters
+from recognition.study.baselines.clustering.stae import CODE, Autoencoder
+from recognition.study.baselines.clustering.stae_kmeans import STAEKMeans
+from recognition.study.baselines.clustering.stae_linkage import STAELinkage
 from tests.recognition.clouds import clouds
 from xodr.array_types import IntArray
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -11,24 +12,26 @@ import torch
 from torch.nn import functional
 
 from recognition.study import metrics
-from recognition.study.baselines.arpl import ARPL, arpl_loss, reciprocal_distances
-from recognition.study.baselines.cac import CAC, cac_loss, cac_rejection
-from recognition.study.baselines.cevt import CEVT
-from recognition.study.baselines.chance import Chance
-from recognition.study.baselines.cpn import CPN, cpn_loss
-from recognition.study.baselines.knn import KNN
-from recognition.study.baselines.mdenet import MDENet, contrastive_loss, sphere_loss
-from recognition.study.baselines.method import OpenSetMethod
-from recognition.study.baselines.mls import MLS, logit_outlyingness
-from recognition.study.baselines.vote_threshold import PlainThreshold
+from recognition.study.baselines.open_set.arpl import ARPL, arpl_loss, reciprocal_distances
+from recognition.study.baselines.open_set.cac import CAC, cac_loss, cac_rejection
+from recognition.study.baselines.open_set.cpn import CPN, cpn_loss
+from recognition.study.baselines.open_set.knn import KNN
+from recognition.study.baselines.open_set.mdenet import MDENet, contrastive_loss, sphere_loss
+from recognition.study.baselines.open_set.method import OpenSetMethod
+from recognition.study.baselines.open_set.mls import MLS, logit_outlyingness
+from recognition.study.baselines.open_set.random import Chance
+from recognition.study.baselines.open_set.voting import VotingMethod
+from recognition.study.screenings.reading_b import WeibullVotes
+from recognition.study.screenings.vote_threshold import VoteThreshold
 from recognition.trfe.samples import Features
 from tests.recognition.clouds import clouds
 
 KNOWN = [1, 2, 5, 9]
-METHODS: list[type[OpenSetMethod]] = [CAC, ARPL, CPN, MDENet, MLS, CEVT, PlainThreshold, KNN]
+CEVT, PlainThreshold = (partial(VotingMethod, screening=screening) for screening in (WeibullVotes, VoteThreshold))
+METHODS: list[Callable[..., OpenSetMethod]] = [CAC, ARPL, CPN, MDENet, MLS, CEVT, PlainThreshold, KNN]
 
 
-def fit(method: type[OpenSetMethod]) -> OpenSetMethod:
+def fit(method: Callable[..., OpenSetMethod]) -> OpenSetMethod:
     return method(seed=0).fit(*clouds(KNOWN, 60, seed=1), *clouds(KNOWN, 50, seed=2))
 
 
@@ -42,7 +45,7 @@ def between(count: int) -> Features:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_classes_that_lie_apart_are_told_apart(method: type[OpenSetMethod]) -> None:
+def test_classes_that_lie_apart_are_told_apart(method: Callable[..., OpenSetMethod]) -> None:
     model = fitted(method)
     (known, labels), unknown = clouds(KNOWN, 50, seed=3), between(100)
     features, truth = np.concatenate([known, unknown]), np.r_[labels, np.zeros(len(unknown), dtype=np.int64)]
@@ -53,14 +56,14 @@ def test_classes_that_lie_apart_are_told_apart(method: type[OpenSetMethod]) -> N
 
 
 @pytest.mark.parametrize("method", [*METHODS, Chance])
-def test_one_in_twenty_validation_samples_is_rejected(method: type[OpenSetMethod]) -> None:
+def test_one_in_twenty_validation_samples_is_rejected(method: Callable[..., OpenSetMethod]) -> None:
     model = fitted(method)
     rejected = model.predict(clouds(KNOWN, 50, seed=2)[0]) == 0
     assert 0.0 <= rejected.mean() <= 0.055
 
 
 @pytest.mark.parametrize("method", [*METHODS, Chance])
-def test_same_seed_gives_the_same_scores(method: type[OpenSetMethod]) -> None:
+def test_same_seed_gives_the_same_scores(method: Callable[..., OpenSetMethod]) -> None:
     samples = clouds(KNOWN, 20, seed=4)[0]
     assert np.array_equal(fit(method).score(samples), fitted(method).score(samples))
 

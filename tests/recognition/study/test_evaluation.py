@@ -26,7 +26,7 @@ from xodr.array_types import IntArray
 GRID = Grid(length=8.0, width=4.0)
 CLASSES = [1, 2, 3, 4, 5, 7, 8, 9]
 KINDS = ["open-set", "clustering", "open-world", "chain", "sensitivity"]
-NAMES = ["trfe", "mls", "threshold", "random", "kmeans"]
+NAMES = ["trfe", "mls", "vote-threshold", "random", "kmeans"]
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_classes_that_lie_apart_are_recognised_and_found(windows: Path, tmp_path
 
 
 def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path, tmp_path: Path, encoder: list[int]) -> None:
-    names = ["threshold", "random", "kmeans"]
+    names = ["vote-threshold", "random", "kmeans"]
     run(windows, tmp_path / "whole", 2, names)
     asked = len(encoder)
     evaluation = Evaluation(windows, tmp_path / "parts", Settings(None, grid=GRID))
@@ -97,7 +97,7 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
 
 
 def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(windows: Path, tmp_path: Path) -> None:
-    names, settings, written = ["mls", "threshold", "kmeans"], Settings(None, grid=GRID), []
+    names, settings, written = ["mls", "vote-threshold", "kmeans"], Settings(None, grid=GRID), []
     for processes in (1, 2):
         out = tmp_path / str(processes)
         evaluation = Evaluation(windows, out, settings)

@@ -16,7 +16,8 @@ from recognition.grids import Grid
 from recognition.labels import Label
 from recognition.training.card import CARD, LIMITS, decision, scope
 from recognition.training.windows import Windows
-from recognition.trfe.screening import EvtDeficit
+from recognition.trfe.screening.evt import EvtScreening
+from recognition.trfe.storage import load
 from recognition.trfe.trfe import TRFE
 from tests.recognition import motorway
 
@@ -42,7 +43,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
 
 
 def delta(model: TRFE) -> float:
-    assert isinstance(model.known.screening, EvtDeficit)
+    assert isinstance(model.known.screening, EvtScreening)
     return model.known.screening.delta
 
 
@@ -56,7 +57,7 @@ def test_a_model_is_trained_and_recognises(
     card = (tmp_path / "model" / "README.md").read_text()
     assert capsys.readouterr().out == card + "\n"
     assert "| highway free cruise |" in card and "| highway cut in |" in card and "100.0% right" in card
-    model = TRFE.load(tmp_path / "model")
+    model = load(tmp_path / "model")
     assert f"{model.config.trees} trees vote on 64 features of 2 encoders" in card and f"δ = {delta(model):.2g}." in card
     assert all(f"\n## {title}\n" in card for title in ("How it decides", "Limits of use", "Licence"))
     motorway.write_motorway(tmp_path / "in")
@@ -70,7 +71,7 @@ def test_a_model_is_trained_and_recognises(
 
 
 def test_the_card_of_the_shipped_model_is_its_own() -> None:
-    card, model = (SHIPPED / CARD).read_text(), TRFE.load(SHIPPED)
+    card, model = (SHIPPED / CARD).read_text(), load(SHIPPED)
     assert decision(model) in card and f"δ = {delta(model):.2g}." in card
     assert scope(model) in card and LIMITS in card and "Apache-2.0" in card
     assert all(f"\n| {Label(label).title} | " in card for label in model.known.classes.tolist())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from recognition.study.strategies import CosinePrototypes, EuclideanPrototypes, MarginPrototypes
 from recognition.trfe.discovery.buffer import Buffer, Preprocessing, sift
 from recognition.trfe.prototypes import Prototypes
 from schemas.errors import UsageError
@@ -31,7 +32,7 @@ def test_a_batch_larger_than_the_buffer_leaves_its_end() -> None:
 def line() -> Prototypes:
     """Classes 1 and 2 about 0 and 10 on a line, their samples up to 1 beside; not standardised."""
     centres, ones = np.array([[0.0], [10.0]], np.float32), np.ones(1, np.float32)
-    return Prototypes("euclidean", np.array([1, 2]), centres, np.array([0.95, 0.95]), 0.0 * ones, np.diag(ones))
+    return Prototypes(np.array([1, 2]), centres, np.array([0.95, 0.95]), 0.0 * ones, np.diag(ones))
 
 
 def test_ratio_is_the_distance_over_the_radius() -> None:
@@ -40,15 +41,15 @@ def test_ratio_is_the_distance_over_the_radius() -> None:
 
 def test_radii_are_the_95th_percentile_of_a_class_s_own_distances() -> None:
     features, labels = clouds([1, 2], 200, seed=0)
-    for metric in ("euclidean", "cosine", "margin"):
-        prototypes = Prototypes.fit(features, labels, metric)
-        assert np.mean(prototypes.ratio(features) <= 1.0) == pytest.approx(0.95, abs=0.011), metric
+    for kind in (Prototypes, EuclideanPrototypes, CosinePrototypes, MarginPrototypes):
+        prototypes = kind.fit(features, labels)
+        assert np.mean(prototypes.ratio(features) <= 1.0) == pytest.approx(0.95, abs=0.011), kind
 
 
 def test_standardised_features_have_mean_0_and_deviation_1() -> None:
     features, labels = clouds([1, 2], 50, seed=0)
     features[:, 3] = 7.0
-    standard = Prototypes.fit(features, labels).standardise(features)
+    standard = EuclideanPrototypes.fit(features, labels).standardise(features)
     assert standard.mean(axis=0) == pytest.approx(np.zeros(16), abs=1e-5)
     assert np.delete(standard.std(axis=0), 3) == pytest.approx(np.ones(15), abs=1e-4)
     assert (standard[:, 3] == 0.0).all()
@@ -56,7 +57,7 @@ def test_standardised_features_have_mean_0_and_deviation_1() -> None:
 
 def test_margin_is_small_between_classes() -> None:
     samples = np.concatenate([np.linspace(-1, 1, 41), np.linspace(9, 11, 41)])[:, None]
-    prototypes = Prototypes.fit(samples, np.repeat([1, 2], 41), "margin")
+    prototypes = MarginPrototypes.fit(samples, np.repeat([1, 2], 41))
     ratio = prototypes.ratio(np.array([[0.0], [4.9], [10.0]]))
     assert ratio[[0, 2]] == pytest.approx([0.8, 0.8], abs=0.05)
     assert ratio[1] > 10.0
@@ -80,13 +81,13 @@ def test_samples_within_the_margin_of_a_known_class_are_set_aside() -> None:
         assert sift(beside, line(), Preprocessing(neighbours=1, spread=100.0, margin=margin)).near_known[0] == near
 
 
-@pytest.mark.parametrize("metric", ["whitened", "euclidean", "cosine", "margin"])
-def test_new_classes_are_kept_and_known_ones_are_not(metric) -> None:
-    prototypes = Prototypes.fit(*clouds([1, 2, 3], 100, seed=0, apart=4.0), metric)
+@pytest.mark.parametrize("kind", [Prototypes, EuclideanPrototypes, CosinePrototypes, MarginPrototypes])
+def test_new_classes_are_kept_and_known_ones_are_not(kind: type[Prototypes]) -> None:
+    prototypes = kind.fit(*clouds([1, 2, 3], 100, seed=0, apart=4.0))
     features, truth = clouds([1, 2, 3, 8], 60, seed=1, apart=4.0)
     kept = sift(features, prototypes, Preprocessing(margin=1.0)).kept
     assert kept[truth != 8].mean() < 0.15
-    if metric != "margin":
+    if kind is not MarginPrototypes:
         assert kept[truth == 8].mean() > 0.85
 
 
@@ -97,7 +98,5 @@ def test_bad_input_is_refused() -> None:
         sift(np.zeros((10, 1)), line())
     with pytest.raises(UsageError, match="not finite"):
         sift(np.full((20, 1), np.nan), line())
-    with pytest.raises(UsageError, match="metric 'manhattan' is none of"):
-        Prototypes.fit(np.zeros((4, 1)), np.array([1, 1, 2, 2]), "manhattan")
     with pytest.raises(UsageError, match="at least 2 are needed"):
-        Prototypes.fit(np.zeros((4, 1)), np.ones(4, dtype=int), "margin")
+        MarginPrototypes.fit(np.zeros((4, 1)), np.ones(4, dtype=int))

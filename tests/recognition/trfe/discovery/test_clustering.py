@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from numpy.typing import NDArray
 
 from recognition.study import metrics
+from recognition.study.strategies import soft_pairs
 from recognition.trfe.discovery.clustering import (
     Clustering,
     Clusters,
+    NovelHead,
     Pairs,
     Projection,
     cluster,
     clustering_loss,
     consistency_weight,
-    pair_targets,
+    k_means_head,
+    random_head,
+    three_way_pairs,
 )
 from recognition.trfe.forest.rfap import similarity
 from recognition.trfe.forest.votes import forest
@@ -42,7 +46,7 @@ def test_three_way_targets_leave_out_what_is_between() -> None:
     similar = np.eye(5, dtype=np.float32)
     similar[np.triu_indices(5, 1)] = values
     similar = np.maximum(similar, similar.T)
-    pairs = pair_targets(similar, Clustering())
+    pairs = three_way_pairs(similar, Clustering())
     upper = np.triu_indices(5, 1)
     assert pairs.targets[upper].tolist() == [0, 0, 0, 0, 0, 0, 0, 0, 1, 1]
     assert pairs.counts[upper].tolist() == [1, 1, 1, 1, 1, 0, 0, 0, 1, 1]
@@ -51,7 +55,7 @@ def test_three_way_targets_leave_out_what_is_between() -> None:
 
 def test_soft_targets_are_the_similarity() -> None:
     similar = np.array([[1.0, 0.3], [0.3, 1.0]], np.float32)
-    pairs = pair_targets(similar, Clustering(targets="soft"))
+    pairs = soft_pairs(similar)
     assert np.array_equal(pairs.targets, similar)
     assert pairs.counts.tolist() == [[1, 1], [1, 1]]
 
@@ -82,11 +86,14 @@ def found(
     samples, truth = clouds(list(new), 60, seed=truth_seed, apart=4.0)
     grown, scale = forest(known, labels, 60), known.std()
 
-    def similar(_: Features) -> NDArray[np.float32]:
-        return similarity(grown, samples)
-
+    pairs = three_way_pairs(similarity(grown, samples), config)
     torch.manual_seed(0)
-    return cluster(Projection(16), samples / scale, known / scale, labels, similar, config, seed), truth
+    inputs = samples / scale, known / scale, labels
+    return cluster(Projection(16), *inputs, lambda _: pairs, every_candidate(config), config, seed), truth
+
+
+def every_candidate(config: Clustering) -> NovelHead:
+    return lambda features, _: random_head(features, config.candidates)
 
 
 def test_planted_classes_are_found_without_their_number() -> None:
@@ -105,19 +112,25 @@ def test_a_seed_decides_the_clusters() -> None:
     assert not np.array_equal(first.losses, other.losses)
 
 
-def test_similarity_is_asked_for_once_unless_it_is_to_be_renewed() -> None:
+def test_pairs_are_asked_for_in_each_epoch_with_the_features_learnt_so_far() -> None:
     known, labels = clouds([1, 2], 20, seed=0)
-    asked: list[Features] = []
+    learnt: list[Features] = []
 
-    def similar(features: Features) -> NDArray[np.float32]:
-        asked.append(features)
-        return np.corrcoef(features).astype(np.float32)
+    def pairs(features: Callable[[], Features]) -> Pairs:
+        learnt.append(features())
+        return three_way_pairs(np.corrcoef(learnt[-1]).astype(np.float32), config)
 
-    for refreshed, times in ((False, 1), (True, 3)):
-        asked.clear()
-        cluster(Projection(16), known, known, labels, similar, Clustering(epochs=3, refreshed=refreshed))
-        assert len(asked) == times
-    assert not np.array_equal(asked[0], asked[-1]), "features change as the backbone learns"
+    config = Clustering(epochs=3)
+    cluster(Projection(16), known, known, labels, pairs, every_candidate(config), config)
+    assert len(learnt) == 3
+    assert not np.array_equal(learnt[0], learnt[-1]), "features change as the backbone learns"
+
+
+def test_a_head_from_k_means_puts_samples_to_their_centres() -> None:
+    samples, truth = clouds([1, 2, 3], 30, seed=0, apart=8.0)
+    chosen = k_means_head(samples, 3, seed=0)(torch.from_numpy(samples)).argmax(dim=1).numpy()
+    assert metrics.clustering(truth, chosen).accuracy == 1.0
+    assert k_means_head(samples[:2], 3, seed=0).out_features == 3, "of too few samples a random one"
 
 
 def test_a_projection_starts_as_the_identity() -> None:
@@ -128,4 +141,4 @@ def test_a_projection_starts_as_the_identity() -> None:
 def test_nothing_to_cluster_is_refused() -> None:
     known, labels = clouds([1, 2], 10, seed=0)
     with pytest.raises(UsageError, match="1 unknown and 20 known samples are too few"):
-        cluster(Projection(16), known[:1], known, labels, lambda features: np.eye(len(features), dtype=np.float32))
+        cluster(Projection(16), known[:1], known, labels, lambda _: Pairs(torch.eye(1), torch.eye(1)), every_candidate(QUICK))

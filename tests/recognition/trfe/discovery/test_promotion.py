@@ -24,7 +24,7 @@ def blocks(sizes: list[int], within: list[float], between: float = 0.1) -> np.nd
 def prototypes() -> Prototypes:
     """One known class about the origin, radius 1."""
     ones = np.ones(2, np.float32)
-    return Prototypes("euclidean", np.array([1]), np.zeros((1, 2), np.float32), np.array([1.0]), 0.0 * ones, np.diag(ones))
+    return Prototypes(np.array([1]), np.zeros((1, 2), np.float32), np.array([1.0]), 0.0 * ones, np.diag(ones))
 
 
 def test_cohesion_is_the_mean_over_pairs_of_different_samples() -> None:

@@ -1,0 +1,1 @@
+"""Clustering methods for samples of unknown classes (`pool.ClusteringMethod`)."""

@@ -1,0 +1,65 @@
+"""What every clustering method is: samples of unknown classes in, cluster numbers out."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.trfe.samples import Features
+from xodr.array_types import IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Samples to cluster, and the labelled ones beside them.
+
+    Attributes:
+        features: of the unknown samples (n, d), from the frozen encoder.
+        grids: of the same samples, uint8 (n, frames, channels, rows, columns).
+        known, labels: features (m, d) and classes (m,) of the labelled samples.
+        classes: true number of classes among the unknown samples; only methods that say so look at it.
+    """
+
+    features: Features
+    grids: NDArray[np.uint8]
+    known: Features
+    labels: IntArray
+    classes: int
+
+    @cached_property
+    def codes(self) -> Features:
+        """Codes (n, 32) of the grids, see `recognition.study.baselines.clustering.stae`; two methods share them."""
+        from recognition.study.baselines.clustering.stae import stae_codes
+
+        return stae_codes(self.grids, seed=0)
+
+    def standardised(self) -> tuple[Features, Features]:
+        """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
+        both = np.concatenate([self.features, self.known])
+        standard = ((both - both.mean(axis=0)) / (both.std(axis=0) + 1e-6)).astype(np.float32)
+        return standard[: len(self.features)], standard[len(self.features) :]
+
+
+class ClusteringMethod(ABC):
+    """A way to cluster samples of unknown classes.
+
+    Args:
+        seed: of everything random in it.
+
+    Attributes:
+        given_count: whether it is given the true number of classes.
+    """
+
+    given_count: ClassVar[bool] = False
+
+    def __init__(self, seed: int = 0) -> None:
+        self.seed = seed
+
+    @abstractmethod
+    def cluster(self, pool: Pool) -> IntArray:
+        """Cluster number of each sample (n,); −1 for samples that are put into none."""

@@ -1,0 +1,85 @@
+"""Open-set recognition in one round: every method on the same features, judged on the same test windows."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from recognition.study import kinds, metrics
+from recognition.study.baselines.open_set.method import OpenSetMethod
+from recognition.study.baselines.open_set.voting import VotingMethod
+from recognition.study.protocol.stage import Stage
+from recognition.trfe.samples import UNKNOWN, Features
+from xodr.array_types import FloatArray, IntArray
+
+OWN_RULE = "trfe"
+"""The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
+COMMON = "trfe-common"
+"""TRFE's forest and screening under the common rejection rule."""
+ONLY_TUNED = "trfe-tuned"
+"""The same on features of the fine-tuned encoder alone."""
+TITLES = {
+    OWN_RULE: "**TRFE**",
+    COMMON: "TRFE, common rule",
+    ONLY_TUNED: "TRFE, features after fine-tuning alone",
+    **kinds.titles(kinds.SCREENINGS),
+    **kinds.titles(kinds.OPEN_SET),
+}
+"""Methods by name, with the titles of their rows in the report."""
+
+
+class Judged(NamedTuple):
+    """Test samples as a method sees them: best known class, outlyingness and label (n,), and the threshold behind the labels."""
+
+    closed: IntArray
+    scores: FloatArray
+    predicted: IntArray
+    threshold: float
+
+
+def measure_open_set(name: str, stage: Stage) -> dict[str, Any]:
+    """Fit a method on the known classes of a stage and measure it on known and new ones.
+
+    Returns:
+        The fields of `metrics.OpenSet`, the threshold, and the confusion matrix: `[truth, prediction, windows]` for each pair
+        that occurs, with 0 for unknown.
+    """
+    found = _own_rule(stage) if name == OWN_RULE else _common_rule(name, stage)
+    pairs, counts = np.unique(np.stack([stage.truth, found.predicted]), axis=1, return_counts=True)
+    return {
+        **metrics.open_set(stage.truth, found.closed, found.scores, found.predicted)._asdict(),
+        "threshold": found.threshold,
+        "confusion": [[*map(int, pair), int(count)] for pair, count in zip(pairs.T, counts, strict=True)],
+    }
+
+
+def _own_rule(stage: Stage) -> Judged:
+    found = stage.model.recognise(stage.test.features)
+    return Judged(found.closed, found.score, found.labels, stage.model.known.screening.threshold)
+
+
+def _common_rule(name: str, stage: Stage) -> Judged:
+    if name == ONLY_TUNED:
+        stage = stage.only_tuned
+    fitted, held, tested = stage.labelled, stage.validation, stage.test.features
+    model = _unfitted(name, stage).fit(fitted.features, fitted.labels, held.features, held.labels)
+    return judged(model, tested)
+
+
+def judged(model: OpenSetMethod, features: Features) -> Judged:
+    """What a fitted method makes of samples; `predict` would classify and score them once more."""
+    closed, scores = model.classify(features), model.score(features)
+    return Judged(closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold)
+
+
+def _unfitted(name: str, stage: Stage) -> OpenSetMethod:
+    """A method by name; those that vote share the forests of the stage."""
+    if name in (COMMON, ONLY_TUNED):
+        return VotingMethod(stage.seed, forest=stage.model.known.forest)
+    if name in kinds.titles(kinds.SCREENINGS):
+        module = kinds.kind(kinds.SCREENINGS, name)
+        forest = stage.plain_forest if module.PLAIN_VOTES else stage.model.known.forest
+        return VotingMethod(stage.seed, module.SCREENING, forest=forest)
+    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, name).METHOD(stage.seed)
+    return method
