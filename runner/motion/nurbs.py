@@ -1,18 +1,17 @@
-"""Non-uniform rational B-splines (Piegl and Tiller, The NURBS Book, 2nd ed.), sampled once by arc length."""
+"""Non-uniform rational B-splines, as B-splines in homogeneous coordinates, sampled once by arc length.
+
+Piegl and Tiller, The NURBS Book, 2nd ed., section 4.2.
+"""
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
 from runner.motion.paths import Sample, Sampled
-
-Point = tuple[float, ...]
-"""Homogeneous coordinates: every coordinate times the weight, and the weight last."""
 
 _SPACING = 0.25
 """Wanted distance (m) between samples."""
@@ -54,17 +53,17 @@ def sampled(order: int, points: tuple[ControlPoint, ...], knots: tuple[float, ..
     Raises:
         ValueError: the numbers do not make a curve; the message says why.
     """
+    from scipy.interpolate import BSpline  # takes half a second, and few scenarios need it
+
     _check(order, points, knots)
     timed = all(point.time is not None for point in points)
     turned = all(point.h is not None for point in points)
     homogeneous = [(w * x, w * y, w * z, w * (time or 0.0), w * (h or 0.0), w) for x, y, z, w, time, h in points]
-    slopes, inner = _derivative(order, homogeneous, knots)
+    spline, at = BSpline(knots, homogeneous, order - 1), _parameters(order, points, knots)
     samples: list[Sample] = []
     times: list[float | None] = []
-    for parameter in _parameters(order, points, knots):
-        x, y, z, time, h, w = _evaluate(order, homogeneous, knots, parameter)
+    for (x, y, z, time, h, w), (dx, dy, *_, dw) in zip(spline(at).tolist(), spline(at, 1).tolist(), strict=True):
         x, y, z, time, h = x / w, y / w, z / w, time / w, h / w
-        dx, dy, *_, dw = _evaluate(order - 1, slopes, inner, parameter)
         tangent = math.atan2(dy - y * dw, dx - x * dw)
         if samples:
             step = math.hypot(x - samples[-1].x, y - samples[-1].y)
@@ -112,27 +111,3 @@ def _parameters(order: int, points: Sequence[ControlPoint], knots: Sequence[floa
         count = int(min(max(_FEWEST, reach / _SPACING), _MOST))
         found += [start + (end - start) * step / count for step in range(1, count + 1)]
     return found
-
-
-def _derivative(order: int, points: Sequence[Point], knots: Sequence[float]) -> tuple[list[Point], Sequence[float]]:
-    """Control points and knots of the derivative, a B-spline of one order less (equation 3.7)."""
-    degree = order - 1
-    slopes: list[Point] = []
-    for index, (a, b) in enumerate(pairwise(points)):
-        span = knots[index + degree + 1] - knots[index + 1]
-        factor = degree / span if span else 0.0
-        slopes.append(tuple(factor * (second - first) for first, second in zip(a, b, strict=True)))
-    return slopes, knots[1:-1]
-
-
-def _evaluate(order: int, points: Sequence[Point], knots: Sequence[float], parameter: float) -> Point:
-    """de Boor's algorithm."""
-    span = min(max(bisect_right(knots, parameter) - 1, order - 1), len(points) - 1)
-    active = list(points[span - order + 1 : span + 1])
-    for level in range(1, order):
-        for index in range(order - 1, level - 1, -1):
-            left = knots[index + span - order + 1]
-            width = knots[index + 1 + span - level] - left
-            u = (parameter - left) / width if width else 0.0
-            active[index] = tuple((1.0 - u) * a + u * b for a, b in zip(active[index - 1], active[index], strict=True))
-    return active[-1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,10 @@ from xodr.builders.parametric import ParamPoly3
 from xodr.lanelet2.lanelet import Points
 from xodr.lanelet2.mouths import Mouth
 from xodr.lanelet2.polylines import across, between, lengths, middle, places, resampled
-from xodr.lanelet2.splines import Spline, fit
+from xodr.lanelet2.splines import fit
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 STEP = 0.25
 """Distance between the places where borders are measured, m."""
@@ -59,7 +62,7 @@ def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
     """The geometry of the road between two mouths whose borders (from left to right) are the given lines."""
     line = _reference_line(between(lines[0], start.frame, end.frame), between(lines[-1], start.frame, end.frame), start, end)
     knots = _arc_lengths(line)
-    at = np.linspace(line.knots[0], line.knots[-1], places(knots[-1], STEP))
+    at = np.linspace(line.x[0], line.x[-1], places(knots[-1], STEP))
     s = _arc_lengths(line, at)
     samples = np.column_stack([_offsets(line, at, border) for border in lines])
     ends = np.array([_own(start), _own(end)])
@@ -67,9 +70,9 @@ def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
     samples = np.minimum.accumulate(samples, axis=1)  # borders that cross leave a lane without width
     slopes = np.array([[edge.slope for edge in mouth.edges] for mouth in (start, end)])
     borders = _smooth(s, samples, ends, slopes)
-    first = line(line.knots[:1])[0]
-    heading = math.atan2(*line(line.knots[:1], 1)[0][::-1])
-    return Shape(Pose(float(first[0]), float(first[1]), heading), tuple(_pieces(line, knots)), borders.knots[:-1], borders.pieces)
+    first = line(line.x[:1])[0]
+    heading = math.atan2(*line(line.x[:1], 1)[0][::-1])
+    return Shape(Pose(float(first[0]), float(first[1]), heading), tuple(_pieces(line, knots)), borders.x[:-1], _by_power(borders))
 
 
 def _own(mouth: Mouth) -> list[float]:
@@ -78,7 +81,7 @@ def _own(mouth: Mouth) -> list[float]:
     return [value - (t[0] + t[-1]) / 2 for value in t]
 
 
-def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> Spline:
+def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> PPoly:
     """The spline along the middle that does not turn too sharply for the road's width; of those the coarsest one near to it."""
     samples = middle(left, right, STEP)
     half = np.hypot(*(resampled(left, len(samples)) - resampled(right, len(samples))).T) / 2
@@ -105,29 +108,29 @@ def _doubled(most: float) -> Iterator[int]:
         number *= 2
 
 
-def _curvatures(line: Spline, at: FloatArray) -> FloatArray:
+def _curvatures(line: PPoly, at: FloatArray) -> FloatArray:
     (dx, dy), (ddx, ddy) = line(at, 1).T, line(at, 2).T
     return np.asarray((dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3)
 
 
-def _arc_lengths(line: Spline, at: FloatArray | None = None) -> FloatArray:
+def _arc_lengths(line: PPoly, at: FloatArray | None = None) -> FloatArray:
     """Arc length of a plane curve at its knots, or at parameters."""
-    grid = line.knots if at is None else at
-    ends = np.concatenate([[line.knots[0]], grid])
+    grid = line.x if at is None else at
+    ends = np.concatenate([[line.x[0]], grid])
     half = np.diff(ends)[:, None] / 2
     places = ends[:-1, None] + half * (1 + _NODES)
     speeds = np.hypot(*line(places.ravel(), 1).T).reshape(places.shape)
     return np.cumsum((half * speeds) @ _WEIGHTS)
 
 
-def _offsets(line: Spline, at: FloatArray, border: Points) -> FloatArray:
+def _offsets(line: PPoly, at: FloatArray, border: Points) -> FloatArray:
     """t of a border at parameters of the reference line, interpolated where no normal of the line meets it."""
     t = across(line(at), line(at, 1), border)
     found = np.isfinite(t)
     return np.interp(at, at[found], t[found]) if found.any() else np.zeros(len(at))
 
 
-def _smooth(s: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatArray) -> Spline:
+def _smooth(s: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatArray) -> PPoly:
     """The coarsest spline within tolerance of the samples, else the nearest one."""
     candidates = []
     for intervals in _doubled(s[-1] / _SHORTEST_PIECE):
@@ -139,11 +142,11 @@ def _smooth(s: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatA
     return min(candidates, key=lambda candidate: candidate[:2])[2]
 
 
-def _pieces(line: Spline, s: FloatArray) -> list[ParamPoly3]:
+def _pieces(line: PPoly, s: FloatArray) -> list[ParamPoly3]:
     """The pieces of a plane spline in the frames of their starts, with parameters from 0 to 1."""
     found = []
-    for index, piece in enumerate(line.pieces):
-        scaled = piece * (line.knots[index + 1] - line.knots[index]) ** np.arange(4)[:, None]
+    for index, piece in enumerate(_by_power(line)):
+        scaled = piece * (line.x[index + 1] - line.x[index]) ** np.arange(4)[:, None]
         scaled[0] = 0.0
         direction = scaled[1] / np.hypot(*scaled[1])
         u = scaled @ direction
@@ -151,3 +154,8 @@ def _pieces(line: Spline, s: FloatArray) -> list[ParamPoly3]:
         v[1] = 0.0
         found.append(ParamPoly3(float(s[index + 1] - s[index]), tuple(u.tolist()), tuple(v.tolist())))
     return found
+
+
+def _by_power(spline: PPoly) -> FloatArray:
+    """The coefficients a, b, c, d of each piece, (m, 4, d)."""
+    return spline.c[::-1].transpose(1, 0, 2)

@@ -1,7 +1,8 @@
 """From the world to the road: the nearest place on a road network.
 
-Each road is cut into chords at load; a tree of boxes over them (a bulk-loaded R-tree) gives the few chords near a point, and
-a projection onto the exact reference line gives s and t. A point's distance from a road is that from its surface, not
+Each road is cut into chords at load; a tree of boxes over them (a bulk-loaded R-tree, as fast as Shapely's on a town and twice
+as fast on one road: docs/performance.md) gives the few chords near a point, nearest first, and a projection onto the exact
+reference line gives s and t. A point's distance from a road is that from its surface, not
 from its reference line: on the road it is 0, and where roads overlap (junctions, bridges) height, heading and the
 distance from the lane's centre decide, in this order.
 """
