@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
+from generation.options import Density, Jobs, Kind, Method, Pin, Quiet, Recorded, Sut, Timestep
+from generation.search.method import DEFAULT
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
@@ -50,9 +51,7 @@ def xosc_generate(
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
     kind: Kind = None,
-    method: Annotated[
-        str, typer.Option(help="Search method: mcsg, random, kde, conscend, cma-es, gacs, ibo, ccsf, rltester, rlbe, …")
-    ] = "mcsg",
+    method: Method = DEFAULT,
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = 3000,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     weight: Annotated[

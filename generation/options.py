@@ -7,13 +7,17 @@ from typing import Annotated
 
 import typer
 
+from generation.density.model import models
+from generation.search.method import offered
+
 Sut = Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")]
 Recorded = Annotated[
     Path | None,
     typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own recordings' units]"),
 ]
 Kind = Annotated[str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")]
-Density = Annotated[str, typer.Option(help="Density of recorded parameters: kde, independent, gaussian, mixture, flow.")]
+Method = Annotated[str, typer.Option(help=f"Search method: {', '.join(offered())}.")]
+Density = Annotated[str, typer.Option(help=f"Density of recorded parameters: {', '.join(models())}.")]
 Pin = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]

@@ -12,7 +12,7 @@ from generation.outcomes.evaluator import Evaluator
 from generation.parameters import Space
 from generation.recorded import Recorded
 from generation.search.memory import Memory
-from generation.search.method import METHODS, method
+from generation.search.method import method
 from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
 from generation.variations import Evidence, Writer
@@ -35,7 +35,7 @@ class Settings:
         method: name of the search method (`generation.search.method`).
         budget: simulator calls.
         seed: of the search.
-        density: name of the density model (`generation.density.fitting`).
+        density: name of the density model (`generation.density.model`).
         weight: of realism in the reward; None for the one of `Reward`.
         rss: name of the RSS parameter set.
         processes: how many runs at a time.
@@ -105,8 +105,6 @@ def generate(
         InvalidFile: the scenario is malformed.
     """
     search = method(settings.method)
-    if METHODS[settings.method].knots:
-        raise UsageError(f"{settings.method} searches trajectories: it is a part of python -m generation.study.comparison only")
     space = Space.of(scenario, settings.pinned, settings.free)
     real = recorded(space).within(space)
     realism = _prior(real, settings.density, scenario)

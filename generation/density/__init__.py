@@ -1,1 +1,1 @@
-"""How likely manoeuvre parameters are: one file a model, one contract (`base.Density`), fitted by `fitting`."""
+"""How likely manoeuvre parameters are: one contract (`base.Density`), a file in `models` for each density."""

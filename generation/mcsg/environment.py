@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -15,18 +15,31 @@ from generation.search.problem import Problem
 from recognition.trfe.samples import Floats
 
 
-def single(d: int) -> Floats:
-    """Moves (d, d) of edits that change one parameter each, by shares of its range."""
-    return np.eye(d)
+class Moves(NamedTuple):
+    """How edits move θ.
+
+    Attributes:
+        rows: (d, d), row j the move of θ in the unit cube that an edit 1 of parameter j is.
+        deviation: the edits (d,) that are one standard deviation of the real parameters.
+    """
+
+    rows: Floats
+    deviation: Floats
 
 
-def coordinated(space: Space, real: Floats) -> Floats:
-    """Moves (d, d) of edits in standard deviations of real parameters (n, d), which the later parameters follow.
+def single(space: Space, real: Floats) -> Moves:
+    """Edits that change one parameter each, by shares of its range."""
+    return Moves(np.eye(len(space.parameters)), space.unit(real).std(axis=0))
+
+
+def coordinated(space: Space, real: Floats) -> Moves:
+    """Edits in standard deviations of real parameters (n, d), which the later parameters follow.
 
     With LLᵀ the covariance of the real ones in the unit cube, an edit δ of parameter j adds δ times column j of L: the parameter
     moves by δ standard deviations given those before it, and those after it move as they do together in traffic.
     """
-    return np.ascontiguousarray(Whitening.of(space.unit(real)).factor.T)
+    rows = np.ascontiguousarray(Whitening.of(space.unit(real)).factor.T)
+    return Moves(rows, np.ones(len(rows)))
 
 
 class Edits:
@@ -35,16 +48,16 @@ class Edits:
     Args:
         space: the box of θ.
         theta: the points (n, d) that the episodes start from, within the box.
-        moves: (d, d), row j the move of θ in the unit cube that an edit 1 of parameter j is.
+        moves: how an edit moves them.
 
     Attributes:
         theta: the points with the edits so far.
         step: number of the parameter that is edited next; d at the end.
     """
 
-    def __init__(self, space: Space, theta: Floats, moves: Floats) -> None:
+    def __init__(self, space: Space, theta: Floats, moves: Moves) -> None:
         self.theta, self.step = np.array(theta, dtype=np.float64), 0
-        self._space, self._moves = space, moves
+        self._space, self._rows = space, moves.rows
 
     @property
     def done(self) -> bool:
@@ -60,8 +73,8 @@ class Edits:
 
     def edit(self, change: Floats) -> None:
         """Edit the next parameter by the amounts (n,); nothing leaves the box."""
-        unit = self._space.unit(self.theta) + change[:, None] * self._moves[self.step]
-        changed = self._moves[self.step] != 0.0
+        unit = self._space.unit(self.theta) + change[:, None] * self._rows[self.step]
+        changed = self._rows[self.step] != 0.0
         self.theta[:, changed] = self._space.scaled(np.clip(unit, 0.0, 1.0))[:, changed]
         self.step += 1
 
@@ -81,7 +94,7 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = spaces.Box(0.0, 1.0, (2 * d,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         self._problem = problem
-        self._moves = single(d)
+        self._moves = single(problem.space, problem.real)
         self._edits = Edits(problem.space, problem.real[:1], self._moves)
 
     def reset(

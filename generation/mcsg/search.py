@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from generation.mcsg.environment import Edits, coordinated, single
+from generation.mcsg.environment import Edits, Moves, coordinated
 from generation.mcsg.policy import Bins, Policy, State
-from generation.outcomes.cases import Choice, diverse
-from generation.search.problem import Calls, Episodes, History, Problem
-from generation.search.reward import criticality
+from generation.mcsg.settings import McsgSettings
+from generation.mcsg.starts import EliteStarts, Starts
+from generation.parameters import Space
+from generation.search.problem import Calls, History, Problem
 from recognition.training.seeding import seeded
 from recognition.trfe.samples import Floats
 
@@ -22,42 +23,29 @@ _TOP, _SPAN = 0.1, (0.05, 0.95)
 """The second stage's ranges are these quantiles of the edits in the best tenth of the first."""
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How MCSG learns; METHOD §3 where nothing else is said.
-
-    Attributes:
-        batch: episodes to each step of REINFORCE.
-        rate, clip: of Adam, and the norm that gradients are cut to.
-        momentum: of the moving average of rewards that is the baseline.
-        bins: of each parameter's edits, in the first stage and after it.
-        coordinated: whether edits are those of `generation.mcsg.environment.coordinated`, or change single parameters.
-        reach: greatest edit of the first stage, in standard deviations of the real parameters.
-        spread: standard deviation of the untrained policy's edits, the same way.
-        elite: share of all episodes so far that the next ones start from; 0 has all start from real scenarios.
-        apart: least distance of two of the elite in the unit cube, root mean square over the parameters.
-    """
-
-    batch: int = 50
-    rate: float = 1e-2
-    clip: float = 1.0
-    momentum: float = 0.9
-    bins: tuple[int, int] = (5, 10)
-    coordinated: bool = True
-    reach: float = 3.0
-    spread: float = 1.0
-    elite: float = 0.05
-    apart: float = 0.05
-
-
-def search(problem: Problem, budget: int, seed: int, settings: Settings = Settings()) -> History:
+def search(
+    problem: Problem,
+    budget: int,
+    seed: int,
+    settings: McsgSettings = McsgSettings(),  # noqa: B008 - frozen
+    edits: Callable[[Space, Floats], Moves] = coordinated,
+    starts: Callable[[Problem, McsgSettings], Starts] = EliteStarts,
+) -> History:
     """Spend the budget in three equal stages: coarse bins, fine bins around the best edits, and these with Gaussian noise.
 
     The state is carried on: once there are as many episodes as in a batch, the next ones start from the elite of all, so that
-    critical scenarios are edited further instead of being found anew (`Settings.elite`).
+    critical scenarios are edited further instead of being found anew.
+
+    Args:
+        problem: what is searched.
+        budget: simulator calls.
+        seed: of everything random.
+        settings: how the policy learns.
+        edits: gives the edits of a space, given real parameters (n, d).
+        starts: gives what episodes start from.
     """
     with seeded(seed):
-        learner = _Learner(problem, budget, seed, settings)
+        learner = _Learner(problem, budget, seed, settings, edits(problem.space, problem.real), starts(problem, settings))
         for stage in range(3):
             if stage == 1 and learner.edits:
                 learner.refine()
@@ -68,15 +56,14 @@ def search(problem: Problem, budget: int, seed: int, settings: Settings = Settin
 class _Learner:
     """A search under way."""
 
-    def __init__(self, problem: Problem, budget: int, seed: int, settings: Settings) -> None:
+    def __init__(self, problem: Problem, budget: int, seed: int, settings: McsgSettings, moves: Moves, starts: Starts) -> None:
         self.calls = Calls(problem, budget)
         self._problem, self._budget, self._settings = problem, budget, settings
         self._generator = np.random.default_rng(seed)
-        self._moves, deviation = _moves(problem, settings.coordinated)
-        self._starts, self._baseline = _Starts(problem, settings), _Baseline(settings.momentum)
+        self._moves, self._starts, self._baseline = moves, starts, _Baseline(settings.momentum)
         self.edits: list[Floats] = []
-        reach = torch.from_numpy(settings.reach * deviation).float()
-        self._policy = Policy(Bins(-reach, reach, settings.bins[0]), torch.from_numpy(settings.spread * deviation).float())
+        reach = torch.from_numpy(settings.reach * moves.deviation).float()
+        self._policy = Policy(Bins(-reach, reach, settings.bins[0]), torch.from_numpy(settings.spread * moves.deviation).float())
         self._optimiser = torch.optim.Adam(self._policy.parameters(), settings.rate)
 
     def spend(self, until: int, noise: bool) -> None:
@@ -147,41 +134,3 @@ class _Baseline:
         self._mean = self._momentum * before + (1.0 - self._momentum) * mean
         above = rewards - before
         return above / (above.std() + 1e-3)
-
-
-class _Starts:
-    """What episodes start from: real scenarios (or what was found before) at first, then the elite of all episodes so far.
-
-    The elite is chosen by criticality − w·t·max((NLL − Q99)/IQR, 0), t the share of the budget that is spent. The reward's
-    realism term is the same far from traffic as a little outside; this one goes on falling, so that what is critical is drawn
-    back to where traffic is, and it grows with time, so that it is critical first.
-    """
-
-    def __init__(self, problem: Problem, settings: Settings) -> None:
-        self._problem, self._settings = problem, settings
-        self._theta, self._critical, self._excess = np.empty((0, len(problem.space.parameters))), np.empty(0), np.empty(0)
-
-    def add(self, episodes: Episodes) -> None:
-        """Take note of episodes."""
-        reward = self._problem.reward
-        self._theta = np.concatenate([self._theta, episodes.theta])
-        self._critical = np.concatenate([self._critical, criticality(episodes.outcomes, reward.form)])
-        self._excess = np.concatenate([self._excess, reward.realism.excess(episodes.theta)])
-
-    def draw(self, n: int, spent: float, generator: np.random.Generator) -> Floats:
-        """Starts (n, d), when that share of the budget is spent."""
-        if not self._settings.elite or len(self._theta) < self._settings.batch:
-            starts = self._problem.starts
-            return starts[generator.integers(len(starts), size=n)]
-        score = self._critical - self._problem.reward.weight * spent * self._excess
-        count = max(int(self._settings.elite * len(score)), self._settings.batch // 2)
-        ranked = self._theta[np.argsort(-score, kind="stable")]
-        elite = ranked[diverse(self._problem.space.unit(ranked), Choice(count, self._settings.apart))]
-        return elite[generator.integers(len(elite), size=n)]
-
-
-def _moves(problem: Problem, together: bool) -> tuple[Floats, Floats]:
-    """Moves (d, d) of edits, and the edits (d,) that are one standard deviation of the real parameters."""
-    if together:
-        return coordinated(problem.space, problem.real), np.ones(len(problem.space.parameters))
-    return single(len(problem.space.parameters)), problem.space.unit(problem.real).std(axis=0)

@@ -16,6 +16,8 @@ from generation.search.reward import Reward
 from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile
 
+BATCH = 50
+"""Points asked for at a time, wherever a method has no number of its own."""
 Evaluate = Callable[[Floats], Outcomes]
 """Outcomes of the points (n, d), in their order; `generation.outcomes.evaluator.Evaluator` is one."""
 
@@ -75,6 +77,10 @@ class Problem:
     def starts(self) -> Floats:
         """What the first episodes of a search start from (k, d): what was found before, else real scenarios."""
         return self.real if self.found is None else self.found
+
+
+Search = Callable[[Problem, int, int], History]
+"""Spends a budget of simulator calls on a problem, all that is drawn by a seed."""
 
 
 class Calls:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,20 +16,16 @@ from schemas.errors import UsageError
 
 COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
 """Rewards of a collision, of a scenario without any risk, and of R_risk = 1 in addition to that."""
-Form = Literal["exclusive", "additive"]
+Criticality = Callable[[Outcomes], Floats]
+"""Reward (n,) without realism."""
 
 
-def criticality(outcomes: Outcomes, form: Form) -> Floats:
-    """Reward (n,) without realism.
+def additive(outcomes: Outcomes) -> Floats:
+    """−0.1 + 0.2·R_risk, and 0.25 for a collision on top: of two collisions the one that was dangerous all along counts more.
 
-    `exclusive`: 0.25 with a collision, otherwise −0.1 + 0.2·R_risk, so that a collision pays more than any risk. `additive`: a
-    collision's 0.25 on top of the other, so that among collisions those count most that were dangerous all along. An episode
-    that failed counts as one without any risk.
+    An episode that failed counts as one without any risk.
     """
-    risk = SAFE + RISK * outcomes.r_risk
-    if form == "additive":
-        return risk + COLLISION * outcomes.collision
-    return np.where(outcomes.collision, COLLISION, risk)
+    return SAFE + RISK * outcomes.r_risk + COLLISION * outcomes.collision
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +48,7 @@ class Realism:
         """By a density that is fitted on recorded parameters (n, d).
 
         Args:
-            name: of the density (`generation.density.fitting`).
+            name: of the density (`generation.density.model`).
             recordings: of each row (n,).
 
         Raises:
@@ -93,14 +89,14 @@ class Reward:
     Attributes:
         realism: how implausible.
         weight: w; 0 leaves realism out.
-        form: how collisions count, see `criticality`.
+        criticality: reward without realism.
     """
 
     realism: Realism
     weight: float = 0.2
-    form: Form = "additive"
+    criticality: Criticality = additive
 
     def __call__(self, theta: Floats, outcomes: Outcomes) -> Floats:
         """Rewards (n,) of rows (n, d) and what came of them."""
-        critical = criticality(outcomes, self.form)
+        critical = self.criticality(outcomes)
         return critical - self.weight * self.realism.penalty(theta) if self.weight else critical

@@ -15,6 +15,8 @@ from recognition.training.seeding import seeded
 from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
 
+DENSITY = {"class": "Flow", "title": "normalizing flow (RealNVP)"}
+
 
 @dataclass(frozen=True)
 class Couplings:

@@ -7,6 +7,8 @@ import numpy as np
 from generation.density.base import Density, Whitening
 from recognition.trfe.samples import Floats, Whole
 
+DENSITY = {"class": "Gaussian", "title": "one Gaussian"}
+
 
 class Gaussian(Density):
     """Normal distribution with the mean and covariance of the samples."""

@@ -8,6 +8,8 @@ from generation.density.base import Density
 from generation.density.models.kde import KDE
 from recognition.trfe.samples import Floats, Whole
 
+DENSITY = {"class": "Independent", "title": "independent 1-D KDEs"}
+
 
 class Independent(Density):
     """p(θ) = Π_j p_j(θ_j), each p_j a `KDE` with a bandwidth of its own."""

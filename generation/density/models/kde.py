@@ -7,6 +7,7 @@ import numpy as np
 from generation.density.base import Density, Whitening, folds
 from recognition.trfe.samples import Floats, Whole
 
+DENSITY = {"class": "KDE", "title": "KDE, full covariance"}
 FACTORS = np.geomspace(0.2, 2.0, 19)
 """Multiples of Scott's bandwidth that cross-validation chooses from."""
 _CHUNK = 2_000_000

@@ -8,6 +8,7 @@ from generation.density.base import Density, Whitening
 from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
 
+DENSITY = {"class": "Mixture", "title": "Gaussian mixture (BIC)"}
 _MOST = 8
 _RIDGE = 1e-3
 """Least variance of a component along any axis, where the samples' is 1."""

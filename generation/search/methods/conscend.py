@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.search.methods.random import BATCH
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import BATCH, Calls, History, Problem
+
+METHOD = {"title": "ConScenD", "meaning": "replays recorded parameters, no search", "realistic": True}
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:

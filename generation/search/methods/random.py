@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import BATCH, Calls, History, Problem
 
-BATCH = 50
-"""Points asked for at a time, wherever a method has no number of its own."""
+METHOD = {"title": "random", "meaning": "uniform in the box", "realistic": False}
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:

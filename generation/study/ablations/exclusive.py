@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from generation.mcsg.search import Settings
+import numpy as np
+
+from generation.mcsg.search import search as mcsg
+from generation.outcomes.evaluator import Outcomes
 from generation.search.problem import History, Problem
+from generation.search.reward import COLLISION, RISK, SAFE
 from generation.study.strategies.rewarded import rewarded
+from recognition.trfe.samples import Floats
+
+METHOD = {"title": "exclusive reward", "meaning": "MCSG where a collision pays the same whatever R_risk", "realistic": True}
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:
     """MCSG by the exclusive reward."""
-    return rewarded(problem, budget, seed, Settings(), form="exclusive")
+    return rewarded(mcsg, problem, budget, seed, criticality=exclusive)
+
+
+def exclusive(outcomes: Outcomes) -> Floats:
+    """0.25 with a collision, otherwise −0.1 + 0.2·R_risk: (n,)."""
+    return np.where(outcomes.collision, COLLISION, SAFE + RISK * outcomes.r_risk)

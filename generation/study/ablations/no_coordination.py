@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from generation.mcsg.search import Settings
+from generation.mcsg.environment import single
 from generation.mcsg.search import search as mcsg
 from generation.search.problem import History, Problem
+
+METHOD = {"title": "No-Coordination", "meaning": "MCSG with edits of single parameters", "realistic": True}
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:
     """MCSG with edits that no other parameter follows."""
-    return mcsg(problem, budget, seed, Settings(coordinated=False))
+    return mcsg(problem, budget, seed, edits=single)

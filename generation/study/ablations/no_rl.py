@@ -7,6 +7,8 @@ import numpy as np
 from generation.search.problem import History, Problem
 from generation.study.strategies.genetic import POPULATION, evolve
 
+METHOD = {"title": "No-RL", "meaning": "MCSG's reward and starts, a genetic algorithm in place of the policy", "realistic": True}
+
 
 def search(problem: Problem, budget: int, seed: int) -> History:
     """From a population of real scenarios.

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from generation.mcsg.search import Settings
+from functools import partial
+
+from generation.mcsg.environment import single
+from generation.mcsg.search import search as mcsg
 from generation.search.problem import History, Problem
+from generation.study.strategies.real_starts import RealStarts
 from generation.study.strategies.rewarded import rewarded
+
+METHOD = {"title": "CCSF", "meaning": "REINFORCE with an LSTM, on criticality", "realistic": False}
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:
     """MCSG's policy and stages, with edits of single parameters, always from real scenarios, rewarded for criticality alone."""
-    return rewarded(problem, budget, seed, Settings(coordinated=False, elite=0.0), weight=0.0)
+    return rewarded(partial(mcsg, edits=single, starts=RealStarts), problem, budget, seed, weight=0.0)

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.search.method import need
 from generation.search.problem import Calls, History, Problem
+from generation.study.strategies.optional import need
 
+METHOD = {"title": "CMA-ES", "meaning": "evolution strategy on MCSG's reward, with restarts", "realistic": True}
 POPULATION, SIGMA = 20, 0.2
 """Points to a generation, and the first step size as a share of the ranges."""
 

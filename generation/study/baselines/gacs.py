@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from generation.search.problem import History, Problem
-from generation.search.reward import criticality
 from generation.study.strategies.genetic import POPULATION, evolve
+
+METHOD = {"title": "GACS", "meaning": "genetic algorithm on criticality", "realistic": False}
 
 
 def search(problem: Problem, budget: int, seed: int) -> History:
@@ -16,4 +17,4 @@ def search(problem: Problem, budget: int, seed: int) -> History:
         UsageError: pymoo is not installed.
     """
     start = np.random.default_rng(seed).random((POPULATION, len(problem.space.parameters)))
-    return evolve(problem, budget, seed, start, lambda episodes: criticality(episodes.outcomes, problem.reward.form))
+    return evolve(problem, budget, seed, start, lambda episodes: problem.reward.criticality(episodes.outcomes))

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from generation.search.method import need
 from generation.search.problem import Calls, History, Problem
-from generation.search.reward import criticality
+from generation.study.strategies.optional import need
 
+METHOD = {"title": "IBO", "meaning": "Bayesian optimisation of criticality", "realistic": False}
 STARTS, TRIALS = 20, 60
 """Sobol points before the process is asked, and points in all before a new process begins: its cost grows with their cube."""
 
@@ -33,7 +33,7 @@ def search(problem: Problem, budget: int, seed: int) -> History:
             trial = study.ask()
             unit = np.array([trial.suggest_float(name, 0.0, 1.0) for name in problem.space.names])
             episodes = calls(problem.space.scaled(unit)[None])
-            study.tell(trial, float(criticality(episodes.outcomes, problem.reward.form)[0]))
+            study.tell(trial, float(problem.reward.criticality(episodes.outcomes)[0]))
         run += 1
     return calls.history
 

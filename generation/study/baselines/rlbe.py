@@ -15,12 +15,14 @@ from torch.distributions import Normal
 
 from generation.mcsg.environment import Edits, single
 from generation.search.problem import Calls, History, Problem
-from generation.study.strategies.networks import perceptron
+from generation.study.strategies.perceptron import perceptron
 from recognition.training.seeding import seeded
+
+METHOD = {"title": "RLBE", "meaning": "proximal policy optimisation of edits, risk and plausibility", "realistic": True}
 
 
 @dataclass(frozen=True)
-class Settings:
+class PPOSettings:
     """How it learns.
 
     Attributes:
@@ -47,16 +49,17 @@ class _Steps(NamedTuple):
     returns: Tensor
 
 
-def search(problem: Problem, budget: int, seed: int, settings: Settings = Settings()) -> History:
+def search(problem: Problem, budget: int, seed: int, settings: PPOSettings = PPOSettings()) -> History:
     """Gaussian edits of one parameter after the other, rewarded at the end by the problem's reward."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     with seeded(seed):
         agent = _ActorCritic(len(problem.space.parameters), settings.spread)
         optimiser = torch.optim.Adam(agent.parameters(), settings.rate)
+        edits = single(problem.space, problem.real)
         while calls.left:
             n = min(settings.batch, calls.left)
             start = problem.real[generator.integers(len(problem.real), size=n)]
-            steps = _play(agent, Edits(problem.space, start, single(start.shape[1])), calls)
+            steps = _play(agent, Edits(problem.space, start, edits), calls)
             for _ in range(settings.epochs):
                 optimiser.zero_grad()
                 agent.loss(steps, settings).backward()
@@ -95,7 +98,7 @@ class _ActorCritic(nn.Module):
         spread = states[:, states.shape[1] // 2 :] @ self.log_spread.exp()
         return Normal(self.mean(states)[:, 0], spread)
 
-    def loss(self, steps: _Steps, settings: Settings) -> Tensor:
+    def loss(self, steps: _Steps, settings: PPOSettings) -> Tensor:
         """The clipped surrogate, the squared error of the value, and the entropy."""
         choice, value = self.edits(steps.states), self.value(steps.states)[:, 0]
         advantage = (steps.returns - value).detach()

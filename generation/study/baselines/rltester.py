@@ -14,13 +14,15 @@ from torch import Tensor
 from torch.nn import functional
 
 from generation.search.problem import Calls, History, Problem
-from generation.study.strategies.networks import perceptron
+from generation.study.strategies.perceptron import perceptron
 from recognition.training.seeding import seeded
 from recognition.trfe.samples import Floats, Whole
 
+METHOD = {"title": "RLTester", "meaning": "deep Q-network, one step of one parameter at a time, least TTC", "realistic": False}
+
 
 @dataclass(frozen=True)
-class Settings:
+class DQNSettings:
     """How it learns.
 
     Attributes:
@@ -46,7 +48,7 @@ class Settings:
     target: int = 5
 
 
-def search(problem: Problem, budget: int, seed: int, settings: Settings = Settings()) -> History:
+def search(problem: Problem, budget: int, seed: int, settings: DQNSettings = DQNSettings()) -> History:
     """Walks through the unit cube from uniform starts; the reward of a step is −min TTC of the scenario that it leads to."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     d = len(problem.space.parameters)
@@ -73,7 +75,7 @@ def search(problem: Problem, budget: int, seed: int, settings: Settings = Settin
 class _Agent:
     """A Q-network over states (n, d) and the 2d steps, with its replay memory; episodes are cut off, they do not end."""
 
-    def __init__(self, d: int, settings: Settings) -> None:
+    def __init__(self, d: int, settings: DQNSettings) -> None:
         self._settings, self._actions = settings, 2 * d
         self._network = perceptron(d, self._actions)
         self._target = deepcopy(self._network)

@@ -59,7 +59,7 @@ def evaluate(
 
 
 def _methods(chosen: list[str] | None) -> list[str] | None:
-    from generation.search.method import METHODS
+    from generation.study.methods import METHODS
 
     for name in chosen or ():
         if name not in METHODS:

@@ -9,9 +9,9 @@ import numpy as np
 
 from generation.outcomes.cases import Choice, best
 from generation.recorded import kind_of, of_recordings, of_samples
-from generation.search.method import METHODS
 from generation.search.problem import Episodes, joined
 from generation.study.comparison.study import Settings, Study
+from generation.study.methods import TRAJECTORIES
 from runner.batch.jobs import Job
 from schemas.errors import InvalidFile, UsageError
 
@@ -49,7 +49,7 @@ def edge_cases(study: Study, method: str, choice: Choice) -> list[Job]:
         UsageError: the method's searches are not there, or are of trajectories.
     """
     searches = [study.history(key) for key in study.searches() if key.method == method]
-    if not searches or METHODS[method].knots:
+    if not searches or method in TRAJECTORIES:
         raise UsageError(f"there are no manoeuvres that {method} searched", path=study.out)
     thetas, outcomes, rewards = zip(*searches, strict=True)
     episodes = Episodes(np.concatenate(thetas), joined(outcomes), np.concatenate(rewards))

@@ -14,11 +14,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from generation.search.method import ABLATIONS, METHODS
 from generation.search.problem import Episodes
 from generation.study.comparison.measures import curves, last_third
 from generation.study.comparison.report import FIGURES, results
 from generation.study.comparison.study import Key, Study
+from generation.study.methods import ABLATIONS, METHODS
 from recognition.maneuvers.estimation.reconstruction import reconstruct
 from recognition.maneuvers.parameters import PARAMETERS
 from recognition.trfe.samples import Floats

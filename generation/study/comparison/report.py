@@ -7,11 +7,11 @@ from statistics import fmean
 
 import numpy as np
 
-from generation.density import fitting
-from generation.search.method import ABLATIONS, METHODS
+from generation.study import densities
 from generation.study.comparison import trajectories
 from generation.study.comparison.measures import Measures, last_third, measure
 from generation.study.comparison.study import Key, Study
+from generation.study.methods import ABLATIONS, METHODS
 from recognition.study.report.tables import Table, spread
 from recognition.trfe.samples import Floats
 
@@ -61,7 +61,7 @@ def _tables(study: Study, last: Results, whole: Results) -> list[Table]:
         Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(whole)),
         reconstruction(study.recorded.errors),
         trajectories.table(study),
-        fitting.comparison(study.recorded.theta, study.recorded.recordings),
+        densities.comparison(study.recorded.theta, study.recorded.recordings),
     ]
     return [table for table in found if table.rows]
 
@@ -129,7 +129,7 @@ def _introduction(study: Study, last: Results) -> str:
         f"Scenario `{study.scenario.name}`, system under test `{settings.sut}`, {settings.budget} simulator calls a search, "
         f"{len(seeds)} seeds, RSS set `{settings.rss}`, time step {settings.timestep} s. Pinned: {pinned or 'nothing'}. "
         f"Searched: {', '.join(study.space.names)}. Density `{settings.density}` of {len(recorded.theta)} manoeuvres from "
-        f"{len(np.unique(recorded.recordings))} recordings; reward form {settings.form}, realism weight {settings.weight}, "
+        f"{len(np.unique(recorded.recordings))} recordings; realism weight {settings.weight}, "
         f"from a negative log-likelihood of {limits}."
     )
     return "\n\n".join([about, PUBLISHED, _verdict(last)])

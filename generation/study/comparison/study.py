@@ -18,13 +18,14 @@ from generation.outcomes.evaluator import Evaluator
 from generation.parameters import Space
 from generation.recorded import Recorded
 from generation.search.memory import Memory
-from generation.search.method import METHODS, method
+from generation.search.method import method
 from generation.search.problem import Evaluate, History, Problem, counted
-from generation.search.reward import Form, Realism, Reward
+from generation.search.reward import Realism, Reward
 from generation.study.comparison.measures import avoided
-from generation.study.comparison.trajectories import Trajectories
 from generation.study.knots.motion import knots_of
+from generation.study.knots.problem import Trajectories
 from generation.study.knots.scenario import setting_of, write
+from generation.study.methods import METHODS, TRAJECTORIES
 from recognition.study.protocol.store import Key as Place
 from recognition.study.protocol.store import Store
 from recognition.trfe.samples import Floats
@@ -40,7 +41,7 @@ class Settings:
         sut: name of the system under test.
         budget: simulator calls of each search.
         density: name of the density model.
-        weight, form: of the reward.
+        weight: of realism in the reward.
         rss: name of the RSS parameter set. timestep: s.
         pinned: values of parameters that are not searched.
     """
@@ -49,7 +50,6 @@ class Settings:
     budget: int = 3000
     density: str = "kde"
     weight: float = Reward.weight
-    form: Form = Reward.form
     rss: str = "ad-rss"
     timestep: float = RunSettings.timestep
     pinned: dict[str, str] = field(default_factory=dict)
@@ -116,14 +116,14 @@ class Study:
         """Make searches; each is given back when it is on disk. `progress` is told the number of points just evaluated."""
 
         for key in pending:
-            path, knots = self._path(key), METHODS[key.method].knots
+            path, knots = self._path(key), key.method in TRAJECTORIES
             scenario, problem = (
                 (self.trajectories.scenario, self.trajectories.problem) if knots else (self.scenario, self.problem)
             )
             path.parent.mkdir(parents=True, exist_ok=True)
             calls = path.with_suffix(".jsonl")
             remembered = Memory(counted(problem.evaluate, progress), calls)
-            history = method(key.method)(replace(problem, evaluate=remembered), self.settings.budget, key.seed)
+            history = method(key.method, METHODS)(replace(problem, evaluate=remembered), self.settings.budget, key.seed)
             self._judge(key, history, scenario, problem.space)
             if knots:
                 history.save(self._knots(key))
@@ -165,7 +165,7 @@ class Study:
     def _posed(self, scenario: Path, space: Space, real: Floats) -> Problem:
         """The problem of a scenario, given its recorded parameters."""
         realism = Realism.fitted(self.settings.density, real, self.recorded.recordings)
-        reward = Reward(realism, self.settings.weight, self.settings.form)
+        reward = Reward(realism, self.settings.weight)
         return Problem(space, self._evaluators(self.settings.sut, scenario, space), reward, real)
 
     def _judge(self, key: Key, history: History, scenario: Path, space: Space) -> None:

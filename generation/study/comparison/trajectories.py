@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.search.method import METHODS
-from generation.search.problem import History, Problem
-from generation.search.reward import Realism, Reward
+from generation.search.reward import Realism
 from generation.study.comparison.measures import last_third
-from generation.study.knots.motion import Nearest, Setting, knots_of, maneuvers_of
+from generation.study.comparison.study import Key, Study
+from generation.study.knots.motion import Nearest, knots_of, maneuvers_of
+from generation.study.methods import METHODS, TRAJECTORIES
 from recognition.study.report.tables import Table, spread
 from recognition.trfe.samples import Floats
-
-if TYPE_CHECKING:
-    from generation.study.comparison.study import Key, Study
 
 Mask = NDArray[np.bool_]
 Figures = tuple[float, ...]
@@ -37,30 +31,11 @@ _HEADER = (
 )  # fmt: skip
 
 
-class Trajectories(NamedTuple):
-    """The trajectory-level problem beside a study's own.
-
-    Attributes:
-        scenario: its file.
-        setting: what trajectories are told from.
-        problem: what methods are given.
-    """
-
-    scenario: Path
-    setting: Setting
-    problem: Problem
-
-    def as_maneuvers(self, history: History, reward: Reward) -> History:
-        """A search of trajectories told by the manoeuvres nearest to them, and what these would have been rewarded with."""
-        theta = maneuvers_of(history.theta, self.setting).theta
-        return History(theta, history.outcomes, reward(theta, history.outcomes))
-
-
 def table(study: Study) -> Table:
     """MCSG and the methods that search trajectories, by both kinds of parameters; no rows without such a method."""
-    keys = [key for key in study.searches() if key.method == "mcsg" or METHODS[key.method].knots]
+    keys = [key for key in study.searches() if key.method == "mcsg" or key.method in TRAJECTORIES]
     rows: list[tuple[str, ...]] = []
-    if any(METHODS[key.method].knots for key in keys):
+    if any(key.method in TRAJECTORIES for key in keys):
         judge = _Judge(study)
         rows.append(_row("recorded, by their knots", [judge.recorded]))
         for name in dict.fromkeys(key.method for key in keys):
@@ -85,7 +60,7 @@ class _Judge:
     def figures(self, key: Key) -> Figures:
         """Of the last third of a search."""
         setting = self._side.setting
-        if not METHODS[key.method].knots:
+        if key.method not in TRAJECTORIES:
             last = last_third(self._study.history(key))
             every = np.ones(len(last.theta), bool)
             return self._figures(knots_of(last.theta, setting), last.theta, last.outcomes.collision, every)

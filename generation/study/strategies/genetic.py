@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from generation.search.method import need
 from generation.search.problem import Calls, Episodes, History, Problem
+from generation.study.strategies.optional import need
 from recognition.trfe.samples import Floats
 
 POPULATION = 50

@@ -1,21 +1,20 @@
-"""MCSG by another reward than the problem's, for the ablations that differ in nothing else."""
+"""Searches by another reward than the problem's, for methods that differ in nothing else."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Any
 
-from generation.mcsg.search import Settings
-from generation.mcsg.search import search as mcsg
-from generation.search.problem import History, Problem
+from generation.search.problem import History, Problem, Search
 
 
-def rewarded(problem: Problem, budget: int, seed: int, settings: Settings, **changes: Any) -> History:
-    """Search by the problem's reward with some changes; the episodes are told with the problem's own rewards.
+def rewarded(search: Search, problem: Problem, budget: int, seed: int, **changes: Any) -> History:
+    """Search by the problem's reward with some changes; the history has the problem's own rewards.
 
     Args:
-        settings: of the search.
+        search: the method.
+        problem, budget, seed: what it is given.
         changes: fields of `generation.search.reward.Reward`.
     """
-    found = mcsg(replace(problem, reward=replace(problem.reward, **changes)), budget, seed, settings)
+    found = search(replace(problem, reward=replace(problem.reward, **changes)), budget, seed)
     return found._replace(rewards=problem.reward(found.theta, found.outcomes))

@@ -12,7 +12,8 @@ from scipy.stats import gaussian_kde, multivariate_normal
 
 from generation.density import fitting
 from generation.density.base import Density, Whitening, folds
-from generation.density.fitting import MODELS, comparison, fitted, held_out, model
+from generation.density.fitting import fitted, held_out
+from generation.density.model import model, models
 from generation.density.models.flow import Couplings, Flow
 from generation.density.models.gaussian import Gaussian
 from generation.density.models.independent import Independent
@@ -140,6 +141,12 @@ def test_samples_that_hold_no_density_are_refused(make: type[Density], rows: Flo
         make().fit(rows)
 
 
+def test_every_model_is_found_and_is_tested_here() -> None:
+    assert next(iter(models())) == "kde"
+    assert set(models()) == set(TITLES)
+    assert {type(model(name)) for name in models()} == {KDE, Independent, Gaussian, Mixture, Flow}
+
+
 def test_other_mistakes_are_refused() -> None:
     with pytest.raises(UsageError, match="as many recordings"):
         KDE().fit(normal(20), recordings(19))
@@ -147,13 +154,6 @@ def test_other_mistakes_are_refused() -> None:
         KDE().fit(normal(20), np.zeros(20))
     with pytest.raises(UsageError, match="there is no density 'spline'; densities: kde"):
         model("spline")
-
-
-def test_the_comparison_puts_the_truth_before_what_ignores_correlation() -> None:
-    table = comparison(normal(200), recordings(200), [name for name in MODELS if name != "flow"])
-    assert table.rows[0][0] == "one Gaussian" or table.rows[0][0].startswith("Gaussian mixture")
-    assert table.rows[-1][0] == "independent 1-D KDEs"
-    assert "8 recordings" in table.note
 
 
 def test_a_model_of_the_same_rows_is_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,12 +16,13 @@ from hypothesis import strategies as st
 from generation.density.models.gaussian import Gaussian
 from generation.mcsg.environment import Edits, ScenarioEnv, coordinated, single
 from generation.mcsg.policy import Bins, Policy
-from generation.mcsg.search import Settings, search
+from generation.mcsg.search import search
+from generation.mcsg.settings import McsgSettings
 from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Space
 from generation.search.memory import Memory
 from generation.search.problem import Calls, History, Problem
-from generation.search.reward import Realism, Reward, criticality
+from generation.search.reward import Realism, Reward, additive
 from recognition.maneuvers.parameters import Parameter
 from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
@@ -33,10 +34,9 @@ def outcomes(collision: list[bool], r_risk: list[float]) -> Outcomes:
     return Outcomes(np.array(collision), np.array(r_risk), np.ones(n), np.ones(n), np.full(n, "completed"), np.full(n, ""))
 
 
-def test_the_two_forms_of_criticality() -> None:
+def test_a_collision_counts_on_top_of_risk() -> None:
     found = outcomes([False, False, True, True], [0.0, 1.0, 0.0, 1.0])
-    assert criticality(found, "exclusive").tolist() == pytest.approx([-0.1, 0.1, 0.25, 0.25])
-    assert criticality(found, "additive").tolist() == pytest.approx([-0.1, 0.1, 0.15, 0.35])
+    assert additive(found).tolist() == pytest.approx([-0.1, 0.1, 0.15, 0.35])
 
 
 def test_realism_costs_nothing_where_traffic_is_and_all_of_its_weight_far_away(realism: Realism) -> None:
@@ -80,7 +80,7 @@ def test_an_episode_is_an_edit_of_each_parameter_and_one_call(problem: Problem) 
 @given(st.integers(0, 100), st.floats(-3.0, 3.0), st.integers(0, 6), st.booleans())
 def test_edits_stay_in_the_box_and_leave_earlier_parameters_alone(seed: int, change: float, at: int, together: bool) -> None:
     start = driven(4, seed)
-    edits = Edits(SPACE, start, coordinated(SPACE, driven(200)) if together else single(7))
+    edits = Edits(SPACE, start, coordinated(SPACE, driven(200)) if together else single(SPACE, driven(200)))
     for step in range(7):
         edits.edit(np.full(4, change if step == at else 0.0))
     assert edits.done
@@ -144,7 +144,7 @@ def test_any_number_of_parameters_can_be_searched(d: int) -> None:
 
     density = Gaussian().fit(real)
     reward = Reward(Realism.of(density, density.log_density(real)))
-    found = search(Problem(space, evaluate, reward, real), 300, 0, Settings(batch=20))
+    found = search(Problem(space, evaluate, reward, real), 300, 0, McsgSettings(batch=20))
     assert found.theta.shape == (300, d)
     assert found.rewards[-100:].mean() > found.rewards[:100].mean()
 

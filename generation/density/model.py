@@ -1,0 +1,49 @@
+"""Density models by name: each is a module of `generation.density.models` with a class and a constant `DENSITY`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple
+
+from schemas.discovery import described
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from generation.density.base import Density
+
+DEFAULT = "kde"
+_MODELS = "generation.density.models"
+
+
+class Model(NamedTuple):
+    """Where a density model is, and what it is.
+
+    Attributes:
+        module: full name.
+        name: of its class.
+        title: for tables.
+    """
+
+    module: str
+    name: str
+    title: str
+
+
+def models() -> dict[str, Model]:
+    """The models by name, the default one first; none of them is imported."""
+    kinds = described(_MODELS, "DENSITY")
+    found = {name: Model(f"{_MODELS}.{name}", each["class"], each["title"]) for name, each in kinds.items()}
+    return {DEFAULT: found.pop(DEFAULT), **found}
+
+
+def model(name: str) -> Density:
+    """A new model with its defaults.
+
+    Raises:
+        UsageError: there is none of that name.
+    """
+    found = models()
+    if name not in found:
+        raise UsageError(f"there is no density {name!r}; densities: {', '.join(found)}")
+    new: Density = getattr(import_module(found[name].module), found[name].name)()
+    return new
