@@ -1,1 +1,4 @@
-"""Experiments: MCSG beside other methods, baselines, ablations. No product code imports this."""
+"""Experiments on generation: baselines, ablations of MCSG, and what they are compared by.
+
+`python -m generation.study` runs them.
+"""

@@ -1,13 +1,14 @@
 """Which systems under test collide on the same cases, and which of these collisions a careful and competent driver avoids.
 
-Cases are scenarios, or the parameter sets of variation files such as `xosc-generate` writes. `benchmarks/compare_systems.py` is
-the command for it.
+Cases are scenarios, or the parameter sets of variation files such as `xosc-generate` writes. The command for it is
+`python -m generation.study systems`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -108,6 +109,14 @@ class Comparison:
             }
             parts.append(pa.table(columns))
         return pa.concat_tables(parts)
+
+    def write(self, folder: Path) -> None:
+        """Write `systems.md` and `cases.parquet`."""
+        import pyarrow.parquet as pq
+
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "systems.md").write_text(self.markdown(), encoding="utf-8")
+        pq.write_table(self.table(), folder / "cases.parquet", compression="zstd")
 
 
 def compare(

@@ -1,4 +1,4 @@
 """MCSG and every method beside it on one problem, with equal simulator calls: results, tables and figures.
 
-`python -m generation.study.comparison SCENARIO --out DIR`
+`python -m generation.study methods SCENARIO --out DIR`
 """

@@ -7,13 +7,12 @@ from statistics import fmean
 
 import numpy as np
 
-from generation.study import densities
+from generation.study import densities, reconstruction
 from generation.study.comparison import trajectories
 from generation.study.comparison.measures import Measures, last_third, measure
 from generation.study.comparison.study import Key, Study
 from generation.study.methods import ABLATIONS, METHODS
 from recognition.study.report.tables import Table, spread
-from recognition.trfe.samples import Floats
 
 PUBLISHED = "Published figures of MCSG, on other data and another simulator, for orientation only: R_risk 0.779, CR 0.663."
 FIGURES = {
@@ -59,30 +58,11 @@ def _tables(study: Study, last: Results, whole: Results) -> list[Table]:
     found = [
         Table("generated", "What the methods generate", _LAST_NOTE, (*header, "avoidable"), _rows(last, study)),
         Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(whole)),
-        reconstruction(study.recorded.errors),
+        reconstruction.overall(study.recorded.errors),
         trajectories.table(study),
         densities.comparison(study.recorded.theta, study.recorded.recordings),
     ]
     return [table for table in found if table.rows]
-
-
-def reconstruction(errors: Floats | None) -> Table:
-    """How far the seven parameters lead from the recordings that they are from.
-
-    Args:
-        errors: root mean squares (n, 2), m, of each unit, across and along the lane; None where they are not known.
-    """
-    note = (
-        "Root mean square of each recorded manoeuvre's distance from the motion that its seven parameters stand for, at 1 Hz "
-        "through its scene, both at one place when it begins; mean over manoeuvres, and the value that 95 % keep below. The same "
-        "for every method that has these parameters. Published: RMSE_t 0.237 m, RMSE_s 3.362 m, on other data."
-    )
-    header = ("manoeuvres", "RMSE_t [m]", "95 %", "RMSE_s [m]", "95 %")
-    rows: list[tuple[str, ...]] = []
-    if errors is not None:
-        figures = np.stack([errors.mean(axis=0), np.percentile(errors, 95, axis=0)], axis=1).ravel()
-        rows.append((str(len(errors)), *(f"{figure:.3f}" for figure in figures)))
-    return Table("reconstruction", "Reconstruction from the parameters", note, header, rows)
 
 
 def _rows(found: Results, study: Study | None = None) -> list[tuple[str, ...]]:

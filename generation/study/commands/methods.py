@@ -1,4 +1,4 @@
-"""`python -m generation.study.comparison`: the comparison of all methods as one command that goes on where it was interrupted."""
+"""`python -m generation.study methods`: all methods on one problem; an interrupted comparison continues."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Sut, Timestep
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
+from schemas.commands.options import Verbose, Version, interruptible, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from generation.study.comparison.study import Study
 
-NAME = "python -m generation.study.comparison"
-app = new_app()
+NAME = "python -m generation.study methods"
 
 
-@app.command()
-def evaluate(
+def command(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario.")],
     out: Annotated[Path, out_folder("Folder for searches, tables and figures.")],
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds.")] = 5,
@@ -39,7 +37,7 @@ def evaluate(
 ) -> None:
     """Compare MCSG with every method beside it: same problem, same simulator, same number of its calls.
 
-    An interrupted comparison goes on with the same command; more seeds and methods can be added later.
+    After an interruption the same command continues; more seeds and methods can be added later.
     """
     from generation.recorded import kind_of, of_recordings, of_samples
     from generation.study.comparison.study import Settings, Study
@@ -48,7 +46,7 @@ def evaluate(
     samples = of_recordings(recorded, kind or kind_of(scenario))
     settings = Settings(sut, budget, density, timestep=timestep, pinned=parameters_of(pin or []))
     with (
-        interruptible(NAME, "the same command goes on where it was"),
+        interruptible(NAME, "the same command continues"),
         Study(scenario, lambda space: of_samples(samples, space), out, settings, jobs) as study,
     ):
         pending = study.pending(seeds, names)
@@ -78,7 +76,3 @@ def _write(study: Study, figures: bool, quiet: bool) -> None:
     if not quiet:
         print("\n".join(table.markdown() for table in tables))
         print(f"all tables: {study.out / 'report.md'}")
-
-
-if __name__ == "__main__":
-    guarded(NAME, app)
