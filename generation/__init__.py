@@ -11,13 +11,15 @@ if TYPE_CHECKING:
     from generation.pipeline import Settings as Settings
     from generation.pipeline import generate as generate
 
-__all__ = ["Generated", "Settings", "generate"]
+    __version__: str
+else:
+    __getattr__, __dir__ = public(
+        __name__,
+        {
+            "Generated": "generation.pipeline",
+            "Settings": "generation.pipeline",
+            "generate": "generation.pipeline",
+        },
+    )
 
-__getattr__, __dir__ = public(
-    __name__,
-    {
-        "Generated": "generation.pipeline",
-        "Settings": "generation.pipeline",
-        "generate": "generation.pipeline",
-    },
-)
+__all__ = ["Generated", "Settings", "generate"]

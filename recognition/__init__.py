@@ -11,13 +11,15 @@ if TYPE_CHECKING:
     from recognition.trfe.trfe import TRFE as TRFE
     from recognition.trfe.trfe import Recognition as Recognition
 
-__all__ = ["TRFE", "Config", "Recognition"]
+    __version__: str
+else:
+    __getattr__, __dir__ = public(
+        __name__,
+        {
+            "Config": "recognition.trfe.config",
+            "Recognition": "recognition.trfe.trfe",
+            "TRFE": "recognition.trfe.trfe",
+        },
+    )
 
-__getattr__, __dir__ = public(
-    __name__,
-    {
-        "Config": "recognition.trfe.config",
-        "Recognition": "recognition.trfe.trfe",
-        "TRFE": "recognition.trfe.trfe",
-    },
-)
+__all__ = ["TRFE", "Config", "Recognition"]

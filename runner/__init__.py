@@ -11,13 +11,15 @@ if TYPE_CHECKING:
     from runner.interpreter.result import RunResult as RunResult
     from runner.settings import RunSettings as RunSettings
 
-__all__ = ["RunResult", "RunSettings", "run"]
+    __version__: str
+else:
+    __getattr__, __dir__ = public(
+        __name__,
+        {
+            "RunResult": "runner.interpreter.result",
+            "RunSettings": "runner.settings",
+            "run": "runner.interpreter.execution",
+        },
+    )
 
-__getattr__, __dir__ = public(
-    __name__,
-    {
-        "RunResult": "runner.interpreter.result",
-        "RunSettings": "runner.settings",
-        "run": "runner.interpreter.execution",
-    },
-)
+__all__ = ["RunResult", "RunSettings", "run"]

@@ -11,13 +11,15 @@ if TYPE_CHECKING:
     from schemas.checks.checker import check_many as check_many
     from schemas.checks.problems import Problem as Problem
 
-__all__ = ["Problem", "check", "check_many"]
+    __version__: str
+else:
+    __getattr__, __dir__ = public(
+        __name__,
+        {
+            "Problem": "schemas.checks.problems",
+            "check": "schemas.checks.checker",
+            "check_many": "schemas.checks.checker",
+        },
+    )
 
-__getattr__, __dir__ = public(
-    __name__,
-    {
-        "Problem": "schemas.checks.problems",
-        "check": "schemas.checks.checker",
-        "check_many": "schemas.checks.checker",
-    },
-)
+__all__ = ["Problem", "check", "check_many"]

@@ -3,6 +3,8 @@
 `xodr.load(path)` reads a file; see `RoadNetwork` for what can be asked of it.
 """
 
+from typing import TYPE_CHECKING
+
 from schemas.packages import public
 from xodr.graph.relative import Relative
 from xodr.graph.routes import RoadPath
@@ -14,4 +16,7 @@ from xodr.road import Road
 
 __all__ = ["LaneLink", "Pose", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "load"]
 
-__getattr__, __dir__ = public(__name__, {})
+if TYPE_CHECKING:
+    __version__: str
+else:
+    __getattr__, __dir__ = public(__name__, {})

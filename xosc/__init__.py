@@ -1,5 +1,7 @@
 """OpenSCENARIO XML documents of versions 1.0 to 1.3: reading, resolving, varying and writing them."""
 
+from typing import TYPE_CHECKING
+
 from schemas.packages import public
 from xosc.distributions import ParameterSpace, sample, variations, write_distribution
 from xosc.document import Document, load, write
@@ -21,4 +23,7 @@ __all__ = [
     "write_distribution",
 ]
 
-__getattr__, __dir__ = public(__name__, {})
+if TYPE_CHECKING:
+    __version__: str
+else:
+    __getattr__, __dir__ = public(__name__, {})
