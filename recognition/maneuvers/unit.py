@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from recognition.labels.scene.leads import NOBODY
+
 BRAKING, ACCELERATION, LANE_CHANGE, CUT_IN, CUT_OUT = KINDS = ("braking", "acceleration", "lane_change", "cut_in", "cut_out")
 """Kinds of units."""
 
@@ -15,10 +17,11 @@ class Unit:
     Attributes:
         kind: one of `KINDS`.
         actor: index of the track that the parameters describe.
-        other: of the track behind it that is the scenario's ego; in a lane change, where the actor is the ego, of the leader.
+        other: of the track behind it that is the scenario's ego; in a lane change, where the actor is the ego, of the leader;
+            `NOBODY` without another.
         start, end: rows of the manoeuvre's first and last instant.
         first, last: rows where the unit's scene begins and ends.
-        shift: lateral way of the lane change, m, to the left; 0 for none.
+        shift: lateral distance of the lane change, m, to the left; 0 for none.
     """
 
     kind: str
@@ -29,3 +32,8 @@ class Unit:
     first: int
     last: int
     shift: float = 0.0
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is no other."""
+        return self.other == NOBODY

@@ -9,7 +9,7 @@ import numpy as np
 
 from generation.parameters import Space
 from recognition.maneuvers.estimation.reconstruction import progress, reconstruct
-from recognition.maneuvers.estimation.speeds import fitted_speeds, ways
+from recognition.maneuvers.estimation.speeds import distance_model, fit_speeds
 from recognition.maneuvers.parameters import PARAMETERS
 from recognition.trfe.samples import Floats
 
@@ -94,8 +94,8 @@ def _nearest(row: Floats, setting: Setting) -> tuple[Floats, tuple[float, float]
     begins, lasts = float(start[best]), float(duration[best])
     rest = max(total - begins - lasts, 0.0)
     there, speeds = np.interp(begins, time, way), np.gradient(way, time)
-    along = ways(time - begins, lasts, rest)
-    found = fitted_speeds(along, way - there, np.interp([begins, begins + lasts, total], time, speeds))
+    along = distance_model(time - begins, lasts, rest)
+    found = fit_speeds(along, way - there, np.interp([begins, begins + lasts, total], time, speeds))
     longitudinal = np.square(along @ found - way + there).mean()
     gap = there - setting.ego_speed * begins - CAR
     theta = np.array([gap, found[0], begins, found[1], lasts, found[2], rest])

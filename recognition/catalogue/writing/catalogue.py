@@ -15,7 +15,7 @@ from recognition.catalogue.scenes.scenes import EGO, Part, Scene, Scope, Stage
 from recognition.catalogue.writing import annotation, index
 from recognition.catalogue.writing.store import Store
 from recognition.datasets import Exclusion, Source
-from recognition.maneuvers.events import Span, maneuver
+from recognition.maneuvers.events import Maneuvers, Span
 from recognition.maneuvers.scenario import document as variation
 from recognition.maneuvers.scenario.document import CONTROLLER
 from recognition.maneuvers.scenario.start import paths
@@ -103,9 +103,9 @@ class Catalogue:
     ) -> None:
         """Write the scenarios of a recording, which has its road coordinates."""
         road = self._road(site)
-        stage = Stage(recording, self._config.scope)
+        stage, recorded = Stage(recording, self._config.scope), Maneuvers(recording, site)
         for episode in episodes:
-            self._write(_Context(source, recording, site, road, episode, stage.cut(episode.ego, episode.start, episode.end)))
+            self._write(_Context(source, site, road, episode, stage.cut(episode.ego, episode.start, episode.end), recorded))
             self._write_catalogs([place for place in self._entries if place.kind == "Trajectory"])
         self._write_catalogs([place for place in self._entries if place.part])
         for exclusion in exclusions:
@@ -194,7 +194,7 @@ class Catalogue:
         if finding is None or episode.passage is not None:
             raise Unsupported("this is the scene of a whole vehicle, not of one manoeuvre")
         partner, span = finding.moment.partner, Span(finding.start, finding.moment.time, finding.end)
-        measured = maneuver(context.recording, network, episode.label, episode.ego, partner, span)
+        measured = context.maneuvers.of(episode.label, episode.ego, partner, span)
         participants = [entry(track) for track in (measured.ego, measured.other) if track is not None]
         entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants]
         other = context.name_of(measured.other)
@@ -219,11 +219,11 @@ class _Context(NamedTuple):
     """A scenario being written, and where it comes from."""
 
     source: Source
-    recording: Recording
     site: Site
     road: str
     episode: Episode
     scene: Scene
+    maneuvers: Maneuvers
 
     @property
     def recorded(self) -> str:

@@ -1,4 +1,7 @@
-"""When lane changes begin and end: by the half cosine to the new lane's centre that comes closest to the recorded motion."""
+"""When lane changes begin and end: by the half cosine to the new lane's centre that comes closest to the recorded motion.
+
+They begin where there is a lane to change to: beside a ramp that is not before the acceleration lane does.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 from recognition.maneuvers.estimation.motion import LaneMotion
 from recognition.maneuvers.estimation.reconstruction import progress
 from recognition.maneuvers.parameters import PARAMETERS
+from xodr.array_types import BoolArray
 
 EVERY = 0.2
 """Resolution (s) of beginnings, durations and the motion that is compared."""
@@ -17,7 +21,13 @@ _SCENE = PARAMETERS["start_time"].high
 
 
 class LaneChange(NamedTuple):
-    """A lane change: rows of its first and last instant and of its crossing of the border, its lateral way (m, to the left)."""
+    """A lane change.
+
+    Attributes:
+        start, end: rows of its first and last instant.
+        row: first row beyond the border.
+        shift: lateral distance, m, to the left.
+    """
 
     start: int
     end: int
@@ -27,32 +37,51 @@ class LaneChange(NamedTuple):
 
 def lane_changes(motion: LaneMotion) -> list[LaneChange]:
     """The lane changes of a scene in the order of rows, those whose border is crossed as the rules have it."""
-    rows = motion.scene.changes.row.tolist()
+    changes = motion.scene.changes
+    rows, lacking = changes.row.tolist(), _lacking(motion)
     found: list[LaneChange] = []
-    for row, after in zip(rows, (*rows, len(motion.way))[1:], strict=True):
+    for row, left, after in zip(rows, changes.left.tolist(), (*rows, len(motion.lateral))[1:], strict=True):
         first, last = int(motion.first[row]), min(int(motion.last[row]), after - 1)
         if found and found[-1].end > first:
             first = found[-1].end
-        change = _fitted(motion, row, first, last)
+        alone = np.flatnonzero(lacking[left][first:row])
+        change = _fitted(motion, row, first, last, first + (int(alone[-1]) + 1 if len(alone) else 0))
         if change is not None:
             found.append(change)
     return found
 
 
-def _fitted(motion: LaneMotion, row: int, first: int, last: int) -> LaneChange | None:
-    """The lane change across the border at a row within two other rows; None where there is no room for one."""
+def _lacking(motion: LaneMotion) -> tuple[BoolArray, BoolArray]:
+    """Rows without a lane to the right of their own, and those without one to the left; short stays in a lane don't count."""
+    scene = motion.scene
+    strips, steps = scene.site.lanes.strips, np.cumsum(scene.changes.step)
+    own = steps - steps[motion.first] == scene.changes.lane
+    places = {(strip.road, strip.section, strip.forward, strip.place) for strip in strips}
+    right, left = (
+        np.array([(each.road, each.section, each.forward, each.place + side) in places for each in strips] + [False])
+        for side in (1, -1)
+    )
+    return own & ~right[scene.strip], own & ~left[scene.strip]
+
+
+def _fitted(motion: LaneMotion, row: int, first: int, last: int, earliest: int) -> LaneChange | None:
+    """The lane change across the border at a row within two other rows; None where there is no room for one.
+
+    Args:
+        earliest: row at which it may begin.
+    """
     scene, every = motion.scene, motion.scene.rows(EVERY)
     low, high = (PARAMETERS["duration"].low, PARAMETERS["duration"].high)
     compared = np.arange(max(first, row - scene.rows(_SCENE)), min(last, row + scene.rows(_SCENE)) + 1, every)
-    starts = np.arange(max(first, row - scene.rows(high)), row, every)
+    starts = np.arange(max(earliest, row - scene.rows(high)), row, every)
     sizes = np.arange(scene.rows(low), scene.rows(high) + 1, every)
     start, size = (each.ravel() for each in np.meshgrid(starts, sizes, indexing="ij"))
     possible = (start + size > row) & (start + size <= last)
     start, size = start[possible, None], size[possible, None]
     if not len(start):
         return None
-    centre = motion.aside[row] - scene.offset[row]
-    began = motion.aside[start]
+    centre = motion.lateral[row] - scene.offset[row]
+    began = motion.lateral[start]
     model = began + (centre - began) * progress(np.clip((compared - start) / size, 0.0, 1.0))
-    best = int(np.square(motion.aside[compared] - model).sum(axis=1).argmin())
+    best = int(np.square(motion.lateral[compared] - model).sum(axis=1).argmin())
     return LaneChange(int(start[best, 0]), int(start[best, 0] + size[best, 0]), row, float(centre - began[best, 0]))

@@ -7,25 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.labels.scene.scene import Scene
-from recognition.sites.lanes import Floats, Whole
+from xodr.array_types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class LaneMotion:
-    """Rows of a scene with what the units ask for.
+    """Rows of a scene along and across their lanes.
 
     Attributes:
         scene: the rows.
-        way: way along the lanes, m, counted on from row to row; differences count within a course only.
-        aside: way to the left, m, likewise.
+        longitudinal: distance along the lanes, m, counted on from row to row; differences count within a course only.
+        lateral: distance to the left, m, likewise.
         first, last: first and last row of each row's course, a part of a track along connected lanes without missing frames.
     """
 
     scene: Scene
-    way: Floats
-    aside: Floats
-    first: Whole
-    last: Whole
+    longitudinal: FloatArray
+    lateral: FloatArray
+    first: IntArray
+    last: IntArray
 
     def gap(self, ego: int, other: int) -> float:
         """Distance (m) from the front of one row's vehicle to the rear of another's, as the former is headed."""
@@ -34,10 +34,16 @@ class LaneMotion:
         return float(dx * np.cos(h) + dy * np.sin(h) + scene.rear[other] - scene.front[ego])
 
     def row(self, track: int, frame: int) -> int | None:
-        """The row of a track in a frame."""
+        """The row of a track in a frame; None where it has none."""
         lo, hi = np.searchsorted(self.scene.track, [track, track + 1])
         place = lo + int(np.searchsorted(self.scene.frame[lo:hi], frame))
         return place if place < hi and self.scene.frame[place] == frame else None
+
+    def in_lane_since(self, row: int) -> int:
+        """The first row from which on a track has been in the lane that it is in at a row."""
+        lanes = self.scene.changes.lane[self.first[row] : row + 1]
+        others = np.flatnonzero(lanes != lanes[-1])
+        return int(self.first[row] + (others[-1] + 1 if len(others) else 0))
 
 
 def lane_motion(scene: Scene) -> LaneMotion:
@@ -45,8 +51,8 @@ def lane_motion(scene: Scene) -> LaneMotion:
     changes = scene.changes
     dx, dy = np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])
     across = np.diff(changes.side, prepend=changes.side[:1])
-    onwards = dx * np.cos(scene.h) + dy * np.sin(scene.h)
-    along = np.copysign(np.sqrt(np.maximum(dx**2 + dy**2 - across**2, 0.0)), onwards)
+    ahead = dx * np.cos(scene.h) + dy * np.sin(scene.h)
+    along = np.copysign(np.sqrt(np.maximum(dx**2 + dy**2 - across**2, 0.0)), ahead)
     begins = np.diff(changes.course, prepend=-1) != 0
     starts = np.flatnonzero(begins)
     ends = np.append(starts[1:], len(begins)) - 1

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.maneuvers.estimation.motion import LaneMotion
-from recognition.maneuvers.estimation.speeds import ways
+from recognition.maneuvers.estimation.speeds import distance_model
 from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.unit import Unit
-from recognition.sites.lanes import Floats
+from xodr.array_types import FloatArray
 
 ROLES = tuple(PARAMETERS)
 RATE = 1.0
@@ -29,7 +29,7 @@ class Errors(NamedTuple):
     longitudinal: float
 
 
-def reconstruct(row: Floats, shift: float, time: Floats) -> tuple[Floats, Floats]:
+def reconstruct(row: FloatArray, shift: float, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Way along the lane and to the left since the manoeuvre began.
 
     Args:
@@ -40,15 +40,15 @@ def reconstruct(row: Floats, shift: float, time: Floats) -> tuple[Floats, Floats
     values = dict(zip(ROLES, row.tolist(), strict=True))
     speeds = np.array([values["start_speed"], values["end_speed"], values["final_speed"]])
     share = np.clip(time / values["duration"], 0.0, 1.0)
-    return ways(time, values["duration"], values["rest_time"]) @ speeds, shift * progress(share)
+    return distance_model(time, values["duration"], values["rest_time"]) @ speeds, shift * progress(share)
 
 
-def progress(share: Floats) -> Floats:
+def progress(share: FloatArray) -> FloatArray:
     """Share of the lateral way by share of the time (DynamicsShape sinusoidal)."""
     return 0.5 - 0.5 * np.cos(np.pi * share)
 
 
-def errors(motion: LaneMotion, unit: Unit, row: Floats) -> Errors:
+def errors(motion: LaneMotion, unit: Unit, row: FloatArray) -> Errors:
     """How far the reconstruction is from the recording, at 1 Hz through the scene, both at one place when the manoeuvre begins.
 
     Source: METHOD.md §3, RMSE_t and RMSE_s, which are means of these over all units.
@@ -57,6 +57,6 @@ def errors(motion: LaneMotion, unit: Unit, row: Floats) -> Errors:
     before = np.arange(unit.start, unit.first - 1, -every)[::-1]
     rows = np.concatenate([before, np.arange(unit.start + every, unit.last + 1, every)])
     time = motion.scene.time[rows] - motion.scene.time[unit.start]
-    way, aside = reconstruct(row, unit.shift, time)
-    off = (motion.aside[rows] - motion.aside[unit.start] - aside, motion.way[rows] - motion.way[unit.start] - way)
-    return Errors(*(float(np.sqrt(np.mean(each**2))) for each in off))
+    along, across = reconstruct(row, unit.shift, time)
+    compared = (motion.lateral, across), (motion.longitudinal, along)
+    return Errors(*(float(np.sqrt(np.mean((was[rows] - was[unit.start] - made) ** 2))) for was, made in compared))

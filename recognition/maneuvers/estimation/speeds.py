@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.datasets.tables.rows import Floats
+from xodr.array_types import FloatArray
 
 _WEIGHT = 10.0
 """How many metres of the way one m/s of a speed counts as when speeds are fitted: so much that they stay near those at the
@@ -17,7 +17,7 @@ EVERY = 0.2
 """Resolution (s) of the motion that speeds are fitted to"""
 
 
-def ways(time: Floats, duration: float, rest: float) -> Floats:
+def distance_model(time: FloatArray, duration: float, rest: float) -> FloatArray:
     """What each m/s of start, end and final speed adds to the way since the manoeuvre began (n, 3), s.
 
     Args:
@@ -30,11 +30,11 @@ def ways(time: Floats, duration: float, rest: float) -> Floats:
     return np.stack([np.minimum(time, 0.0) + during - gained, gained + after - settled, settled], axis=1)
 
 
-def fitted_speeds(model: Floats, way: Floats, seen: Floats) -> Floats:
+def fit_speeds(model: FloatArray, way: FloatArray, seen: FloatArray) -> FloatArray:
     """Start, end and final speed (3,), m/s, that follow a way best and stay near the speeds seen at their instants.
 
     Args:
-        model: what each speed adds to the way (n, 3), s (`ways`).
+        model: what each speed adds to the way (n, 3), s (`distance_model`).
         way: since the manoeuvre began (n,), m.
         seen: speeds at its beginning, its end, and the scene's end (3,), m/s.
     """

@@ -5,7 +5,7 @@ roundabouts and in free cruise that is the ego, else the other one. Before the m
 such manoeuvre is refused by name.
 """
 
-from recognition.maneuvers.events.event import maneuver
+from recognition.maneuvers.events.event import Maneuvers
 from recognition.maneuvers.events.maneuver import Conflict, Maneuver, Passage, Span
 
-__all__ = ["Conflict", "Maneuver", "Passage", "Span", "maneuver"]
+__all__ = ["Conflict", "Maneuver", "Maneuvers", "Passage", "Span"]

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from recognition.datasets.tables.rows import Floats
 from recognition.maneuvers.events.maneuver import Conflict
 from recognition.maneuvers.events.paths import RecordedPath
 from runner.recording import Recording, Track
+from xodr.array_types import FloatArray
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -24,34 +24,34 @@ _STEP = 0.25
 """Distance (m) of the points of the ego's way that others are compared with"""
 
 
-def meeting(recording: Recording, ego: Track, course: RecordedPath, time: float, partner: str | None) -> Conflict | None:
-    """The meeting with whom the ego has least time between them, of those whose way meets its own from the side.
+def nearest_conflict(recording: Recording, ego: Track, path: RecordedPath, time: float, partner: str | None) -> Conflict | None:
+    """The conflict with whom the ego has least time between them, of those whose path meets its own from the side.
 
     Args:
-        course: the ego's way.
-        time: when its passage begins, s; the other one is still on its way to it then.
+        path: the ego's.
+        time: when its passage begins, s; the other one has not reached it yet then.
         partner: whom the event is about; None for anybody who is at the same place up to `_SOON` s earlier or later.
     """
     from scipy.spatial import cKDTree
 
-    station = np.arange(0.0, float(course.station[-1]), _STEP)
-    points = np.column_stack([np.interp(station, course.station, values) for values in (course.x, course.y)])
-    then = np.interp(station, course.station, course.time)
-    way = _Way(cKDTree(points), then, time)
+    station = np.arange(0.0, float(path.station[-1]), _STEP)
+    points = np.column_stack([np.interp(station, path.station, values) for values in (path.x, path.y)])
+    then = np.interp(station, path.station, path.time)
+    own = _EgoPath(cKDTree(points), then, time)
     tracks = [recording.tracks[partner]] if partner is not None else list(recording.tracks.values())
-    found = [one for track in tracks if track is not ego and track.kind != "miscellaneous" and (one := way.met_by(track))]
+    found = [one for track in tracks if track is not ego and track.kind != "miscellaneous" and (one := own.conflict_with(track))]
     least, best = min(found, key=lambda one: (one[0], one[1].other.name), default=(np.inf, None))
     return best if partner is not None or least <= _SOON else None
 
 
-class _Way:
-    """The ego's way, with the times (s) at which it was at its points; and when its passage begins."""
+class _EgoPath:
+    """The ego's path, with the times (s) at which it was at its points; and when its passage begins."""
 
-    def __init__(self, tree: cKDTree, then: Floats, begins: float) -> None:
+    def __init__(self, tree: cKDTree, then: FloatArray, begins: float) -> None:
         self._tree, self._then, self._begins = tree, then, begins
 
-    def met_by(self, track: Track) -> tuple[float, Conflict] | None:
-        """Where a track comes to the way, and the time between its and the ego's visit (s); None where it does not."""
+    def conflict_with(self, track: Track) -> tuple[float, Conflict] | None:
+        """Where a track comes to the path, and the time between its and the ego's visit (s); None where it does not."""
         columns = track.columns
         time = columns["time"]
         row = int(np.searchsorted(time, self._begins))
@@ -64,10 +64,10 @@ class _Way:
             return None
         first = int(near[0])
         place = row + first
-        course = RecordedPath.of(track)
-        reach = float(course.at(time[place])) - track.box.x - 0.5 * track.box.length
-        if reach <= course.at(self._begins):
+        path = RecordedPath.of(track)
+        reach = float(path.at(time[place])) - track.box.x - 0.5 * track.box.length
+        if reach <= path.at(self._begins):
             return None
         x, y = (round(float(columns[axis][place]), 3) for axis in ("x", "y"))
-        found = Conflict(track, course, x, y, reach, float(np.interp(reach, course.station, course.time)))
+        found = Conflict(track, path, x, y, reach, float(np.interp(reach, path.station, path.time)))
         return abs(float(time[place] - self._then[nearest[first]])), found

@@ -12,7 +12,7 @@ import numpy as np
 
 from recognition.labels.classes import Label
 from recognition.labels.scene.stays import held, stays
-from recognition.maneuvers.events.conflicts import meeting
+from recognition.maneuvers.events.conflicts import nearest_conflict
 from recognition.maneuvers.events.maneuver import LONGEST, SHORTEST, Conflict, Maneuver, Passage, Span, SpeedChange
 from recognition.maneuvers.events.paths import RecordedPath, recorded_speeds
 from recognition.maneuvers.parameters import Values
@@ -45,25 +45,25 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     time = own.columns["time"]
     if not time[0] <= start < end <= time[-1]:
         raise Unsupported("the manoeuvre was not recorded whole")
-    course = RecordedPath.of(own)
-    alone = Passage.of(course, start)
-    if alone.begins >= course.station[-1]:
+    path = RecordedPath.of(own)
+    alone = Passage.of(path, start)
+    if alone.begin >= path.station[-1]:
         raise Unsupported("the ego does not move after the passage begins")
-    met = meeting(recording, own, course, start, partner)
-    if partner is not None and met is None:
+    conflict = nearest_conflict(recording, own, path, start, partner)
+    if partner is not None and conflict is None:
         raise Unsupported("the ways of the two don't meet after the passage begins")
     duration, rest = max(end - start, SHORTEST), min(LONGEST, float(time[-1]) - end)
-    speeds = recorded_speeds(own, course, start, start, duration, rest)
+    speeds = recorded_speeds(own, path, start, start, duration, rest)
     delay = min(alone.longest(speeds[0]), start - float(time[0]))
-    if met is None:
+    if conflict is None:
         values = Values(None, speeds[0], delay, speeds[1], duration, speeds[2], rest)
-        return Maneuver("passage", own, None, None, values, 0.0, start - delay, end + rest, alone)
-    here = float(met.course.at(start))
-    speed = (met.reach - here) / (met.time - start)
-    delay = min(delay, start - float(met.other.columns["time"][0]), here / speed)
-    values = Values(met.reach - here, speeds[0], delay, speeds[1], duration, speeds[2], rest)
-    both = alone._replace(meeting=met, onwards=_onwards(met, speed, end + rest))
-    return Maneuver("passage", own, met.other, None, values, speed, start - delay, end + rest, both)
+        return Maneuver("passage", own, None, None, values, 0.0, start, passage=alone)
+    here = float(conflict.path.at(start))
+    speed = (conflict.reach - here) / (conflict.time - start)
+    delay = min(delay, start - float(conflict.other.columns["time"][0]), here / speed)
+    values = Values(conflict.reach - here, speeds[0], delay, speeds[1], duration, speeds[2], rest)
+    both = alone._replace(conflict=conflict, continuation=_continuation(conflict, speed, end + rest))
+    return Maneuver("passage", own, conflict.other, None, values, speed, start, passage=both)
 
 
 def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, turns: bool) -> tuple[float, float]:
@@ -90,11 +90,11 @@ def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, tu
     return float(at[start]), float(at[min(rows[-1] + 1, len(at) - 1)])
 
 
-def _onwards(met: Conflict, speed: float, end: float) -> SpeedChange:
-    """How the other one comes from the meeting, where it has a speed (m/s), to where it is at the end of the scene (s)."""
-    last = min(end, float(met.other.columns["time"][-1]))
-    duration = last - met.time
+def _continuation(conflict: Conflict, speed: float, end: float) -> SpeedChange:
+    """How the other one comes from the conflict point, where it has a speed (m/s), to where it is at the end of the scene (s)."""
+    last = min(end, float(conflict.other.columns["time"][-1]))
+    duration = last - conflict.time
     if duration < SHORTEST:
         return SpeedChange(speed, SHORTEST)
-    way = float(met.course.at(last)) - met.reach
+    way = float(conflict.path.at(last)) - conflict.reach
     return SpeedChange(max(2.0 * way / duration - speed, 0.0), duration)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.catalogue.scenes.scenes import Scope, needed
-from recognition.datasets.tables.rows import Floats
-from recognition.maneuvers.estimation.speeds import EVERY, fitted_speeds, ways
+from recognition.maneuvers.estimation.speeds import EVERY, distance_model, fit_speeds
 from runner.recording import Track
+from xodr.array_types import FloatArray
 from xosc import maneuvers
 
 SMOOTHING = 0.5
@@ -30,11 +30,11 @@ class RecordedPath:
         station: distance from the first point along the others, m.
     """
 
-    time: Floats
-    x: Floats
-    y: Floats
-    h: Floats
-    station: Floats
+    time: FloatArray
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+    station: FloatArray
 
     @classmethod
     def of(cls, track: Track) -> RecordedPath:
@@ -46,7 +46,7 @@ class RecordedPath:
         station = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
         return cls(columns["time"][rows], x, y, np.unwrap(columns["h"][rows]), station)
 
-    def at(self, time: float | Floats) -> Any:
+    def at(self, time: float | FloatArray) -> Any:
         """How far along the way the participant was at times (s), m."""
         return np.interp(time, self.time, self.station)
 
@@ -60,7 +60,7 @@ class RecordedPath:
         return maneuvers.trajectory(name, time, x, y, h=h)
 
 
-def _spaced(x: Floats, y: Floats) -> NDArray[np.int64]:
+def _spaced(x: FloatArray, y: FloatArray) -> NDArray[np.int64]:
     """The first row, and each that is `_SPACING` away from the one taken before it."""
     taken = [0]
     for row, (here, there) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
@@ -76,15 +76,16 @@ def speed_at(track: Track, time: float) -> float:
     return float(columns["speed"][near].mean()) if near.any() else float(np.interp(time, columns["time"], columns["speed"]))
 
 
-def recorded_speeds(track: Track, course: RecordedPath, first: float, start: float, duration: float, rest: float) -> list[float]:
+def recorded_speeds(track: Track, path: RecordedPath, first: float, start: float, duration: float, rest: float) -> list[float]:
     """Start, end and final speed (m/s) of a manoeuvre with which a track covers the way that it was recorded on.
 
     Args:
-        course: that way.
+        path: that way.
         first: from when on its way counts, s.
-        start: of the manoeuvre, s; duration and rest as in `ways`.
+        start: of the manoeuvre, s; duration and rest as in `distance_model`.
     """
     time = np.arange(first - start, duration + rest + EVERY / 2, EVERY)
     seen = np.array([speed_at(track, start + after) for after in (0.0, duration, duration + rest)])
-    found: list[float] = fitted_speeds(ways(time, duration, rest), course.at(start + time) - course.at(start), seen).tolist()
+    distance = path.at(start + time) - path.at(start)
+    found: list[float] = fit_speeds(distance_model(time, duration, rest), distance, seen).tolist()
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from recognition.maneuvers.events.maneuver import Maneuver
+from recognition.maneuvers.events.maneuver import APART, LONGEST, STILL, Maneuver
 from recognition.maneuvers.parameters import PARAMETERS
 from xosc import maneuvers
 
@@ -17,12 +17,10 @@ EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
 ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"
-"""When a manoeuvre that has its place begins: after the delay, or sooner where the recorded ways are too short for that"""
+"""When a manoeuvre begins: at the start time, or sooner where that is longer than everyone can keep a speed until then"""
 
 _IN_TOWN = (0.0, 15.0)
 """Speeds of passages, m/s"""
-_STILL = 0.001
-"""Added to speeds (m/s) that are divided by"""
 
 
 def values(maneuver: Maneuver) -> dict[str, float]:
@@ -44,11 +42,9 @@ def declarations(maneuver: Maneuver) -> list[Any]:
         declared.append(maneuvers.parameter(name, "double", value, [limits]))
     if maneuver.other is not None:
         declared.append(maneuvers.parameter(passive(maneuver), "double", round(maneuver.speed, 3)))
-    if maneuver.passage is not None:
-        if maneuver.passage.onwards is not None:
-            declared.append(maneuvers.parameter(ONWARDS, "double", round(maneuver.passage.onwards.speed, 3)))
-        declared.append(maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver)}}}"))
-    return declared
+    if maneuver.passage is not None and maneuver.passage.continuation is not None:
+        declared.append(maneuvers.parameter(ONWARDS, "double", round(maneuver.passage.continuation.speed, 3)))
+    return [*declared, maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver)}}}")]
 
 
 def _range(name: str, maneuver: Maneuver) -> tuple[float, float]:
@@ -56,21 +52,32 @@ def _range(name: str, maneuver: Maneuver) -> tuple[float, float]:
     if maneuver.kind == "passage" and name in (START_SPEED, END_SPEED, FINAL_SPEED):
         return _IN_TOWN
     low, high = RANGES[name]
-    if passage is not None and passage.meeting is not None and name == GAP:  # no farther than where its way begins
-        return low, min(high, math.floor(passage.meeting.reach * 1e3) / 1e3)
+    if passage is not None and passage.conflict is not None and name == GAP:  # no farther than where its way begins
+        return low, min(high, math.floor(passage.conflict.reach * 1e3) / 1e3)
     return low, high
 
 
 def _begin(maneuver: Maneuver) -> str:
-    """The delay, no longer than both need from where their ways begin."""
-    passage = maneuver.passage
-    assert passage is not None
-    begin = _lesser(f"${START_TIME}", f"{passage.begins:.3f} / (${START_SPEED} + {_STILL})")
-    if passage.meeting is None:
-        return begin
-    return _lesser(begin, f"({passage.meeting.reach:.3f} - ${GAP}) / (${OTHER_SPEED} + {_STILL})")
+    """The start time, no longer than everyone can keep a speed until the manoeuvre: the same as `Maneuver.delay`."""
+    begin, passage = f"${START_TIME}", maneuver.passage
+    if maneuver.approach < LONGEST:
+        begin = _lesser(begin, f"{maneuver.approach:.3f}")
+    if maneuver.in_one_lane:
+        leader, follower = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
+        opening = _greater(f"(${leader} - ${follower})", f"{STILL}")
+        begin = _lesser(begin, f"{_greater(f'(${GAP} - {APART})', '0')} / {opening}")
+    if passage is not None:
+        begin = _lesser(begin, f"{passage.begin:.3f} / (${START_SPEED} + {STILL})")
+        if passage.conflict is not None:
+            begin = _lesser(begin, f"({passage.conflict.reach:.3f} - ${GAP}) / (${OTHER_SPEED} + {STILL})")
+    return begin
 
 
 def _lesser(a: str, b: str) -> str:
     """The lesser of two terms; versions of the standard before 1.3 have no min()."""
     return f"({a} + {b} - sqrt(pow({a} - {b}, 2))) / 2"
+
+
+def _greater(a: str, b: str) -> str:
+    """The greater of two terms, in brackets; versions of the standard before 1.3 have no max()."""
+    return f"(({a} + {b} + sqrt(pow({a} - {b}, 2))) / 2)"

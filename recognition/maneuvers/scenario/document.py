@@ -39,7 +39,7 @@ CONTROLLER = maneuvers.controller("system_under_test", {"role": "drives the ego;
 
 _GO_ON = "go_on"
 """Name of the entry by which the other one goes on"""
-_MEETING = maneuvers.world_position("$MeetingX", "$MeetingY")
+_CONFLICT_POINT = maneuvers.world_position("$MeetingX", "$MeetingY")
 _REACHED = 0.5
 """How much longer than wanted the gap (m) may be when the manoeuvre begins: it is looked at once a step."""
 _PATIENCE = 10.0
@@ -64,7 +64,7 @@ def entry_name(maneuver: Maneuver) -> str:
 
 def catalogue_entries(maneuver: Maneuver) -> list[Any]:
     """The entries of the manoeuvre catalogue, whoever the participants are: the actor's, and the other one's in a passage."""
-    return [_change(maneuver), *([_go_on()] if _meeting(maneuver) else [])]
+    return [_change(maneuver), *([_go_on()] if _conflict(maneuver) else [])]
 
 
 def _change(maneuver: Maneuver) -> Any:
@@ -83,7 +83,7 @@ def _change(maneuver: Maneuver) -> Any:
         maneuvers.event("settle", [settle], maneuvers.element_state("event", "change", "completeState")),
     ]
     declared = [maneuvers.parameter(name, "string", text) for name, text in _roles(maneuver, "Other").items()]
-    declared += [maneuvers.parameter(name, "double", 0.0) for name in _meeting(maneuver)]
+    declared += [maneuvers.parameter(name, "double", 0.0) for name in _conflict(maneuver)]
     declared += [maneuvers.parameter(name, "double", RANGES[name][0]) for name in values(maneuver)]
     return maneuvers.maneuver(entry_name(maneuver), events, declared)
 
@@ -91,7 +91,7 @@ def _change(maneuver: Maneuver) -> Any:
 def _go_on() -> Any:
     """The other one's change of speed from where the ways meet."""
     change = maneuvers.speed(f"${ONWARDS}", Dynamics("linear", "time", f"${DURATION}"))
-    there = maneuvers.distance("$Other", _MEETING, _REACHED)
+    there = maneuvers.distance("$Other", _CONFLICT_POINT, _REACHED)
     numbers = {"MeetingX": 0.0, "MeetingY": 0.0, ONWARDS: 0.0, DURATION: 1.0}
     declared = [maneuvers.parameter("Other", "string", "Other")]
     declared += [maneuvers.parameter(name, "double", value) for name, value in numbers.items()]
@@ -115,9 +115,8 @@ def scenario(
     tracks = {EGO: maneuver.ego} | ({other: maneuver.other} if maneuver.other is not None else {})
     actor = EGO if maneuver.ego_acts else other
     roles = _roles(maneuver, other) | {"Actor": actor}
-    assigned: dict[str, Number] = {**roles, **_meeting(maneuver), **{name: f"${name}" for name in values(maneuver)}}
-    if maneuver.passage is not None:
-        assigned[START_TIME] = f"${BEGIN}"
+    assigned: dict[str, Number] = {**roles, **_conflict(maneuver), **{name: f"${name}" for name in values(maneuver)}}
+    assigned[START_TIME] = f"${BEGIN}"
     done = replace(maneuvers.element_state("event", "change", "completeState"), delay=f"${REST_TIME}")
     limit = maneuvers.simulation_time(f"${{${START_TIME} + ${DURATION} + ${REST_TIME} + {_PATIENCE}}}")
     participants = {name: entry(track) for name, track in tracks.items()}
@@ -138,14 +137,14 @@ def scenario(
 
 def _others(maneuver: Maneuver, other: str) -> list[tuple[str, Any]]:
     """What the one who is not the actor does in a passage."""
-    onwards = maneuver.passage.onwards if maneuver.passage is not None else None
-    if onwards is None:
+    continuation = maneuver.passage.continuation if maneuver.passage is not None else None
+    if continuation is None:
         return []
     assigned: dict[str, Number] = {
         "Other": other,
-        **_meeting(maneuver),
+        **_conflict(maneuver),
         ONWARDS: f"${ONWARDS}",
-        DURATION: round(onwards.duration, 3),
+        DURATION: round(continuation.duration, 3),
     }
     return [(other, maneuvers.reference("ManeuverCatalog", _GO_ON, assigned))]
 
@@ -154,7 +153,7 @@ def _gap_is_there(maneuver: Maneuver) -> Condition:
     """That the gap is no longer than the one wanted: of the two in lanes, or of the other one's front to where the ways meet."""
     wanted = f"${{${GAP} + {_REACHED}}}"
     if maneuver.passage is not None:
-        return maneuvers.distance("$Other", _MEETING, wanted)
+        return maneuvers.distance("$Other", _CONFLICT_POINT, wanted)
     return maneuvers.relative_distance("$Follower", "$Leader", wanted, coordinates="lane")
 
 
@@ -165,7 +164,7 @@ def _roles(maneuver: Maneuver, other: str) -> dict[str, str]:
     return {"Actor": EGO} | ({"Other": other} if maneuver.passage is not None else {"Follower": EGO, "Leader": other})
 
 
-def _meeting(maneuver: Maneuver) -> dict[str, float]:
-    """The parameters of the entry that say where the ways meet, m."""
-    met = maneuver.passage.meeting if maneuver.passage is not None else None
-    return {"MeetingX": met.x, "MeetingY": met.y} if met is not None else {}
+def _conflict(maneuver: Maneuver) -> dict[str, float]:
+    """The parameters of the entry for the conflict point, m."""
+    conflict = maneuver.passage.conflict if maneuver.passage is not None else None
+    return {"MeetingX": conflict.x, "MeetingY": conflict.y} if conflict is not None else {}

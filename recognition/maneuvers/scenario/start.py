@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from recognition.catalogue.scenes.scenes import EGO
-from recognition.maneuvers.events.lanes import facing
 from recognition.maneuvers.events.maneuver import Maneuver
 from recognition.maneuvers.scenario.declarations import (
     BEGIN,
@@ -19,7 +18,6 @@ from recognition.maneuvers.scenario.declarations import (
     GAP,
     OTHER_SPEED,
     START_SPEED,
-    START_TIME,
     passive,
     values,
 )
@@ -29,6 +27,9 @@ from schemas.errors import Unsupported
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
 from xosc import maneuvers
+
+_SAME_TIME = 1e-6
+"""Times (s) that are the same but for rounding"""
 
 
 class Paths(NamedTuple):
@@ -47,10 +48,10 @@ def paths(maneuver: Maneuver, network: RoadNetwork, name: str, other: str) -> Pa
         other: name of the other participant.
     """
     route = _route(maneuver, network, name) if maneuver.kind != "passage" else None
-    passage, courses = maneuver.passage, {}
+    passage, followed = maneuver.passage, {}
     if passage is not None:
-        courses = {EGO: passage.course} | ({other: passage.meeting.course} if passage.meeting is not None else {})
-    trajectories = {who: course.trajectory(f"{who} way") for who, course in courses.items()}
+        followed = {EGO: passage.path} | ({other: passage.conflict.path} if passage.conflict is not None else {})
+    trajectories = {who: path.trajectory(f"{who} way") for who, path in followed.items()}
     return Paths({EGO: route} if route is not None else {}, trajectories)
 
 
@@ -66,8 +67,8 @@ def init(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) 
         Unsupported: the road does not reach back to where the other one would have to begin.
     """
     started = {EGO: _ego(maneuver, followed)}
-    if maneuver.passage is not None and maneuver.passage.meeting is not None:
-        station = f"{maneuver.passage.meeting.reach:.3f} - ${GAP} - ${OTHER_SPEED} * ${BEGIN}"
+    if maneuver.passage is not None and maneuver.passage.conflict is not None:
+        station = f"{maneuver.passage.conflict.reach:.3f} - ${GAP} - ${OTHER_SPEED} * ${BEGIN}"
         started[other] = _on_way(followed.trajectories[other], station, f"${OTHER_SPEED}", follow=True)
     elif maneuver.other is not None:
         started[other] = _beside(maneuver, maneuver.other, network)
@@ -80,7 +81,7 @@ def _ego(maneuver: Maneuver, followed: Paths) -> list[Any]:
     if passage is None:
         actions = [_recorded(maneuver), maneuvers.speed(f"${START_SPEED if maneuver.ego_acts else EGO_SPEED}")]
     else:
-        station = f"{passage.begins:.3f} - ${START_SPEED} * ${BEGIN}"
+        station = f"{passage.begin:.3f} - ${START_SPEED} * ${BEGIN}"
         actions = _on_way(followed.trajectories[EGO], station, f"${START_SPEED}", follow=maneuver.kind == "passage")
     if EGO in followed.routes:
         actions.append(maneuvers.assign_route(maneuvers.reference("RouteCatalog", followed.routes[EGO].name)))
@@ -94,12 +95,23 @@ def _on_way(way: Any, station: str, speed: str, *, follow: bool) -> list[Any]:
     return [*actions, maneuvers.follow_path(reference, start)] if follow else actions
 
 
+def _row(track: Track, time: float) -> int:
+    """The first row of a track at or after a time (s), else its last."""
+    at = track.columns["time"]
+    return min(int(np.searchsorted(at, time - _SAME_TIME)), len(at) - 1)
+
+
 def _place(track: Track, time: float) -> RoadPoint:
     """Where a track is on the road at a time (s)."""
-    columns = track.columns
-    row = min(int(np.searchsorted(columns["time"], time)), len(columns["time"]) - 1)
+    columns, row = track.columns, _row(track, time)
     s, t, offset = (float(columns[name][row]) for name in ("s", "t", "lane_offset"))
     return RoadPoint(str(columns["road_id"][row]), s, t, int(columns["lane_id"][row]), offset)
+
+
+def _facing(track: Track, time: float, network: RoadNetwork) -> int:
+    """+1 where a track faces increasing s at a time (s), −1 else."""
+    here, h = _place(track, time), float(track.columns["h"][_row(track, time)])
+    return 1 if np.cos(h - network.road(here.road_id).heading(here.s)) >= 0.0 else -1
 
 
 def _recorded(maneuver: Maneuver) -> Any:
@@ -111,14 +123,14 @@ def _recorded(maneuver: Maneuver) -> Any:
 def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]:
     """Ahead of the ego (or, to cut in, beside its lane) by what gives the wanted gap after the delay."""
     here = _place(maneuver.ego, maneuver.start)
-    side = int(facing(maneuver.ego, network)[np.searchsorted(maneuver.ego.columns["time"], maneuver.start)])
+    side = _facing(maneuver.ego, maneuver.start, network)
     own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
     boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
     known = values(maneuver) | {passive(maneuver): round(maneuver.speed, 3)}
-    ahead = known[GAP] - (known[own] - known[mine]) * known[START_TIME] + boxes
+    ahead = known[GAP] - (known[own] - known[mine]) * maneuver.delay + boxes
     if travel_s(network, here, side * ahead, network.straightest) is None:
         raise Unsupported("the road is too short for the speeds before the manoeuvre")
-    ds = f"${{{side} * (${GAP} - (${own} - ${mine}) * ${START_TIME} + {boxes})}}"
+    ds = f"${{{side} * (${GAP} - (${own} - ${mine}) * ${BEGIN} + {boxes})}}"
     lanes = side * (-1 if maneuver.left else 1) if maneuver.kind == "cut_in" else 0
     return [maneuvers.teleport(maneuvers.relative_lane_position(EGO, lanes, ds)), maneuvers.speed(f"${own}")]
 

@@ -1,15 +1,13 @@
-"""Recordings as units of manoeuvres with the seven parameters, and back.
+"""Recordings as units of manoeuvres, for densities.
 
-`segment` finds the units of a recording, `parameters_of` gives their parameters, `extract` both for a whole data set;
-`reconstruct` is the motion that a logical scenario makes of the parameters, `errors` how far it is from what was recorded.
+`segment` finds the units of a recording, `extract` gives those of a whole data set with the values of their parameters
+(`recognition.maneuvers.estimation`) as a table, `Samples`.
 """
 
-from recognition.maneuvers.estimation.motion import LaneMotion, lane_motion
-from recognition.maneuvers.estimation.reconstruction import Errors, errors, reconstruct
 from recognition.maneuvers.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
-from recognition.maneuvers.units.extraction import extract, extract_from, parameters_of
+from recognition.maneuvers.units.extraction import extract, extract_from
 from recognition.maneuvers.units.samples import OWN, Samples
-from recognition.maneuvers.units.segmentation import Thresholds, segment
+from recognition.maneuvers.units.segmentation import Segmentation, Thresholds, segment
 
 __all__ = [
     "ACCELERATION",
@@ -19,16 +17,11 @@ __all__ = [
     "KINDS",
     "LANE_CHANGE",
     "OWN",
-    "Errors",
-    "LaneMotion",
     "Samples",
+    "Segmentation",
     "Thresholds",
     "Unit",
-    "errors",
     "extract",
     "extract_from",
-    "lane_motion",
-    "parameters_of",
-    "reconstruct",
     "segment",
 ]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile
+from xodr.array_types import FloatArray
 
 DIGITS = 2
 """Decimal digits of numbers in files: recordings tell centimetres."""
@@ -38,14 +38,14 @@ class Samples:
         errors: lateral and longitudinal root mean square of the reconstruction, m (n, 2).
     """
 
-    theta: Floats
+    theta: FloatArray
     recordings: Texts
     kinds: Texts
     actors: Texts
     others: Texts
-    times: Floats
-    ego_speeds: Floats
-    errors: Floats
+    times: FloatArray
+    ego_speeds: FloatArray
+    errors: FloatArray
 
     def where(self, chosen: NDArray[np.int64]) -> Samples:
         """Some of them, by index."""
@@ -55,7 +55,7 @@ class Samples:
         """Those of some kinds."""
         return self.where(np.flatnonzero(np.isin(self.kinds, kinds)))
 
-    def within(self, low: Floats, high: Floats) -> Samples:
+    def within(self, low: FloatArray, high: FloatArray) -> Samples:
         """Those inside a box with sides (7,)."""
         return self.where(np.flatnonzero(((self.theta >= low) & (self.theta <= high)).all(axis=1)))
 

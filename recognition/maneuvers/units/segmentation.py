@@ -28,27 +28,63 @@ class Thresholds:
     least: float = 1.0
 
 
+class Segmentation:
+    """The lane changes of a recording, and units of them and between them.
+
+    Attributes:
+        motion: of the recording.
+        changes: its lane changes in the order of rows.
+    """
+
+    def __init__(self, motion: LaneMotion) -> None:
+        self.motion, self.changes = motion, lane_changes(motion)
+        self._starts = np.array([change.start for change in self.changes], np.int64)
+        self._ends = np.array([change.end for change in self.changes], np.int64)
+
+    def nearest_change(self, actor: int, time: float, reach: float) -> int | None:
+        """Index of the lane change of a track that crosses the border nearest to a time (s), at most `reach` (s) from it."""
+        scene = self.motion.scene
+        own = [index for index, change in enumerate(self.changes) if scene.track[change.row] == actor]
+        index = min(own, key=lambda index: abs(float(scene.time[self.changes[index].row]) - time), default=None)
+        return index if index is not None and abs(scene.time[self.changes[index].row] - time) <= reach else None
+
+    def leader(self, index: int) -> int:
+        """Track ahead in the lane of who changes it, when the change begins; NOBODY for none in sight."""
+        scene = self.motion.scene
+        lead = int(scene.leads.row[self.changes[index].start])
+        return int(scene.track[lead]) if lead != NOBODY else NOBODY
+
+    def of_change(self, index: int, kind: str, other: int) -> Unit:
+        """The unit of a lane change, by index, for one whom it concerns."""
+        change = self.changes[index]
+        return self.between(kind, other, change.start, change.end, change.shift)
+
+    def between(self, kind: str, other: int, start: int, end: int, shift: float = 0.0) -> Unit:
+        """The unit from one row of a track to another; its scene is bounded by the lane changes before and after it."""
+        before, after = self._ends[self._ends <= start], self._starts[self._starts >= end]
+        first = int(before[-1]) if len(before) else 0
+        last = int(after[0]) if len(after) else len(self.motion.lateral)
+        return _unit(self.motion, kind, other, start, end, first, last, shift)
+
+
 def segment(motion: LaneMotion, thresholds: Thresholds = Thresholds()) -> list[Unit]:
     """The units of a recording, by actor and time; a lane change is a unit for each one whom it concerns."""
-    changes = lane_changes(motion)
-    units = [*_lane_changes(motion, changes), *_phases(motion, changes, thresholds)]
+    segmentation = Segmentation(motion)
+    units = [*_lane_changes(segmentation), *_phases(motion, segmentation.changes, thresholds)]
     return sorted(units, key=lambda unit: (unit.start, unit.kind, unit.other))
 
 
-def _lane_changes(motion: LaneMotion, changes: list[LaneChange]) -> Iterator[Unit]:
-    scene = motion.scene
+def _lane_changes(segmentation: Segmentation) -> Iterator[Unit]:
+    scene, changes = segmentation.motion.scene, segmentation.changes
     concerned: dict[int, list[tuple[str, int]]] = {change.row: [] for change in changes}
     for kind, found in ((CUT_IN, cuts.cut_ins(scene)), (CUT_OUT, cuts.cut_outs(scene))):
         for ego, row in zip(found.ego.tolist(), found.other.tolist(), strict=True):
             concerned.get(row, []).append((kind, int(scene.track[ego])))
-    for place, change in enumerate(changes):
-        before, after = changes[place - 1] if place else None, changes[place + 1] if place + 1 < len(changes) else None
-        first = before.end if before else 0
-        last = after.start if after else len(motion.way)
-        lead = int(scene.leads.row[change.start])
-        own = [(LANE_CHANGE, int(scene.track[lead]))] if lead != NOBODY else []
+    for index, change in enumerate(changes):
+        leader = segmentation.leader(index)
+        own = [(LANE_CHANGE, leader)] if leader != NOBODY else []
         for kind, other in (*own, *concerned[change.row]):
-            yield _unit(motion, kind, other, change.start, change.end, first, last, change.shift)
+            yield segmentation.of_change(index, kind, other)
 
 
 def _phases(motion: LaneMotion, changes: list[LaneChange], thresholds: Thresholds) -> Iterator[Unit]:

@@ -8,8 +8,8 @@ import runner
 from generation.logical.library import ROADS, SCENARIOS
 from recognition.labels.rules import Rules
 from recognition.labels.scene.scene import prepare
+from recognition.maneuvers.estimation import LaneMotion, lane_motion
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
-from recognition.maneuvers.units import LaneMotion, lane_motion
 from recognition.sites import site_at
 
 STEP = 0.05

@@ -14,10 +14,11 @@ import xosc
 from recognition import datasets
 from recognition.catalogue.scenes.entities import entry
 from recognition.labels.classes import Label
-from recognition.maneuvers.estimation.speeds import ways
-from recognition.maneuvers.events import Maneuver, Span, maneuver
+from recognition.maneuvers.estimation.speeds import distance_model
+from recognition.maneuvers.events import Maneuver, Maneuvers, Span
 from recognition.maneuvers.scenario import document as variation
 from recognition.maneuvers.scenario.start import paths
+from recognition.sites import site_at
 from runner.measures.relations import Motion, relation
 from runner.recording import Recording, Track
 from schemas import check
@@ -38,7 +39,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 def measured(recording: Recording, label: Label, ego: str, partner: str | None, span: Span = AT) -> Maneuver:
     assert recording.network is not None
-    return maneuver(recording, recording.network, label, ego, partner, span)
+    return Maneuvers(recording, site_at(Path(recording.network.path))).of(label, ego, partner, span)
 
 
 def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[int, int] = (1, 3)) -> Path:
@@ -71,10 +72,13 @@ def test_a_cut_in_is_measured(
     found = measured(recording, Label.CUT_IN, ego, partner)
     assert (found.kind, found.ego.name, found.other and found.other.name, found.left) == ("cut_in", ego, partner, left)
     values = found.values
-    assert values.gap == pytest.approx(gap, abs=1.0)
+    begin, duration = 3.2, 5.6  # the half cosine nearest to an even motion sideways from 4 s to 8 s
+    own, other = (recording.tracks[name].columns for name in (ego, partner))
+    assert values.gap == pytest.approx(gap + (4.0 - begin) * (speeds[1] - speeds[0]), abs=0.1)
+    assert np.interp(begin, own["time"], np.abs(other["x"] - own["x"])) - values.gap == pytest.approx(4.0, abs=0.05)
     assert (values.start_speed, found.speed) == pytest.approx(speeds, abs=0.1)
-    assert values.start_time == pytest.approx(4.0, abs=0.3)
-    assert values.duration == pytest.approx(4.0, abs=0.6)
+    assert values.start_time == pytest.approx(begin, abs=0.1)
+    assert values.duration == pytest.approx(duration, abs=0.21)
     assert values.start_time + values.duration + values.rest_time == pytest.approx(11.96)
 
 
@@ -84,7 +88,7 @@ def test_car_following_is_the_leads_change_of_speed(recording: Recording) -> Non
     values, lead = found.values, recording.tracks[m.STOPPING].columns
     fitted = [values.start_speed, values.end_speed, values.final_speed]
     way = np.abs(np.interp([1.0, found.end], lead["time"], lead["x"]) @ [-1.0, 1.0])
-    model = ways(np.array([values.duration + values.rest_time]), values.duration, values.rest_time)
+    model = distance_model(np.array([values.duration + values.rest_time]), values.duration, values.rest_time)
     off, off_by_instants = np.abs(model @ np.array([fitted, [20.0, 12.0, 0.0]]).T - way)[0]
     assert fitted == sorted(fitted, reverse=True)
     assert off < 0.5 * off_by_instants
@@ -94,9 +98,9 @@ REFUSED = {
     "a class that is none of the 17": (Label.UNKNOWN, m.EGO, None, AT, "its class, unknown or discovered, is none of the 17"),
     "no junction": (Label.LEFT_TURN, m.EGO, None, AT, "the way through the junction can't be told from the roads"),
     "no partner": (Label.CUT_IN, m.EGO, None, AT, "the other vehicle is not known"),
-    "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "no change of lane on one road"),
+    "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "no lane change then that was recorded whole"),
     "a partner behind": (Label.CAR_FOLLOWING, m.CUTTER, m.EGO, AT, "is not ahead of the ego"),
-    "who never met": (Label.CAR_FOLLOWING, m.LATE, m.FAR, AT, "not recorded together"),
+    "who never met": (Label.CAR_FOLLOWING, m.FAR, m.EGO, AT, "was not recorded then"),
 }
 
 

@@ -13,7 +13,7 @@ import xosc
 from recognition.catalogue.scenes.entities import entry
 from recognition.catalogue.scenes.scenes import EGO
 from recognition.labels.classes import Label
-from recognition.maneuvers.events import Maneuver, Span, maneuver
+from recognition.maneuvers.events import Maneuver, Maneuvers, Span
 from recognition.maneuvers.scenario import document as variation
 from recognition.maneuvers.scenario.start import paths
 from recognition.sites import Site
@@ -51,7 +51,7 @@ def recorded(crossing: Site, *tracks: Track) -> Recording:
 
 
 def measured(crossing: Site, *tracks: Track, label: Label = Label.LEFT_TURN, partner: str | None = None) -> Maneuver:
-    return maneuver(recorded(crossing, *tracks), crossing.network, label, tracks[0].name, partner, TURN)
+    return Maneuvers(recorded(crossing, *tracks), crossing).of(label, tracks[0].name, partner, TURN)
 
 
 def write(folder: Path, crossing: Site, found: Maneuver, version: tuple[int, int] = (1, 3)) -> Path:
@@ -96,11 +96,11 @@ def test_who_stands_in_the_junction_begins_when_setting_off(crossing: Site) -> N
 def test_the_gap_is_that_of_the_other_ones_front_to_where_the_ways_meet(crossing: Site) -> None:
     other = car(crossing, "oncoming", start=2.0)
     found = measured(crossing, car(crossing, "left"), other)
-    assert found.other is other and found.passage is not None and found.passage.meeting is not None
-    met = found.passage.meeting
+    assert found.other is other and found.passage is not None and found.passage.conflict is not None
+    conflict = found.passage.conflict
     begin = found.start + found.values.start_time
     x = np.interp(begin, other.columns["time"], other.columns["x"])
-    assert found.values.gap == pytest.approx(met.x - x - other.box.x - other.box.length / 2, abs=0.6)
+    assert found.values.gap == pytest.approx(conflict.x - x - other.box.x - other.box.length / 2, abs=0.6)
     assert found.speed == pytest.approx(8.0, abs=0.1)
 
 

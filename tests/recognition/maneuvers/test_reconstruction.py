@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recognition.maneuvers.estimation import reconstruct
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.units import reconstruct
 from tests.recognition.maneuvers.runs import STEP, recorded
 
 SMALL = 1e-5
@@ -43,5 +43,5 @@ def test_the_reconstruction_is_what_the_scenario_scripts(tmp_path: Path) -> None
     rows = np.flatnonzero(scene.track == scene.names.index("CutIn"))
     start = rows[round(3.0 / STEP)]
     way, aside = reconstruct(np.array(values), -3.75, scene.time[rows] - 3.0)
-    np.testing.assert_allclose(motion.way[rows] - motion.way[start], way, atol=0.25)
-    np.testing.assert_allclose(motion.aside[rows] - motion.aside[start], aside, atol=0.08)
+    np.testing.assert_allclose(motion.longitudinal[rows] - motion.longitudinal[start], way, atol=0.25)
+    np.testing.assert_allclose(motion.lateral[rows] - motion.lateral[start], aside, atol=0.08)

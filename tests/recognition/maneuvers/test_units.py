@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recognition.maneuvers.estimation import LaneMotion, errors, estimate
 from recognition.maneuvers.units import (
     ACCELERATION,
     BRAKING,
@@ -15,12 +16,9 @@ from recognition.maneuvers.units import (
     KINDS,
     LANE_CHANGE,
     OWN,
-    LaneMotion,
     Samples,
     Unit,
-    errors,
     extract,
-    parameters_of,
     segment,
 )
 from schemas.errors import InvalidFile
@@ -38,11 +36,11 @@ def named(motion: LaneMotion, kind: str, actor: str) -> Unit:
 
 def agrees(motion: LaneMotion, unit: Unit, ego_speed: float) -> None:
     """Whether extracted parameters are those that the run was given, as far as 0.2 s and a time step tell."""
-    found = parameters_of(motion, unit)
+    found = estimate(motion, unit)
     assert found is not None
-    np.testing.assert_allclose(found[0], VALUES, atol=0.25)
-    assert found[1] == pytest.approx(ego_speed, abs=1e-6)
-    lateral, longitudinal = errors(motion, unit, found[0])
+    np.testing.assert_allclose(np.array(found.values), VALUES, atol=0.25)
+    assert found.other_speed == pytest.approx(ego_speed, abs=1e-6)
+    lateral, longitudinal = errors(motion, unit, np.array(found.values))
     assert lateral < 0.03
     assert longitudinal < 0.1
 
@@ -71,10 +69,10 @@ def test_braking_gives_its_parameters_back(tmp_path: Path) -> None:
     values = (60.0, 14.0, 4.0, 8.0, 4.0, 8.0, 5.0)
     motion = recorded("congestion_highway", "highway_straight", "Lead", values, tmp_path, Ego_Speed_mps=12.0)
     unit = named(motion, BRAKING, "Lead")
-    found = parameters_of(motion, unit)
+    found = estimate(motion, unit)
     assert found is not None
-    assert (np.abs(found[0] - values) < [1.5, 0.3, 0.5, 0.3, 0.9, 0.3, 0.6]).all()
-    assert errors(motion, unit, found[0]).longitudinal < 0.2
+    assert (np.abs(np.array(found.values) - values) < [1.5, 0.3, 0.5, 0.3, 0.9, 0.3, 0.6]).all()
+    assert errors(motion, unit, np.array(found.values)).longitudinal < 0.2
 
 
 def test_who_accelerates_after_a_cut_in_does_so_in_a_unit_of_its_own(tmp_path: Path) -> None:
@@ -90,9 +88,9 @@ def test_on_a_ramp_and_in_a_curve_ways_are_those_along_the_lane(tmp_path: Path) 
     values = (20.0, 15.0, 4.0, 13.0, 4.6, 16.0, 5.0)
     motion = recorded("cut_in_sharp_curve", "sharp_curve", "CutIn", values, tmp_path, Ego_Speed_mps=12.0)
     unit = named(motion, CUT_IN, "CutIn")
-    found = parameters_of(motion, unit)
+    found = estimate(motion, unit)
     assert found is not None
-    assert errors(motion, unit, found[0]).longitudinal < 0.3
+    assert errors(motion, unit, np.array(found.values)).longitudinal < 0.3
 
 
 def test_a_data_set_becomes_a_table_that_can_be_kept(tmp_path: Path) -> None:
