@@ -18,12 +18,13 @@ import shlex
 import shutil
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+
+from tests.commands import SCRIPTS, Command
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -31,7 +32,6 @@ PAGES = [
     *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
     *sorted((ROOT / "docs" / "extending").glob("*.md")),
 ]
-SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
 
 NOT_RUN = {
     "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
@@ -51,6 +51,7 @@ _NAMED = re.compile(
     r"(?<!`)`((?:[\w.*-]+/)*[\w*-]+\.(?:xosc|xodr|html|json|jsonl|parquet|csv|png|gif|mcap|sarif|xml|md|py|yml))`"
 )
 _MENTIONED = re.compile(r"`((?:xosc-\w+|make|pip|python|sumo-gui) [^`]+)`")
+_SHELL = re.compile(r"[|<>&;$`~]")
 _PLACEHOLDER = re.compile(r"NAME|SITE|CLASS|FILE")
 _SECONDS = 600
 
@@ -105,6 +106,22 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def run(line: str, folder: Path, command: Command) -> tuple[int, str]:
+    """Exit code and output of a command line: our own commands in this process, which has their libraries, others in a shell."""
+    name, *arguments = shlex.split(line)
+    if name not in SCRIPTS or _SHELL.search(line):
+        done = call(["bash", "-c", line], folder)
+        return done.returncode, done.stdout
+    answer = command(name, *(found for argument in arguments for found in expanded(argument, folder)))
+    return answer.code, answer.out + answer.err
+
+
+def expanded(argument: str, folder: Path) -> list[str]:
+    """What a shell makes of an argument with wildcards."""
+    found = sorted(folder.glob(argument)) if "*" in argument else []
+    return [path.relative_to(folder).as_posix() for path in found] or [argument]
+
+
 def call(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     return subprocess.run(
@@ -118,14 +135,14 @@ def call(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]
     )
 
 
-def play(page: Path, folder: Path) -> None:
+def play(page: Path, folder: Path, command: Command) -> None:
     """Do what a page says."""
     printed = ""
     for block in blocks(page):
         if block.file is not None:
             (folder / block.file).write_text(block.text, encoding="utf-8")
         elif block.language == "sh":
-            printed = "".join(answers(block, folder))
+            printed = "".join(answers(block, folder, command))
         elif block.language == "python":
             done = call([sys.executable, "-c", block.text], folder)
             assert done.returncode == 0, done.stdout
@@ -135,14 +152,14 @@ def play(page: Path, folder: Path) -> None:
             assert not missing, printed
 
 
-def answers(block: Block, folder: Path) -> Iterator[str]:
+def answers(block: Block, folder: Path, own: Command) -> Iterator[str]:
     """What the commands of a block print; each has to end with the code that is announced."""
     for command in block.commands:
         if bare(command) not in NOT_RUN:
             announced = re.search(r"exit code (\d)", command)
-            done = call(["bash", "-c", bare(command)], folder)
-            assert done.returncode == (int(announced[1]) if announced else 0), f"{command}: {done.stdout}"
-            yield done.stdout
+            code, printed = run(bare(command), folder, own)
+            assert code == (int(announced[1]) if announced else 0), f"{command}: {printed}"
+            yield printed
 
 
 def is_printed(line: str, printed: str) -> bool:
@@ -151,8 +168,10 @@ def is_printed(line: str, printed: str) -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_page_does_what_it_says(page: Path, folder: Path) -> None:
-    play(page, folder)
+def test_page_does_what_it_says(page: Path, folder: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("COLUMNS", "120")
+    play(page, folder, command)
     named = {one for one in _NAMED.findall(prose(page)) if not _PLACEHOLDER.search(one)}
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
     lost = [one for one in sorted(named) if not any(Path(path).match(one) for path in there) and not list(ROOT.glob(one))]
