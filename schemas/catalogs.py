@@ -86,7 +86,7 @@ class Entry:
 
 
 class Directory(NamedTuple):
-    """What a catalogue location says: the path, and the place in the scenario that says so, for complaints."""
+    """What a catalogue location says: the path, and the place in the scenario that says so, for errors."""
 
     path: Path
     where: str

@@ -21,8 +21,8 @@ _EPILOG = "Exit codes: 0 all files are accepted (no error; with --strict no warn
 app = new_app()
 
 
-def _print_rules(wanted: bool) -> None:
-    if wanted:
+def _print_rules(requested: bool) -> None:
+    if requested:
         from schemas.checks.registry import all_rules
         from schemas.checks.report import listing
 
@@ -35,7 +35,7 @@ def xosc_check(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs.")],
     format: Annotated[Literal["text", "json", "junit", "xqar", "sarif"], typer.Option(help="Format of the report.")] = "text",
     output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the report to a file.")] = None,
-    severity: Annotated[Literal["error", "warning", "info"], typer.Option(help="Least grave level that is reported.")] = "info",
+    severity: Annotated[Literal["error", "warning", "info"], typer.Option(help="Least severe level that is reported.")] = "info",
     strict: Annotated[bool, typer.Option("--strict", help="Do not accept files with warnings.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Name the sound files as well.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,

@@ -15,7 +15,7 @@ _MOST_COMPARED, _LONGEST_COMPARED = 300, 100
 
 
 class ToolchainError(Exception):
-    """Base of every error that is the user's to mend.
+    """Base of every error that a user can fix.
 
     Args:
         message: one sentence, what is wrong and what would be right.

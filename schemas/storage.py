@@ -70,7 +70,7 @@ def parse_object(content: bytes, path: Path, line: int | None = None, remedy: st
     """The object that a JSON text holds.
 
     Args:
-        path, line: what complaints name; by default the line of the defect.
+        path, line: what errors name; by default the line of the defect.
         remedy: as in `read_object`.
 
     Raises:

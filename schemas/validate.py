@@ -14,7 +14,7 @@ from schemas.registry import Schema
 from schemas.xml import local_name, parse
 
 _MOST_EXPLAINED = 20_000
-"""Elements up to which xmlschema explains; in larger documents its time grows with their square, and libxml2's words do."""
+"""Elements up to which xmlschema explains. Its time grows with their square; larger documents get libxml2's messages."""
 
 _MEANINGS = {
     "expression": "an expression ${…}",

@@ -38,7 +38,7 @@ def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
     """Parse the content of a file that was read already (from an archive, say), with the same care.
 
     Args:
-        path: what complaints call the file.
+        path: the file's name in errors.
 
     Raises:
         InvalidFile: not well-formed, or declares a document type.

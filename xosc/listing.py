@@ -79,9 +79,9 @@ class Listed:
         """Its class; empty where it has none."""
         return str(self.tags.get(CLASS, ""))
 
-    def has(self, wanted: Tag) -> bool:
+    def has(self, tag: Tag) -> bool:
         """Whether it has a tag of this type and, where one is given, of this value."""
-        return wanted.type in self.tags and (wanted.value is None or _text(self.tags[wanted.type]) == wanted.value)
+        return tag.type in self.tags and (tag.value is None or _text(self.tags[tag.type]) == tag.value)
 
 
 @dataclass(frozen=True)
@@ -107,11 +107,11 @@ class Listing:
         Raises:
             UsageError: no scenario has the class or one of the tags.
         """
-        wanted = list(tags) + ([Tag(CLASS, label)] if label else [])
-        for tag in wanted:
+        required = list(tags) + ([Tag(CLASS, label)] if label else [])
+        for tag in required:
             if not any(each.has(tag) for each in self.scenarios):
                 raise UsageError(self._missing(tag))
-        return [each for each in self.scenarios if all(each.has(tag) for tag in wanted)]
+        return [each for each in self.scenarios if all(each.has(tag) for tag in required)]
 
     def _missing(self, tag: Tag) -> str:
         there = {_text(each.tags[tag.type]) for each in self.scenarios if tag.type in each.tags}

@@ -22,7 +22,7 @@ _REQUIRED: Any = object()
 
 
 class Node:
-    """One element: attributes as Python values, children by name, and complaints with file and line.
+    """One element: attributes as Python values, children by name, and errors with file and line.
 
     Args:
         element: the lxml element.
@@ -164,7 +164,7 @@ class Node:
         """Text content, stripped."""
         return (self.element.text or "").strip()
 
-    # complaints -----------------------------------------------------------------------------
+    # errors ---------------------------------------------------------------------------------
 
     def invalid(self, message: str) -> InvalidFile:
         """An InvalidFile at this element, to be raised by the caller."""

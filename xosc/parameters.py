@@ -47,12 +47,12 @@ class Assignment:
 
     Attributes:
         text: the value.
-        complain: the error to raise where the value does not fit, with a message.
+        error: makes the error, from its message, that is raised where the value does not fit.
         symbolic: whether the text may refer to parameters of the declaring scope, as a default may.
     """
 
     text: str
-    complain: Callable[[str], ToolchainError]
+    error: Callable[[str], ToolchainError]
     symbolic: bool = False
 
 
@@ -66,7 +66,7 @@ class Scope:
 
     Raises:
         InvalidFile: a declaration is malformed, its value is not of its type, or values depend on each other in a circle.
-        ToolchainError: an assigned value does not fit, as its `complain` says.
+        ToolchainError: an assigned value does not fit, made by its `error`.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Scope:
         assigned = assigned or {}
         for name, assignment in assigned.items():
             if name not in self.declarations:
-                raise assignment.complain(f"there is no parameter {quoted(name)} to assign; {nearest(name, self.declarations)}")
+                raise assignment.error(f"there is no parameter {quoted(name)} to assign; {nearest(name, self.declarations)}")
         for name in self.declarations:
             self._visible.pop(name, None)
         sources = {
@@ -112,8 +112,8 @@ class Scope:
             groups = declaration.children("ConstraintGroup")
             parameter = self._visible[name]
             if groups and not any(all(self._holds(parameter, item) for item in group.children()) for group in groups):
-                wanted = " or ".join(f"({_described(group)})" if len(groups) > 1 else _described(group) for group in groups)
-                yield declaration.invalid(f"the parameter {name} = {parameter.text} violates its constraint: {wanted}")
+                limits = " or ".join(f"({_described(group)})" if len(groups) > 1 else _described(group) for group in groups)
+                yield declaration.invalid(f"the parameter {name} = {parameter.text} violates its constraint: {limits}")
 
     def _operand(self, name: str) -> float | int | bool | str:
         parameter = self._visible[name]
@@ -129,9 +129,9 @@ class Scope:
             text = self.literal(source.text) if source.symbolic else source.text
             value = typed(kind, text)
         except ExpressionError as error:
-            raise source.complain(f"the value of the parameter {name}: {error.message}") from None
+            raise source.error(f"the value of the parameter {name}: {error.message}") from None
         except ValueError as error:
-            raise source.complain(f"the value of the parameter {name}: {error}") from None
+            raise source.error(f"the value of the parameter {name}: {error}") from None
         return Parameter(name, kind, value, literal(kind, value, text))
 
     def _holds(self, parameter: Parameter, constraint: Node) -> bool:
@@ -193,12 +193,12 @@ def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
             used = references(source.text) if source.symbolic else set()
             sorter.add(name, *sorted(used & sources.keys()))
         except ExpressionError as error:
-            raise source.complain(f"the value of the parameter {name}: {error.message}") from None
+            raise source.error(f"the value of the parameter {name}: {error.message}") from None
     try:
         return list(sorter.static_order())
     except CycleError as error:
         circle = list(reversed(error.args[1]))
-        raise sources[circle[0]].complain(f"the parameter {circle[0]} depends on itself: {' → '.join(circle)}") from None
+        raise sources[circle[0]].error(f"the parameter {circle[0]} depends on itself: {' → '.join(circle)}") from None
 
 
 def _described(group: Node) -> str:

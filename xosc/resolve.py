@@ -225,12 +225,12 @@ def _assignments(reference: Node) -> dict[str, Assignment]:
 
 
 def _argument(value: Argument, scenario: Node) -> Assignment:
-    """A value given by the caller, who is to blame where it does not fit."""
+    """A value given by the caller: where it does not fit, the call is wrong and not the file."""
 
-    def complain(message: str) -> ToolchainError:
+    def usage_error(message: str) -> ToolchainError:
         return UsageError(message, path=scenario.path)
 
-    return Assignment(_text(value), complain, symbolic=True)
+    return Assignment(_text(value), usage_error, symbolic=True)
 
 
 def _text(value: Argument) -> str:

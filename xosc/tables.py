@@ -55,9 +55,9 @@ def to_csv(listing: Listing) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["name", "class", "description", "path", "road", "parameters", "variations", "tags"])
     for each in listing.scenarios:
-        parameters = "; ".join(map(_words, each.parameters))
+        parameters = "; ".join(map(_parameter_text, each.parameters))
         variations = "; ".join(str(one.path) for one in each.variations)
-        tags = "; ".join(_tag_words(each.tags))
+        tags = "; ".join(_tag_texts(each.tags))
         writer.writerow([each.name, each.label, each.description, each.path, each.road, parameters, variations, tags])
     return stream.getvalue()
 
@@ -81,15 +81,15 @@ def _aligned(columns: Sequence[str], rows: Sequence[Sequence[str]], details: Seq
 
 def _details(listed: Listed) -> list[str]:
     variations = [f"{each.path}: {each.size} parameter set{'s' if each.size != 1 else ''}" for each in listed.variations]
-    return [*map(_words, listed.parameters), *variations, *_tag_words(listed.tags)]
+    return [*map(_parameter_text, listed.parameters), *variations, *_tag_texts(listed.tags)]
 
 
-def _words(parameter: Declared) -> str:
+def _parameter_text(parameter: Declared) -> str:
     allowed = parameter.allowed
     return f"{parameter.name} = {parameter.value}" + (f" in {allowed}" if allowed else "")
 
 
-def _tag_words(tags: Mapping[str, Any]) -> list[str]:
+def _tag_texts(tags: Mapping[str, Any]) -> list[str]:
     return [name if value is True else f"{name}={value}" for name, value in tags.items()]
 
 

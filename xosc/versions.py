@@ -117,8 +117,8 @@ def _changes(source: Version, to: Version) -> Iterator[tuple[Change, str]]:
 # changes -------------------------------------------------------------------------------------
 
 
-def _word(version: Version, tag: str, attribute: str, old: str, new: str) -> Rule:
-    """A word of an enumeration that got another name."""
+def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: str) -> Rule:
+    """A value of an enumeration that was renamed."""
 
     def up(element: etree._Element) -> None:
         if element.get(attribute) == old:
@@ -302,7 +302,7 @@ _ROUTED = (*_ALONG_ROUTE, "RelativeDistanceCondition")
 
 RULES: tuple[Rule, ...] = (
     # 1.1
-    _word((1, 1), "RelativeDistanceCondition", "relativeDistanceType", "cartesianDistance", "euclidianDistance"),
+    _renamed_value((1, 1), "RelativeDistanceCondition", "relativeDistanceType", "cartesianDistance", "euclidianDistance"),
     Rule((1, 1), "RelativeDistanceCondition", down=_implied("coordinateSystem", "entity")),
     *(Rule((1, 1), tag, down=_straight_line) for tag in _ALONG_ROUTE),
     Rule((1, 1), "LongitudinalDistanceAction", down=_implied("coordinateSystem", "entity")),
@@ -317,8 +317,8 @@ RULES: tuple[Rule, ...] = (
     Rule((1, 1), "Event", down=_child(_at_once)),
     *(Rule((1, 1), tag, down=_without_white_space) for tag in ("FileHeader", "ParameterDeclaration")),
     # 1.2
-    _word((1, 2), "Event", "priority", "overwrite", "override"),
-    _word((1, 2), "ParameterDeclaration", "parameterType", "integer", "int"),
+    _renamed_value((1, 2), "Event", "priority", "overwrite", "override"),
+    _renamed_value((1, 2), "ParameterDeclaration", "parameterType", "integer", "int"),
     *(Rule((1, 2), tag, down=_implied("routingAlgorithm", "undefined")) for tag in _ROUTED),
     *(Rule((1, 2), tag, down=_implied("role", "none")) for tag in ("Vehicle", "Pedestrian")),
     *(

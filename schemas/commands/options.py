@@ -26,8 +26,8 @@ def new_app() -> typer.Typer:
     return typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
-def _print_version(context: typer.Context, wanted: bool) -> None:
-    if wanted:
+def _print_version(context: typer.Context, requested: bool) -> None:
+    if requested:
         print(f"{context.command.name} {version()}")
         raise typer.Exit
 
@@ -61,7 +61,7 @@ def print_anything() -> None:
 
 
 def guarded(name: str, app: Callable[[], object]) -> None:
-    """Run a command's app: errors become one line and an exit code, after a traceback with -v, or where nobody expects them."""
+    """Run a command's app: errors become one line and an exit code, after a traceback with -v or for an unexpected error."""
     print_anything()
     try:
         app()
@@ -76,20 +76,20 @@ def guarded(name: str, app: Callable[[], object]) -> None:
 
 @contextmanager
 def interruptible(name: str, hint: str = "") -> Iterator[None]:
-    """End the command in good order when it is interrupted (with a hint what to do then), or nobody reads its output."""
+    """End the command in good order when it is interrupted (with a hint what to do then), or its output is no longer read."""
     try:
         yield
     except KeyboardInterrupt:
         print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter complains when it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter reports an error when it ends
         raise typer.Exit(PIPE_CLOSED) from None
 
 
 @contextmanager
 def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """A bar on standard error, where that is a terminal; yields what tells it how many more are done."""
+    """A bar on standard error, where that is a terminal; yields a function to advance it by a number of finished items."""
     if quiet or not sys.stderr.isatty():
         yield lambda count: None
         return

@@ -1,4 +1,4 @@
-"""Private actions have somebody to act."""
+"""Private actions have actors."""
 
 from collections.abc import Iterator
 

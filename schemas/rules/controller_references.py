@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
+from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
-from schemas.checks.wording import unknown
 from schemas.xml import local_name
 
 _HOLDERS = {"ObjectController", "AssignControllerAction"}

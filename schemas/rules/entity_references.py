@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
+from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
-from schemas.checks.wording import unknown
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_entity_references", kinds=("scenario",))

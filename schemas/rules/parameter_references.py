@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
+from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
-from schemas.checks.wording import unknown
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_parameter_reference", kinds=("scenario",))

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
+from schemas.checks.messages import negative
 from schemas.checks.registry import Finding, rule
-from schemas.checks.wording import negative
 
 
 @rule("asam.net:xosc:1.2.0:data_type.positive_duration_in_phase")

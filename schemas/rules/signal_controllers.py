@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from schemas.checks.document import Document
 from schemas.checks.graphs import on_cycles
+from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
-from schemas.checks.wording import unknown
 
 
 @rule("asam.net:xosc:1.0.0:reference_control.traffic_signal_controller_references", kinds=("scenario",))

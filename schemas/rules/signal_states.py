@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
+from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
-from schemas.checks.wording import unknown
 
 _REFERENCES = (("TrafficSignalState", "trafficSignalId"), ("TrafficSignalCondition", "name"))
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from lxml import etree
 
 from schemas.checks.document import Document
+from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
-from schemas.checks.wording import unknown
 from schemas.xml import local_name
 
 _TAGS = {

@@ -1,4 +1,4 @@
-"""Entities and catalogue entries can be told apart."""
+"""Names of entities and of catalogue entries are unique."""
 
 from collections.abc import Iterator
 

@@ -15,7 +15,7 @@ UIDS = {
 @rule(UIDS[OPENSCENARIO], precondition=True)
 @rule(UIDS[OPENDRIVE], precondition=True)
 def check(document: Document) -> Iterator[Finding]:
-    """The file must be a well-formed XML document, without a document type and of bearable size.
+    """The file must be a well-formed XML document, without a document type and not too large.
 
     Nothing is left to find in a document that has been parsed; `schemas.checks.checker` reports the others under this uid.
     """

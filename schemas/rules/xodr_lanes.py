@@ -1,4 +1,4 @@
-"""Lane sections are whole."""
+"""Lane sections are complete."""
 
 from collections.abc import Iterator
 

@@ -116,7 +116,7 @@ class ParameterSpace:
         return values
 
     def _check(self, name: str, value: str) -> None:
-        """Blame this file for a value that is not of its parameter's type."""
+        """Refuse, at its place in this file, a value that is not of its parameter's type."""
         try:
             typed(type_named(self._types[name]), value)
         except ValueError as error:

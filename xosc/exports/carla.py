@@ -1,7 +1,7 @@
 """Target `carla`: the part of OpenSCENARIO 1.0 that CARLA's scenario_runner reads, worked out, on standalone OpenDRIVE roads.
 
 Source: scenario_runner's page on its OpenSCENARIO support and its parser (September 2025). What it stops at, leaves out or
-reads otherwise is refused (`_REFUSED`), unless it can be said in its own way (`carla_changes`); `_IGNORED` is told.
+reads otherwise is refused (`_REFUSED`), unless it can be expressed in its own way (`carla_changes`); `_IGNORED` gives remarks.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from pathlib import Path
 from xosc.document import load, to_bytes
 from xosc.exports.carla_changes import change
 from xosc.exports.concrete import concrete_scenarios
+from xosc.exports.conversion import in_version
 from xosc.exports.folder import Folder
 from xosc.exports.references import Draft, take_roads
 from xosc.exports.refusals import Rule, refuse, remarks
 from xosc.exports.standard import write_all
-from xosc.exports.wording import in_version
 
 TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
@@ -101,12 +101,12 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
     if load(source).kind == "catalog":
         return [f"{source}: its entries are part of the scenarios that use them"]
     draft: Draft = {}
-    told: dict[str, None] = {}
+    found: dict[str, None] = {}
     for name, scenario in concrete_scenarios(source):
         refuse(scenario, _REFUSED)
-        told |= dict.fromkeys(remarks(scenario, _IGNORED))
-        told |= dict.fromkeys(change(scenario))
+        found |= dict.fromkeys(remarks(scenario, _IGNORED))
+        found |= dict.fromkeys(change(scenario))
         draft |= take_roads(scenario, folder)
         draft[folder.name(scenario.path, f"{name}.xosc")] = to_bytes(in_version(scenario, (1, 0)))
     write_all(draft, folder)
-    return list(told)
+    return list(found)

@@ -32,7 +32,7 @@ def change(document: Document) -> list[str]:
     known = starts(document.node)
     for node in list(document.node.iter("RelativeLanePosition")):
         _on_lane(node, known, document)
-    told = [_lane_change(node, known, document) for node in document.node.iter("LaneChangeAction")]
+    remarks = [_lane_change(node, known, document) for node in document.node.iter("LaneChangeAction")]
     for node in document.node.iter("SpeedAction"):
         _speed(node, known, document)
     for node in document.node.iter("RelativeDistanceCondition"):
@@ -42,10 +42,10 @@ def change(document: Document) -> list[str]:
         if node.get("coordinateSystem", "") in _ALONG_ROADS and node.get("relativeDistanceType", "") == "longitudinal":
             del node.element.attrib["coordinateSystem"], node.element.attrib["relativeDistanceType"]
             node.element.set("alongRoute", "true")
-    told += [_stop(document), _hero(document)]
+    remarks += [_stop(document), _hero(document)]
     for node in document.node.iter("Condition"):
         _delay(node)
-    return [remark for remark in told if remark]
+    return [remark for remark in remarks if remark]
 
 
 def _on_lane(position: Node, known: dict[str, Start], document: Document) -> None:

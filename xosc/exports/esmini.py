@@ -1,7 +1,7 @@
 """Target `esmini`: scenarios that esmini plays as they are meant, in their own version, with parameters and catalogues.
 
 Source: esmini 3.6.0, its documents and probe runs. What it would stop at, leave out or read otherwise is refused (`_REFUSED`);
-what it does not read, and no motion depends on, stays and is told (`_IGNORED`).
+what it does not read, and no motion depends on, stays and is reported as a remark (`_IGNORED`).
 """
 
 from __future__ import annotations
@@ -85,14 +85,14 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
         folder.write(catalog_name(source, folder), to_bytes(document))
         return []
     if document.kind == "scenario":
-        told = _checked(document)
-        return told + scenario(document, None, folder)
+        found = _checked(document)
+        return found + scenario(document, None, folder)
     varied = load(ParameterSpace(source).scenario)
-    told = _checked(varied)
+    found = _checked(varied)
     if document.node.find("ParameterValueDistribution", "Deterministic") is not None:
-        return told + distribution(document, None, folder)
+        return found + distribution(document, None, folder)
     write_sets(document, None, folder)
-    return [*told, f"{source}: a scenario is written for each set of parameters: esmini has no stochastic distributions"]
+    return [*found, f"{source}: a scenario is written for each set of parameters: esmini has no stochastic distributions"]
 
 
 def _checked(document: Document) -> list[str]:

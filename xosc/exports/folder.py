@@ -24,17 +24,17 @@ class Folder:
         self.path = Path(path)
         self._names: dict[tuple[str, str], str] = {}
 
-    def name(self, source: str | os.PathLike[str], wanted: str) -> str:
-        """The name, relative to the folder, of what a source becomes: as wanted, or numbered where another source has that.
+    def name(self, source: str | os.PathLike[str], preferred: str) -> str:
+        """The name, relative to the folder, of a source's copy: the preferred one, or numbered where another source has that.
 
         Args:
             source: the file or folder that it is made from.
-            wanted: a relative path with `/`, the same whenever the source is named again.
+            preferred: a relative path with `/`, the same whenever the source is named again.
         """
-        key = (os.path.abspath(source), wanted)
+        key = (os.path.abspath(source), preferred)
         if key not in self._names:
-            path, taken, number = PurePosixPath(wanted), {name.casefold() for name in self._names.values()}, 1
-            while (name := wanted if number == 1 else str(path.with_stem(f"{path.stem}~{number}"))).casefold() in taken:
+            path, taken, number = PurePosixPath(preferred), {name.casefold() for name in self._names.values()}, 1
+            while (name := preferred if number == 1 else str(path.with_stem(f"{path.stem}~{number}"))).casefold() in taken:
                 number += 1
             self._names[key] = name
         return self._names[key]
@@ -63,7 +63,7 @@ class Folder:
             writer(path)
             self.write(name, path.read_bytes())
 
-    def copy(self, source: Path, wanted: str) -> str:
+    def copy(self, source: Path, preferred: str) -> str:
         """Copy a file that an exported one refers to; the name that it got.
 
         Raises:
@@ -71,6 +71,6 @@ class Folder:
             UsageError: as in `write`.
         """
         content = read_bytes(source)
-        name = self.name(source, wanted)
+        name = self.name(source, preferred)
         self.write(name, content)
         return name

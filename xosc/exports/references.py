@@ -24,7 +24,7 @@ Draft = dict[str, bytes]
 def take_roads(document: Document, folder: Folder) -> Draft:
     """The road network and the 3D model of a scenario, to whose copies its references are changed.
 
-    A model that is not there stays as it is referred to: hardly any public scenario brings its model along.
+    A model that is not there stays as it is referred to: few public scenarios bring their model along.
 
     Raises:
         InvalidFile: the road network cannot be read.

@@ -12,9 +12,9 @@ from schemas.errors import Unsupported
 from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.exports.concrete import concrete, concrete_scenarios, copied
+from xosc.exports.conversion import in_version
 from xosc.exports.folder import Folder
 from xosc.exports.references import Draft, catalog_name, take_catalogs, take_roads
-from xosc.exports.wording import in_version
 from xosc.versions import Version
 
 TARGETS = {

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from scenariogeneration import xosc as sg
 
 from schemas.errors import UsageError
-from xosc.maneuvers.base import Number, number, word
+from xosc.maneuvers.base import Number, enum_value, number
 from xosc.maneuvers.entities import declarations
 from xosc.maneuvers.triggers import Conditions, trigger
 
@@ -30,7 +30,7 @@ class Dynamics(NamedTuple):
     def build(self) -> Any:
         """As scenariogeneration has it."""
         return sg.TransitionDynamics(
-            word("DynamicsShapes", self.shape), word("DynamicsDimension", self.dimension), number(self.value)
+            enum_value("DynamicsShapes", self.shape), enum_value("DynamicsDimension", self.dimension), number(self.value)
         )
 
 
@@ -73,7 +73,7 @@ def speed_profile(entries: Sequence[tuple[Number, Number]], following_mode: str 
     if not entries:
         raise UsageError("a speed profile needs at least one entry")
     speeds, times = zip(*((number(value), number(time)) for value, time in entries), strict=True)
-    return sg.SpeedProfileAction(list(speeds), word("FollowingMode", following_mode), list(times))
+    return sg.SpeedProfileAction(list(speeds), enum_value("FollowingMode", following_mode), list(times))
 
 
 def lane_change(lane: int | str, dynamics: Dynamics, *, relative_to: str | None = None, offset: Number | None = None) -> Any:
@@ -127,8 +127,8 @@ def follow_trajectory(path: Any, following_mode: str = "position", offset: Numbe
         offset: added to the times, s.
         domain: what the times count from: the action's start (relative) or the scenario's (absolute).
     """
-    timing = word("ReferenceContext", domain), 1.0, number(offset)
-    return sg.FollowTrajectoryAction(path, word("FollowingMode", following_mode), *timing)
+    timing = enum_value("ReferenceContext", domain), 1.0, number(offset)
+    return sg.FollowTrajectoryAction(path, enum_value("FollowingMode", following_mode), *timing)
 
 
 def follow_path(path: Any, start: Number) -> Any:
@@ -138,7 +138,7 @@ def follow_path(path: Any, start: Number) -> Any:
         path: the trajectory.
         start: how far along it this begins, m.
     """
-    return sg.FollowTrajectoryAction(path, word("FollowingMode", "position"), initialDistanceOffset=number(start))
+    return sg.FollowTrajectoryAction(path, enum_value("FollowingMode", "position"), initialDistanceOffset=number(start))
 
 
 def route(name: str, waypoints: Sequence[Any]) -> Any:
@@ -151,7 +151,7 @@ def route(name: str, waypoints: Sequence[Any]) -> Any:
         raise UsageError(f"the route {name!r} needs two waypoints at least")
     built = sg.Route(name)
     for position in waypoints:
-        built.add_waypoint(position, word("RouteStrategy", "shortest"))
+        built.add_waypoint(position, enum_value("RouteStrategy", "shortest"))
     return built
 
 
@@ -172,7 +172,7 @@ def delete_entity(name: str) -> Any:
 
 def event(name: str, actions: Sequence[Any], start: Conditions, priority: str = "override") -> Any:
     """`Event`: actions that begin together when the conditions of `start` hold."""
-    built = sg.Event(name, word("Priority", priority))
+    built = sg.Event(name, enum_value("Priority", priority))
     for index, action in enumerate(actions):
         built.add_action(f"{name} action {index + 1}", action)
     built.add_trigger(trigger(start, "start"))

@@ -1,4 +1,4 @@
-"""What the builders share: numbers, words of the standard, and turning scenariogeneration's objects into elements."""
+"""What the builders share: numbers, enumerations of the standard, and turning scenariogeneration's objects into elements."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def number(value: Number) -> float | str:
     return float(value)
 
 
-def word(kind: str, name: str) -> Any:
+def enum_value(kind: str, name: str) -> Any:
     """The member of one of the standard's enumerations; UsageError where it has no such member."""
     members = {key: value for key, value in vars(getattr(sg, kind)).items() if not key.startswith("_")}
     if name not in members:

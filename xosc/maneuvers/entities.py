@@ -8,7 +8,7 @@ from typing import Any
 from scenariogeneration import xosc as sg
 
 from schemas.errors import UsageError
-from xosc.maneuvers.base import Number, number, word
+from xosc.maneuvers.base import Number, enum_value, number
 
 WHEELBASE = 0.6
 """Wheelbase as a share of the length, where it is not known: cars have 0.55 to 0.65 of it."""
@@ -52,7 +52,7 @@ def vehicle(
     performance = (number(each) for each in (max_speed, max_acceleration, max_deceleration))
     return sg.Vehicle(
         name,
-        word("VehicleCategory", category),
+        enum_value("VehicleCategory", category),
         sg.BoundingBox(width, length, height, x, 0.0, height / 2),
         sg.Axle(_STEERING, _WHEEL_DIAMETER, _TRACK * width, wheelbase, _WHEEL_DIAMETER / 2),
         sg.Axle(0.0, _WHEEL_DIAMETER, _TRACK * width, 0.0, _WHEEL_DIAMETER / 2),
@@ -71,13 +71,13 @@ def pedestrian(name: str, length: float, width: float, height: float, *, categor
         mass: kg.
     """
     box = sg.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
-    return sg.Pedestrian(name, mass, word("PedestrianCategory", category), box, name)
+    return sg.Pedestrian(name, mass, enum_value("PedestrianCategory", category), box, name)
 
 
 def obstacle(name: str, length: float, width: float, height: float, *, category: str = "obstacle", mass: float = 100.0) -> Any:
     """A `MiscObject` whose reference point is the middle of its box, on the ground; see `pedestrian`."""
     box = sg.BoundingBox(width, length, height, 0.0, 0.0, height / 2)
-    return sg.MiscObject(name, mass, word("MiscObjectCategory", category), box)
+    return sg.MiscObject(name, mass, enum_value("MiscObjectCategory", category), box)
 
 
 def controller(name: str, properties: Mapping[str, str]) -> Any:
@@ -112,11 +112,11 @@ def parameter(name: str, kind: str, value: Number | bool, constraints: Sequence[
     Raises:
         UsageError: there is no such type or rule.
     """
-    declared = sg.Parameter(name, word("ParameterType", kind), _text(value))
+    declared = sg.Parameter(name, enum_value("ParameterType", kind), _text(value))
     for constraint_group in constraints:
         group = sg.ValueConstraintGroup()
         for rule, limit in constraint_group:
-            group.add_value_constraint(sg.ValueConstraint(word("Rule", rule), _text(limit)))
+            group.add_value_constraint(sg.ValueConstraint(enum_value("Rule", rule), _text(limit)))
         declared.add_value_constraint_group(group)
     return declared
 

@@ -1,4 +1,4 @@
-"""Whole files: scenarios, and catalogues of all eight kinds."""
+"""Complete files: scenarios, and catalogues of all eight kinds."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any
 from scenariogeneration import xosc as sg
 
 from schemas.errors import UsageError
-from xosc.maneuvers.base import Number, number, word
+from xosc.maneuvers.base import Number, enum_value, number
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Condition:
 
     def build(self, point: str) -> Any:
         """As scenariogeneration has it, in a trigger to "start" or to "stop"."""
-        edge, delay = word("ConditionEdge", self.edge), number(self.delay)
+        edge, delay = enum_value("ConditionEdge", self.edge), number(self.delay)
         if self.entity is None:
             return sg.ValueTrigger(self.name, delay, edge, self.condition, point)
         return sg.EntityTrigger(f"{self.name} of {self.entity}", delay, edge, self.condition, self.entity, triggeringpoint=point)
@@ -60,7 +60,7 @@ def trigger(conditions: Conditions, point: str) -> Any:
 
 def simulation_time(value: Number, rule: str = "greaterThan", *, edge: str = "none") -> Condition:
     """`SimulationTimeCondition`: the time since the start, s."""
-    return Condition("simulation time", sg.SimulationTimeCondition(number(value), word("Rule", rule)), edge)
+    return Condition("simulation time", sg.SimulationTimeCondition(number(value), enum_value("Rule", rule)), edge)
 
 
 def element_state(kind: str, name: str, state: str = "endTransition", *, edge: str = "none") -> Condition:
@@ -72,7 +72,7 @@ def element_state(kind: str, name: str, state: str = "endTransition", *, edge: s
         state: startTransition, runningState, endTransition, completeState, ...
         edge: of the condition.
     """
-    element = word("StoryboardElementType", kind), name, word("StoryboardElementState", state)
+    element = enum_value("StoryboardElementType", kind), name, enum_value("StoryboardElementState", state)
     return Condition(f"{name} {state}", sg.StoryboardElementStateCondition(*element), edge)
 
 
@@ -95,7 +95,7 @@ def distance(
     """`DistanceCondition`: the distance of `entity` to a position, m; see `relative_distance`."""
     condition = sg.DistanceCondition(
         number(value),
-        word("Rule", rule),
+        enum_value("Rule", rule),
         position,
         **_measured(kind, coordinates, freespace),
     )
@@ -127,11 +127,11 @@ def relative_distance(
     """
     condition = sg.RelativeDistanceCondition(
         number(value),
-        word("Rule", rule),
-        word("RelativeDistanceType", kind),
+        enum_value("Rule", rule),
+        enum_value("RelativeDistanceType", kind),
         other,
         freespace=freespace,
-        coordinate_system=word("CoordinateSystem", coordinates),
+        coordinate_system=enum_value("CoordinateSystem", coordinates),
     )
     return Condition("relative distance", condition, edge, entity)
 
@@ -151,7 +151,7 @@ def time_headway(
     condition = sg.TimeHeadwayCondition(
         other,
         number(value),
-        word("Rule", rule),
+        enum_value("Rule", rule),
         **_measured(kind, coordinates, freespace),
     )
     return Condition("time headway", condition, edge, entity)
@@ -171,7 +171,7 @@ def time_to_collision(
     """`TimeToCollisionCondition`: the distance of `entity` to `other` over their closing speed, s; see `relative_distance`."""
     condition = sg.TimeToCollisionCondition(
         number(value),
-        word("Rule", rule),
+        enum_value("Rule", rule),
         entity=other,
         **_measured(kind, coordinates, freespace),
     )
@@ -182,6 +182,6 @@ def _measured(kind: str, coordinates: str, freespace: bool) -> dict[str, Any]:
     """How a condition measures its distance, see `relative_distance`."""
     return {
         "freespace": freespace,
-        "distance_type": word("RelativeDistanceType", kind),
-        "coordinate_system": word("CoordinateSystem", coordinates),
+        "distance_type": enum_value("RelativeDistanceType", kind),
+        "coordinate_system": enum_value("CoordinateSystem", coordinates),
     }

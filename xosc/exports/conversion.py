@@ -1,6 +1,6 @@
-"""What versions say differently so that files stay valid and move as before, beyond `xosc.versions`.
+"""Conversion to an older version for exports: beyond `xosc.versions`, so that files stay valid and move as before.
 
-What an older version has no words for, although no motion depends on it, is said in the words that it has:
+What an older version cannot express, although no motion depends on it, is kept in a form that it has:
 
 | of | before | becomes |
 |---|---|---|
@@ -31,7 +31,7 @@ _STRICT = {"greaterOrEqual": ("greaterThan", -GRAIN), "lessOrEqual": ("lessThan"
 
 
 def in_version(document: Document, version: Version) -> Document:
-    """A document in another version, the words of the table above included.
+    """A document in another version, with the changes of the table above.
 
     Raises:
         Unsupported, InvalidFile: as in `xosc.convert`.
@@ -49,9 +49,9 @@ def _as_comments(element: etree._Element) -> None:
     if header is None or header.tag != "FileHeader":
         return
     for each in [element, *element.iterchildren(etree.Element)]:
-        words = [f"{name}={each.get(name)!r}" for name in map(str, each.attrib)] + (each.text or "").split()
-        if words:
-            header.addprevious(etree.Comment(f" {each.tag} {' '.join(words)} ".replace("--", "- -")))
+        parts = [f"{name}={each.get(name)!r}" for name in map(str, each.attrib)] + (each.text or "").split()
+        if parts:
+            header.addprevious(etree.Comment(f" {each.tag} {' '.join(parts)} ".replace("--", "- -")))
     header.remove(element)
 
 

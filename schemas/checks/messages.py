@@ -1,4 +1,4 @@
-"""Sentences that several rules say."""
+"""Messages that several rules share."""
 
 from collections.abc import Iterable, Iterator
 
