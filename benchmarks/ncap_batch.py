@@ -71,7 +71,7 @@ def main() -> None:
 
 def _load(outcome: Outcome, settings: RunSettings) -> Load:
     """What a run asked of SUMO."""
-    scenario, _ = prepare(outcome.job.scenario, outcome.job.parameters, settings)
+    scenario = prepare(outcome.job.scenario, outcome.job.parameters).scenario
     assert scenario.network is not None
     net = sumo_net.build(scenario.network.path)
     begin = max(scenario.network.roads.values(), key=lambda road: road.length).pose(0.0)

@@ -23,7 +23,6 @@ import libsumo
 
 from runner.interpreter.execution import prepare
 from runner.interpreter.simulation import Simulation
-from runner.settings import RunSettings
 from runner.worlds.sumo import SumoWorld
 from xodr.builders import four_way_intersection, straight_highway
 
@@ -143,8 +142,7 @@ Moves = list[list[tuple[str, float, float, float]]]
 
 def simulation(path: Path, timestep: float) -> Simulation:
     """A simulation that has begun."""
-    scenario, _ = prepare(path, None, RunSettings(enforce_constraints=False))
-    sim = Simulation(scenario, SumoWorld(), timestep, 0)
+    sim = Simulation(prepare(path).scenario, SumoWorld(), timestep, 0)
     sim.begin()
     return sim
 

@@ -1,4 +1,7 @@
-"""Execute OpenSCENARIO files: `runner.run(path)` runs one scenario and returns what happened."""
+"""Execute OpenSCENARIO files: `runner.run(path)` runs one scenario and returns what happened.
+
+`runner.prepare(path)` compiles one that is to be run several times.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from typing import TYPE_CHECKING
 from schemas.packages import public
 
 if TYPE_CHECKING:
+    from runner.interpreter.execution import Prepared as Prepared
+    from runner.interpreter.execution import prepare as prepare
     from runner.interpreter.execution import run as run
     from runner.interpreter.result import RunResult as RunResult
     from runner.settings import RunSettings as RunSettings
@@ -16,10 +21,12 @@ else:
     __getattr__, __dir__ = public(
         __name__,
         {
+            "Prepared": "runner.interpreter.execution",
             "RunResult": "runner.interpreter.result",
             "RunSettings": "runner.settings",
+            "prepare": "runner.interpreter.execution",
             "run": "runner.interpreter.execution",
         },
     )
 
-__all__ = ["RunResult", "RunSettings", "run"]
+__all__ = ["Prepared", "RunResult", "RunSettings", "prepare", "run"]

@@ -11,6 +11,7 @@ from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.outputs.trajectories import write_parquet
 from runner.settings import RunSettings
+from schemas.errors import UsageError
 from tests.conformance.support import SCENARIOS
 from tests.mutation import REPOSITORY
 
@@ -40,6 +41,48 @@ def test_a_run_is_the_same_bytes_twice_in_one_process(path: Path, tmp_path: Path
     for name in ("first", "second"):
         write_parquet(runner.run(path, seed=1, max_time=8.0), tmp_path / name)
     assert (tmp_path / "first").read_bytes() == (tmp_path / "second").read_bytes()
+
+
+STATEFUL = [
+    "AddEntityAction",
+    "AssignControllerAction",
+    "ConnectTrailerAction",
+    "DeleteEntityAction",
+    "EnvironmentAction",
+    "LightStateAction",
+    "OffroadCondition",
+    "OverrideControllerValueAction",
+    "StoryboardElementStateCondition",
+    "TrafficSignalControllerAction",
+    "TrafficSwarmAction",
+    "VariableModifyAction",
+    "VisibilityAction",
+]
+"""Scenarios whose runs change something else than where participants are."""
+
+
+@pytest.mark.parametrize("name", STATEFUL)
+def test_a_prepared_scenario_runs_again_as_if_for_the_first_time(name: str) -> None:
+    path, settings = SCENARIOS / f"{name}.xosc", RunSettings(seed=1, max_time=12.0, timestep=0.02)
+    prepared = runner.prepare(path)
+    expected = runner.run(path, settings)
+    for result in (prepared.run(settings), prepared.run(settings, seed=2), prepared.run(settings)):
+        if result.settings["seed"] == settings.seed:
+            assert result.trajectories.equals(expected.trajectories)
+            assert result.events == expected.events
+            assert result.verdict == expected.verdict
+
+
+def test_a_prepared_scenario_runs_with_other_settings() -> None:
+    prepared = runner.prepare(CUT_IN)
+    for settings in (RunSettings(sut="aeb"), RunSettings(sut=None, timestep=0.1, world="kinematic"), RunSettings(sut="sumo")):
+        assert prepared.run(settings).trajectories.equals(runner.run(CUT_IN, settings).trajectories)
+
+
+def test_a_prepared_scenario_refuses_what_a_run_would() -> None:
+    prepared = runner.prepare(CUT_IN)
+    with pytest.raises(UsageError, match="no entity is called 'Absent'"):
+        prepared.run(ego="Absent")
 
 
 def test_another_seed_gives_other_traffic() -> None:

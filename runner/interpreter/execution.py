@@ -1,11 +1,11 @@
-"""Run one scenario."""
+"""Prepare a scenario, and run it."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,53 +46,80 @@ def run(
         Unsupported: the scenario asks for something that the runner does not do.
     """
     chosen = replace(settings or RunSettings(), **changes)
-    system = load_system(chosen.sut)
-    compiled, driver = prepare(scenario, parameters, chosen)
-    sim = Simulation(compiled, open_world(chosen.world), chosen.timestep, chosen.seed)
-    for violation in compiled.violations:
-        sim.note("constraint", "parameters", str(violation))
-    departures = Departures(driver)
-    sim.observers.append(departures)
-    try:
-        if driver is not None and system is not None:
-            sim.drive_ego(driver, driver_of(compiled, driver, system, chosen.timestep, chosen.seed))
-        sim.begin()
-        steps = math.floor(chosen.max_time / chosen.timestep + 1e-6)
-        while sim.step_index < steps and sim.tick():
-            pass
-    finally:
-        sim.world.close()
-    recording = sim.recorder.recording()
-    verdict = judge(compiled, sim.contacts, recording, driver)
-    return RunResult(
-        scenario=compiled.path,
-        parameters={name: str(value) for name, value in (parameters or {}).items()},
-        status="completed" if sim.finished else "timeout",
-        end_time=sim.time,
-        verdict=verdict,
-        remarks=(*departures.remarks, *criteria_remarks(compiled.criteria, verdict)),
-        ego=driver.name if driver is not None else None,
-        sut=system_name(chosen.sut) if driver is not None else "none",
-        settings={name: getattr(chosen, name) for name in ("timestep", "seed", "world", "max_time")},
-        events=sim.log,
-        recording=recording,
-    )
+    return prepare(scenario, parameters, enforce_constraints=chosen.enforce_constraints).run(chosen)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scenario file compiled with certain parameter values, to be run as often as one likes, one run at a time.
+
+    Each run begins anew: it gives the same results as in a process of its own. Settings, and with them the system under test,
+    the seed and the world, may differ from run to run. Other parameter values need another `prepare`, because any element may
+    depend on them; the parsed files, the road network and SUMO's network are kept between these by the process.
+
+    Args:
+        scenario: what the file was compiled to.
+        parameters: the values that it was given.
+    """
+
+    scenario: Scenario
+    parameters: Mapping[str, Argument]
+
+    def ego(self, name: str | None = None) -> Entity | None:
+        """The ego: the entity of that name, or else found by `runner.interpreter.ego.find_ego`."""
+        return find_ego(self.scenario, name)
+
+    def run(self, settings: RunSettings | None = None, **changes: Any) -> RunResult:
+        """Run it to its end; arguments and errors as in `runner.run`."""
+        chosen = replace(settings or RunSettings(), **changes)
+        scenario, system = self.scenario, load_system(chosen.sut)
+        if chosen.enforce_constraints and scenario.violations:
+            raise scenario.violations[0]
+        ego = self.ego(chosen.ego)
+        sim = Simulation(scenario, open_world(chosen.world), chosen.timestep, chosen.seed)
+        for violation in scenario.violations:
+            sim.note("constraint", "parameters", str(violation))
+        departures = Departures(ego)
+        sim.observers.append(departures)
+        try:
+            if ego is not None and system is not None:
+                sim.drive_ego(ego, driver_of(scenario, ego, system, chosen.timestep, chosen.seed))
+            sim.begin()
+            steps = math.floor(chosen.max_time / chosen.timestep + 1e-6)
+            while sim.step_index < steps and sim.tick():
+                pass
+        finally:
+            sim.world.close()
+        recording = sim.recorder.recording()
+        verdict = judge(scenario, sim.contacts, recording, ego)
+        return RunResult(
+            scenario=scenario.path,
+            parameters={name: str(value) for name, value in self.parameters.items()},
+            status="completed" if sim.finished else "timeout",
+            end_time=sim.time,
+            verdict=verdict,
+            remarks=(*departures.remarks, *criteria_remarks(scenario.criteria, verdict)),
+            ego=ego.name if ego is not None else None,
+            sut=system_name(chosen.sut) if ego is not None else "none",
+            settings={name: getattr(chosen, name) for name in ("timestep", "seed", "world", "max_time")},
+            events=sim.log,
+            recording=recording,
+        )
 
 
 def prepare(
-    scenario: str | PathLike[str], parameters: Mapping[str, Argument] | None, settings: RunSettings
-) -> tuple[Scenario, Entity | None]:
-    """Load, resolve and compile a scenario, and find its ego; arguments and errors as in `run`."""
+    scenario: str | PathLike[str], parameters: Mapping[str, Argument] | None = None, *, enforce_constraints: bool = True
+) -> Prepared:
+    """Load, resolve and compile a scenario file; arguments and errors as in `run`."""
     import xodr
     import xosc
 
-    document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=settings.enforce_constraints)
+    document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=enforce_constraints)
     road_file = document.logic_file
     if road_file is not None and not os.path.exists(road_file):  # unlike Path.exists it takes names of any length
         raise document.node.need("RoadNetwork", "LogicFile").invalid(f"the road network {road_file} does not exist")
     network = xodr.load(road_file) if road_file is not None else None
-    compiled = compile_scenario(document, network)
-    return compiled, find_ego(compiled, settings.ego)
+    return Prepared(compile_scenario(document, network), dict(parameters or {}))
 
 
 def open_world(name: str) -> World:

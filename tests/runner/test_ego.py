@@ -11,7 +11,6 @@ import pytest
 
 import runner
 from runner.interpreter.execution import prepare
-from runner.settings import RunSettings
 from runner.sut import Control
 from runner.sut.scripted import Scripted
 from schemas.errors import UsageError
@@ -76,13 +75,13 @@ def alone(folder: Path, **settings: Any) -> Path:
 )
 def test_how_the_ego_is_found(tmp_path: Path, entities: list[str], asked: str | None, found: str | None) -> None:
     path = scenario(tmp_path, entities=entities, init=" ", stories=" ")
-    _, ego = prepare(path, {}, RunSettings(ego=asked))
+    ego = prepare(path).ego(asked)
     assert (ego.name if ego is not None else None) == found
 
 
 def test_an_ego_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="'ego'; there are Ego, Lead"):
-        prepare(scenario(tmp_path), {}, RunSettings(ego="ego"))
+        prepare(scenario(tmp_path)).ego("ego")
 
 
 def test_without_an_ego_nobody_is_driven_and_collisions_do_not_fail(tmp_path: Path) -> None:
