@@ -126,7 +126,7 @@ def _input(node: Node) -> float:
     inner = node.children()
     detail = inner[0] if inner else node
     if detail.tag == "BrakeForce":
-        raise detail.unsupported("a brake force can't be told as a pedal's share; use BrakePercent")
+        raise detail.unsupported("a brake force can't be converted to a share of the pedal; use BrakePercent")
     if detail.tag == "AutomaticGear":
         return _AUTOMATIC_GEARS[detail.choice("gear", _AUTOMATIC_GEARS)]
     value = float(detail.finite("number" if detail.has("number") else "value"))

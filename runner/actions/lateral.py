@@ -82,9 +82,9 @@ class LaneChangeAction(PrivateAction):
             point, direction = _place(self.reference, run, self.node)
             lane = road.lane_beside(actor.s, point.lane_id, self.value * direction) if point.lane_id in there else None
         if lane is None or lane not in there:
-            wanted = f"{self.value}" if self.reference is None else f"{self.value:+d} from that of {self.reference.name}"
+            target = f"{self.value}" if self.reference is None else f"{self.value:+d} from that of {self.reference.name}"
             raise self.node.invalid(
-                f"{actor.name} can't change to lane {wanted}: road {road.id} at s = {actor.s:.1f} m has the lanes "
+                f"{actor.name} can't change to lane {target}: road {road.id} at s = {actor.s:.1f} m has the lanes "
                 f"{', '.join(map(str, there))}"
             )
         return lane
@@ -220,13 +220,13 @@ class _Transition(Running):
         self._past = actor.odometer - self._origin + way if self._over_distance else self._past + dt
         progress = self._past / self._extent if self._extent > 0.0 else 1.0
         over = progress >= 1.0 - EPSILON
-        wanted = self.goal if over else self._start + (self.goal - self._start) * self._value(progress)
+        offset = self.goal if over else self._start + (self.goal - self._start) * self._value(progress)
         if self._extent > 0.0:
             left = actor.offset * actor.direction
-            wanted = min(max(wanted, left - way), left + way)
-        actor.controls.target_offset = wanted * actor.direction
+            offset = min(max(offset, left - way), left + way)
+        actor.controls.target_offset = offset * actor.direction
         actor.controls.path_compensated = self._compensated
-        return over and wanted == self.goal
+        return over and offset == self.goal
 
     def stop(self) -> None:
         """After a lane change the entity belongs to the lane that it is on, which may not be the one it was bound for."""

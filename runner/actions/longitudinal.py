@@ -126,11 +126,11 @@ class _Tracking(Running):
         """Ask for the target's speed as far as it may be reached."""
         self._elapsed += dt
         actor, dynamics = self._actor, self._action.dynamics
-        wanted = self._action.target(actor)
+        target = self._action.target(actor)
         if dynamics.dimension == "rate" and dynamics.shape.slope > 0.0:
             reach = dynamics.value * dt
-            wanted = min(max(wanted, actor.speed - reach), actor.speed + reach)
+            target = min(max(target, actor.speed - reach), actor.speed + reach)
         elif self._elapsed < self._duration:
-            wanted = self._start + (wanted - self._start) * dynamics.shape.value(self._elapsed / self._duration)
-        actor.controls.target_speed = wanted
+            target = self._start + (target - self._start) * dynamics.shape.value(self._elapsed / self._duration)
+        actor.controls.target_speed = target
         return False

@@ -123,12 +123,12 @@ class _Gap:
     def error(self) -> float | None:
         """How far (m) the actor has to go forward for the distance to hold; None where it is not defined (any more)."""
         ahead = self._ahead()
-        return None if ahead is None else ahead - self.side * self._wanted()
+        return None if ahead is None else ahead - self.side * self._target_distance()
 
-    def _wanted(self) -> float:
+    def _target_distance(self) -> float:
         action = self.action
-        wanted = action.distance if action.distance is not None else action.time_gap * abs(action.reference.speed)
-        return wanted + self._overhang() if action.freespace else wanted
+        distance = action.distance if action.distance is not None else action.time_gap * abs(action.reference.speed)
+        return distance + self._overhang() if action.freespace else distance
 
     def _overhang(self) -> float:
         """Length (m) between the two reference points that the boxes cover."""

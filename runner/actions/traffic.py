@@ -185,8 +185,8 @@ class _Sink(_Running):
         self.elapsed += dt
 
     def _takes(self, entity: Entity) -> bool:
-        wanted = self.action.categories
-        if wanted is not None and entity.declared.category not in wanted:
+        categories = self.action.categories
+        if categories is not None and entity.declared.category not in categories:
             return False
         return gap(entity, Spot(self.place.x, self.place.y, entity.z, 0.0)) <= self.action.radius
 
@@ -209,8 +209,8 @@ class _Population(_Running):
         region = self.region()
         return [place for place in places_of(self.run.roads.network) if region.contains(place.x, place.y)]
 
-    def wanted(self, places: list[Place]) -> list[Place]:
-        """Where the next one shall appear."""
+    def candidates(self, places: list[Place]) -> list[Place]:
+        """Where the next one may appear."""
         return places
 
     def speed(self, place: Place) -> float:
@@ -233,7 +233,7 @@ class _Population(_Running):
         """Bring in those that are missing, as far as there is room."""
         missing = self.number - len(self.spawner.present())
         places = self.places() if missing > 0 else []
-        while missing > 0 and self.spawner.spawn(self.run, self.wanted(places), self.speed):
+        while missing > 0 and self.spawner.spawn(self.run, self.candidates(places), self.speed):
             missing -= 1
 
 
@@ -309,7 +309,7 @@ class _Swarm(_Population):
         inner = Ellipse(centre.x, centre.y, 0.0, action.inner, action.inner)
         return [place for place in super().places() if not inner.contains(place.x, place.y)]
 
-    def wanted(self, places: list[Place]) -> list[Place]:
+    def candidates(self, places: list[Place]) -> list[Place]:
         """In one direction of travel, drawn by the shares where they are given."""
         if self.action.same is None:
             return places

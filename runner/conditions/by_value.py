@@ -191,7 +191,7 @@ class UserDefinedValueCondition(_NamedValueCondition):
         return cls(node.get("name"), _Expected(node.choice("rule", RULES), node.get("value")))
 
     def value(self, run: Instant) -> Value | None:
-        """The value, None while nobody has given any."""
+        """The value, None while none has been given."""
         return run.user_values.get(self.name)
 
 

@@ -39,7 +39,7 @@ class LaneRange(NamedTuple):
 
 @condition("RelativeClearanceCondition")
 class RelativeClearanceCondition(EntityCondition):
-    """True while the lanes checked exist beside the entity and nobody is in them over the distances checked.
+    """True while the lanes checked exist beside the entity and no one is in them over the distances checked.
 
     Lanes are counted from the entity's own, positive to its left, the centre lane left out. A lane named by a range that
     the road does not have makes the condition false; lanes against the entity's direction are left out unless
@@ -107,14 +107,14 @@ class RelativeClearanceCondition(EntityCondition):
             return frozenset()
         road = run.roads.network.roads[point.road_id]
         existing = _lanes_beside(road, point, facing(entity, road, point.s))
-        wanted: set[int] = set()
+        checked: set[int] = set()
         for low, high in self.ranges:
             found = {lane for lane in existing if low <= lane <= high}
             if not math.isinf(high - low) and len(found) != high - low + 1:
                 return frozenset()
-            wanted |= found
+            checked |= found
         own = road.direction(point.lane_id, point.s) if point.lane_id else facing(entity, road, point.s)
-        return frozenset(lane for lane in wanted if self.opposite or road.direction(existing[lane], point.s) == own)
+        return frozenset(lane for lane in checked if self.opposite or road.direction(existing[lane], point.s) == own)
 
     def _first_inside(self, entity: Entity, run: Instant, lanes: frozenset[int]) -> Entity | None:
         """Someone in one of the lanes within the distances."""

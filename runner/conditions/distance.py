@@ -77,9 +77,9 @@ class Measure(NamedTuple):
         return rate(run.roads, a, b, self.system, self.routing)
 
     def named(self, what: str) -> str:
-        """The words for a description."""
-        words = what if self.kind == "euclidean" else f"{self.kind} {what} ({self.system})"
-        return f"{words}, box to box," if self.freespace else words
+        """How a description names it."""
+        name = what if self.kind == "euclidean" else f"{self.kind} {what} ({self.system})"
+        return f"{name}, box to box," if self.freespace else name
 
 
 class Target:

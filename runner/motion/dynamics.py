@@ -134,7 +134,7 @@ def read_constraints(node: Node | None) -> Performance | None:
 
 
 def tighter(constraints: Performance, performance: Performance) -> Performance:
-    """Limits of a controller that an action activates: nobody drives better than its constraints, or than the vehicle can."""
+    """Limits of a controller that an action activates: no vehicle exceeds the constraints, or its own limits."""
     return Performance(*(min(own, other) for own, other in zip(constraints, performance, strict=True)))
 
 
@@ -169,20 +169,20 @@ class GapController:
             goal_speed: at which the goal itself moves, m/s.
         """
         if self._ahead == math.inf:
-            wanted = goal_speed + gap / dt
+            target = goal_speed + gap / dt
         else:
-            wanted = speed + self._steer(gap, speed - goal_speed, dt) * dt
-        return min(max(wanted, -self._limits.max_speed), self._limits.max_speed)
+            target = speed + self._steer(gap, speed - goal_speed, dt) * dt
+        return min(max(target, -self._limits.max_speed), self._limits.max_speed)
 
     def _steer(self, gap: float, closing: float, dt: float) -> float:
         drive, brake = (self._ahead, self._back) if gap > 0.0 else (self._back, self._ahead)
         root = math.sqrt(0.4 * brake)
         if self._jerk < math.inf and (strongest := max(drive, brake)) > 0.0:
             root = min(root, self._jerk / strongest)
-        wanted = 2.0 * root * (_safe_closing(gap, _RESERVE * brake, root / 2.0) - closing)
-        wanted = min(max(wanted, -self._back), self._ahead)
-        wanted = max(wanted, self._acceleration - self._limits.max_deceleration_rate * dt)
-        self._acceleration = min(wanted, self._acceleration + self._limits.max_acceleration_rate * dt)
+        acceleration = 2.0 * root * (_safe_closing(gap, _RESERVE * brake, root / 2.0) - closing)
+        acceleration = min(max(acceleration, -self._back), self._ahead)
+        acceleration = max(acceleration, self._acceleration - self._limits.max_deceleration_rate * dt)
+        self._acceleration = min(acceleration, self._acceleration + self._limits.max_acceleration_rate * dt)
         return self._acceleration
 
 

@@ -139,7 +139,7 @@ class Entities(dict[str, Entity]):
         tractor.controls.trailer, trailer.controls.tractor = trailer, tractor
 
     def reset(self) -> None:
-        """As before a run: everyone's state, the trailers on their hitches, nobody but those declared."""
+        """As before a run: everyone's state, the trailers on their hitches, no one but those declared."""
         for name in [name for name, entity in self.items() if entity.spawned]:
             del self[name]
         for entity in self.values():

@@ -19,7 +19,7 @@ class Environment:
     Args:
         name: of the last Environment applied.
         friction: RoadCondition frictionScaleFactor, 1 for a dry road.
-        weather: attributes of Weather and its children, as `Precipitation.precipitationType`, in the file's words.
+        weather: attributes of Weather and its children, as `Precipitation.precipitationType`, as the file has them.
         day: the time of day set last, if any; `set_at` (s) is when that was, `running` whether it moves with the simulation.
     """
 

@@ -81,7 +81,7 @@ class SignalRun(Protocol):
 
 
 class TrafficSignals:
-    """All signal states of one run. States are in the words of the scenario.
+    """All signal states of one run. States are written as in the scenario.
 
     Args:
         controllers: those that the scenario declares.

@@ -1,4 +1,4 @@
-"""Systems under test by name: the entry-point group `xosc.sut`, or `module:Class`."""
+"""Systems under test by name: the modules of this folder, the entry-point group `xosc.sut`, or `module:Class`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
 from runner.sut.base import Control, Observation, Participant, SystemUnderTest, WorldDriven
+from schemas.discovery import described
 from schemas.errors import ToolchainError, UsageError
 
 __all__ = [
@@ -84,5 +85,10 @@ def find_system(name: str | None) -> Callable[[], System] | None:
 
 @cache
 def _installed() -> dict[str, EntryPoint]:
-    """The entry points by name, looked up once: that reads every installed package's list, which takes as long as a short run."""
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+    """All systems by name: the modules of this folder that say so in `SYSTEM`, and the entry points of installed packages.
+
+    They are looked up once: that reads every installed package's list, which takes as long as a short run.
+    """
+    ours = described("runner.sut", "SYSTEM")
+    own = {name: EntryPoint(name, f"runner.sut.{module}:{factory}", GROUP) for module, (name, factory) in ours.items()}
+    return {entry.name: entry for entry in entry_points(group=GROUP)} | own

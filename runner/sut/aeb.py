@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from runner.sut.base import Control, Observation, Participant
 from runner.sut.encounters import encounters
 
+SYSTEM = ("aeb", "EmergencyBraking")
+
 
 @dataclass
 class EmergencyBraking:
     """Brakes in part, then fully, for who is in its way or will be when it is reached; else it follows the scenario.
 
-    Once it brakes fully it does so until it stands or nobody is in the way any more, as systems on the road do.
+    Once it brakes fully it does so until it stands or no one is in the way any more, as systems on the road do.
 
     Args:
         partial_time, full_time: times to collision below which it brakes, s.

@@ -9,6 +9,8 @@ from runner.measures.rss import RssParameters, lateral_distance, longitudinal_di
 from runner.participants.boxes import gap, interval_gap, outlook, reach, spans
 from runner.sut.base import Control, Observation, Participant
 
+SYSTEM = ("cas", "CollisionAvoidance")
+
 
 @dataclass(slots=True)
 class CollisionAvoidance:

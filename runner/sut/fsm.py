@@ -8,6 +8,8 @@ from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import HARDEST, JERK, ROUNDING, ReferenceDriver
 
+SYSTEM = ("fsm", "FuzzySafety")
+
 
 def _between(value: float, safe: float, unsafe: float) -> float:
     """0 from `safe` on, 1 below `unsafe`, linear between."""

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from runner.sut.base import Control, Observation, Participant
 from runner.sut.encounters import encounters
 
+SYSTEM = ("idm", "IntelligentDriver")
+
 
 @dataclass
 class IntelligentDriver:

@@ -8,6 +8,8 @@ from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import ROUNDING, ReferenceDriver
 
+SYSTEM = ("r157-cc", "CarefulCompetent")
+
 
 @dataclass
 class CarefulCompetent(ReferenceDriver):

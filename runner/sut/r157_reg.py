@@ -8,6 +8,8 @@ from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import ROUNDING, ReferenceDriver
 
+SYSTEM = ("r157-reg", "Regulation157")
+
 
 @dataclass
 class Regulation157(ReferenceDriver):

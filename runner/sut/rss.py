@@ -9,6 +9,8 @@ from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
 from runner.sut.reference import ReferenceDriver
 
+SYSTEM = ("rss", "SafeDistance")
+
 
 @dataclass
 class SafeDistance(ReferenceDriver):

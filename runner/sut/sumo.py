@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from runner.sut.base import WorldDriven
 
+SYSTEM = ("sumo", "SumoDriver")
+
 
 class SumoDriver(WorldDriven):
     """SUMO's car-following (Krauss) and lane-changing (LC2013) models drive the ego along its route or the straightest way.

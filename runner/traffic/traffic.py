@@ -251,7 +251,7 @@ def _placement(run: Run, place: Place) -> Placement:
 
 
 def _free(run: Run, entity: Entity, place: Place, speed: float) -> bool:
-    """Whether nobody is in the way that a new participant needs, or comes into it."""
+    """Whether the way that a new participant needs is free."""
     box, gap = entity.box, _STANDING_GAP + _HEADWAY * speed
     needed = Spot(place.x, place.y, 0.0, place.h, box._replace(length=box.length + 2.0 * gap, height=math.inf))
     return not any(other.active and other.placed and overlap(needed, other) for other in run.entities.values())

@@ -1,6 +1,6 @@
 """The one door to a simulator: what the interpreter asks of a world, and nothing more.
 
-The interpreter owns every scripted participant and tells the world where it is (`mirror`); participants that the
+The interpreter owns every scripted participant and shows the world where it is (`mirror`); participants that the
 world's own driver moves (`Controls.world_driven`) are read back (`read`). A world knows nothing of storyboards.
 """
 
@@ -74,7 +74,7 @@ class World(Protocol):
         ...
 
     def signal(self, signal_id: str, state: str) -> bool:
-        """Show the world's own drivers a traffic signal's state, in the words of the scenario; false if not understood."""
+        """Show the world's own drivers a traffic signal's state, as the scenario writes it; false if not understood."""
         ...
 
     def mirror(self, entities: Iterable[Entity]) -> None:

@@ -1,6 +1,6 @@
 """What the state of a traffic signal means to SUMO's traffic.
 
-The standard leaves the words of a state to the road network. Two ways of writing are in use and understood here: colours
+The standard leaves it to the road network how a state is written. Two ways of writing are in use and understood here: colours
 (`red`, `redYellow`, `GREEN`), and the lamps from top to bottom (`on;off;off`, `flashing` too), of which three are red,
 yellow and green, and two are red and green.
 """
@@ -26,7 +26,7 @@ _DARK = frozenset({"", "off", "dark", "none", "inactive", "disabled"})
 
 
 def link_state(state: str) -> str | None:
-    """SUMO's link state of a signal's state; None where the words are not understood."""
+    """SUMO's link state of a signal's state; None where it is not understood."""
     text = state.strip().lower()
     lamps = [lamp.strip() for lamp in text.split(";")]
     flashing = "flash" in text or "blink" in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -62,3 +63,19 @@ def test_every_executed_element_has_a_conformance_scenario(name: str) -> None:
     scenario = SCENARIOS / f"{parent.removesuffix('Action')}{element}.xosc"
     assert scenario.is_file()
     assert f"<{element}" in scenario.read_text(encoding="utf-8")
+
+
+def test_a_new_module_of_a_family_is_all_that_a_new_element_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "new_family"
+    package.mkdir()
+    (package / "__init__.py").write_text(
+        "from runner.contracts.registry import Registry\nfamily = Registry('action', __name__)\n", encoding="utf-8"
+    )
+    (package / "coast.py").write_text(
+        "from new_family import family\n@family('CoastAction')\nclass CoastAction: ...\n", encoding="utf-8"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    family = import_module("new_family").family
+    assert family.classes == {}
+    family.load()
+    assert family.classes.keys() == {"CoastAction"}

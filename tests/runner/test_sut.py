@@ -144,6 +144,38 @@ def test_a_system_may_complain_in_its_own_words(tmp_path: Path) -> None:
         runner.run(scenario(tmp_path), world="kinematic", sut=Failing(UsageError("no map")))
 
 
+# what they see ------------------------------------------------------------------------------
+
+
+class Remembering(HalfSpeed):
+    """Keeps what it has seen."""
+
+    def __init__(self) -> None:
+        self.seen: list[Observation] = []
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        self.seen.append(observation)
+        return Control()
+
+
+def test_what_a_system_has_seen_stays_as_it_was(tmp_path: Path) -> None:
+    system = Remembering()
+    result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=system)
+    assert [observation.ego.x for observation in system.seen] == list(track(result, "Ego")["x"][:-1])
+    assert [observation.others[0].x for observation in system.seen] == list(track(result, "Lead")["x"][:-1])
+
+
+def test_what_a_system_sees_can_not_be_changed(tmp_path: Path) -> None:
+    system = Remembering()
+    runner.run(scenario(tmp_path, stop=0.1), world="kinematic", sut=system)
+    observation = system.seen[0]
+    for owner, name in ((observation, "ego"), (observation.ego, "speed"), (observation.environment, "friction")):
+        with pytest.raises(AttributeError):
+            setattr(owner, name, 0.0)
+    with pytest.raises(TypeError):
+        observation.ego.overrides["Brake"] = 1.0  # type: ignore[index]
+
+
 # the test double ----------------------------------------------------------------------------
 
 
