@@ -15,9 +15,9 @@ from runner.contracts import registry
 from runner.contracts.action import Action, PrivateAction
 from runner.contracts.condition import ByEntityCondition, Condition
 from runner.criteria.declared import Criterion, declared, is_criterion
-from runner.interpreter.elements import ActionElement
-from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
-from runner.interpreter.triggers import Trigger
+from runner.interpreter.storyboard.elements import ActionElement
+from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.interpreter.storyboard.triggers import Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings.signals import TrafficSignals

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from runner.contracts.storyboard import Transition
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.drivers import EgoDriver
-    from runner.interpreter.elements import Element, Process, StoryboardRun
+    from runner.interpreter.storyboard.elements import Element, Process, StoryboardRun
     from runner.motion.placement import Placement
     from runner.participants.entity import Entities, Entity
     from runner.worlds.base import World

@@ -9,8 +9,8 @@ import pytest
 
 from runner.contracts.action import GlobalAction
 from runner.contracts.storyboard import ElementState
-from runner.interpreter.elements import ActionElement
-from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.interpreter.storyboard.elements import ActionElement
+from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 
 
 class Script:

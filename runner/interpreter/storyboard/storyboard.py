@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from runner.contracts.action import Action, PrivateAction
 from runner.contracts.storyboard import ElementState, Transition
-from runner.interpreter.elements import ActionElement, Element, StoryboardRun
-from runner.interpreter.triggers import Trigger
+from runner.interpreter.storyboard.elements import ActionElement, Element, StoryboardRun
+from runner.interpreter.storyboard.triggers import Trigger
 
 if TYPE_CHECKING:
     from runner.participants.entity import Entity
