@@ -32,7 +32,7 @@ app = new_app()
 
 
 @app.command(epilog=_EPILOG)
-@with_run_settings
+@with_run_settings()
 def xosc_run(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Scenarios, and distributions: every parameter set is run.")

@@ -9,13 +9,18 @@ from typing import Annotated, Any
 
 import typer
 
+from runner.measures.limits import EVENTS, UNITS
 from runner.settings import RunSettings
 
 Param = Annotated[
     list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter (repeatable).")
 ]
 Sut = Annotated[
-    str, typer.Option(help="System under test that drives the ego: cas, sumo, none, one installed by pip, module:Class.")
+    str,
+    typer.Option(
+        metavar="NAME[:PARAMETER=VALUE,...]",
+        help="System under test that drives the ego: cas, sumo, none, one installed by pip, module:Class.",
+    ),
 ]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step.")]
 
@@ -26,6 +31,22 @@ _OPTIONS: dict[str, Any] = {
     "seed": Annotated[int, typer.Option(help="Seed of everything random.")],
     "max_time": Annotated[float, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")],
     "world": Annotated[str, typer.Option(help="sumo, or kinematic: scripted motion without a simulator.")],
+    "end_after_collision": Annotated[
+        bool | None,
+        typer.Option(
+            "--end-after-collision/--continue-after-collision",
+            help="End a run one second after the ego's first contact.  [default: with a system under test]",
+            show_default=False,
+        ),
+    ],
+    "fail_if": Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fail-if",
+            metavar="LIMIT",
+            help=f"Fail runs by a measure, as min_ttc<1 ({', '.join(UNITS)}), or by {', '.join(EVENTS)} (repeatable).",
+        ),
+    ],
     "enforce_constraints": Annotated[
         bool,
         typer.Option(
@@ -34,26 +55,47 @@ _OPTIONS: dict[str, Any] = {
         ),
     ],
 }
-"""By the name of the setting; the defaults are those of `RunSettings`."""
+"""By the name of the setting; the defaults are those of `RunSettings`, but where a command's own is None."""
 
 
-def with_run_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of a run in the place of its parameter `settings`, a `RunSettings`."""
+def with_run_settings(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of a run in the place of its parameter `settings`, a `RunSettings`.
 
-    @wraps(command)
-    def with_options(**given: Any) -> None:
-        command(settings=RunSettings(**{name: given.pop(name) for name in _OPTIONS}), **given)
+    Args:
+        left_out: names of settings that make no difference to the command.
+    """
+    options = {name: option for name, option in _OPTIONS.items() if name not in left_out}
 
-    options = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=getattr(RunSettings, name), annotation=option)
-        for name, option in _OPTIONS.items()
-    ]
-    own = inspect.signature(command, eval_str=True).parameters.values()
-    parameters = [each for one in own for each in (options if one.name == "settings" else [_keyword_only(one)])]
-    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    with_options.__annotations__ = {each.name: each.annotation for each in parameters}
-    return with_options
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_options(**given: Any) -> None:
+            command(settings=_settings({name: given.pop(name) for name in options}), **given)
+
+        own = inspect.signature(command, eval_str=True).parameters.values()
+        in_place = [_parameter(name, _default(name), option) for name, option in options.items()]
+        parameters = [
+            each
+            for one in own
+            for each in (in_place if one.name == "settings" else [_parameter(one.name, one.default, one.annotation)])
+        ]
+        with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        with_options.__annotations__ = {each.name: each.annotation for each in parameters}
+        return with_options
+
+    return decorate
 
 
-def _keyword_only(parameter: inspect.Parameter) -> inspect.Parameter:
-    return parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+def _parameter(name: str, default: Any, annotation: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def _default(name: str) -> Any:
+    return None if name in ("end_after_collision", "fail_if") else getattr(RunSettings, name)
+
+
+def _settings(given: dict[str, Any]) -> RunSettings:
+    """Settings from the values of options; only what a system under test drives ends by a collision."""
+    if given["end_after_collision"] is None:
+        given["end_after_collision"] = given["sut"] != "none"
+    given["fail_if"] = tuple(given.get("fail_if") or ())
+    return RunSettings(**given)

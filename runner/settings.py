@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from runner.measures.limits import Limit
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -30,11 +31,14 @@ class RunSettings:
         seed: of everything random in a run.
         max_time: limit of simulated time, s: scenarios without a StopTrigger have no end of their own.
         world: one of `WORLDS`.
+        end_after_collision: end a run one second after the ego has touched somebody.
+        fail_if: limits by which a run fails besides collisions of the ego, as `min_ttc<1` or `off-road`; see
+            `runner.measures.limits`.
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave such sets of a
             distribution out; otherwise violations are noted in the event log.
 
     Raises:
-        UsageError: a value is out of its range, or there is no such world or system under test.
+        UsageError: a value is out of its range, or there is no such world, system under test or limit.
     """
 
     timestep: float = 0.05
@@ -43,6 +47,8 @@ class RunSettings:
     seed: int = 0
     max_time: float = 300.0
     world: str = "sumo"
+    end_after_collision: bool = False
+    fail_if: tuple[str, ...] = ()
     enforce_constraints: bool = True
 
     def __post_init__(self) -> None:
@@ -53,13 +59,16 @@ class RunSettings:
             raise UsageError(f"the time limit must be from 0 s to {_LONGEST:g} s, not {self.max_time}")
         if self.world not in WORLDS:
             raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
+        for text in self.fail_if:
+            Limit.parse(text)
         if isinstance(self.sut, str):
             from runner.sut import find_system
 
             find_system(self.sut)
 
     def as_json(self) -> dict[str, Any]:
-        """The values by name, for files; a system under test by its name."""
+        """The values by name, as JSON has them; a system under test by its name."""
         from runner.sut import system_name
 
-        return {each.name: getattr(self, each.name) for each in fields(self)} | {"sut": system_name(self.sut)}
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        return values | {"sut": system_name(self.sut), "fail_if": list(self.fail_if)}

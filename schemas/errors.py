@@ -7,7 +7,10 @@ would be right. The command lines print `str(error)` and turn the class into an 
 from __future__ import annotations
 
 import difflib
+import sys
+import traceback
 from collections.abc import Iterable
+from importlib.util import find_spec
 from os import PathLike
 
 _MOST_COMPARED, _LONGEST_COMPARED = 300, 100
@@ -71,6 +74,28 @@ def reason(error: Exception) -> str:
     if isinstance(error, KeyError):
         return f"there is no {error}"
     return next(iter(str(error).strip().splitlines()), type(error).__name__)
+
+
+def blame(error: BaseException, module: str) -> str:
+    """What an exception of a plug-in says, in one line, with the file and line of the plug-in's own code that it came from.
+
+    Args:
+        module: name of the plug-in's module.
+    """
+    if isinstance(error, SyntaxError):
+        return f"{type(error).__name__}: {error.msg} ({error.filename}:{error.lineno})"
+    file = _file_of(module)
+    own = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    return f"{type(error).__name__}: {error}" + (f" ({own[-1].filename}:{own[-1].lineno})" if own else "")
+
+
+def _file_of(module: str) -> str | None:
+    """The file of a module, also of one that could not be imported."""
+    try:
+        found = sys.modules[module].__spec__ if module in sys.modules else find_spec(module)
+    except (ImportError, ValueError):
+        return None
+    return found.origin if found else None
 
 
 def describe(error: Exception) -> tuple[str, int]:

@@ -16,6 +16,7 @@ from runner.batch.pool import Pool
 from runner.outputs import report
 from runner.outputs.runs import write_runs
 from runner.settings import RunSettings
+from runner.sut.parameters import SENSOR_RANGE, split
 from schemas.errors import UsageError, one_line
 
 if TYPE_CHECKING:
@@ -65,9 +66,18 @@ def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Se
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
         return failure(job, error)
     state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
-    message = one_line("; ".join((*result.verdict.reasons, *result.remarks)))
+    message = one_line("; ".join(_told(result)))
     criteria = report.criteria(result.verdict)
     return Outcome(job, state, code, message, result.status, result.end_time, measures, criteria=criteria)
+
+
+def _told(result: RunResult) -> Iterator[str]:
+    """What a verdict is to be read with: its reasons, how far the system could see, and remarks that repeat no reason."""
+    reasons = result.verdict.reasons
+    yield from reasons
+    if reasons and SENSOR_RANGE in result.sut_parameters:
+        yield f"{split(result.sut)[0]} sees {result.sut_parameters[SENSOR_RANGE]:g} m"
+    yield from (remark for remark in result.remarks if not any(remark in reason for reason in reasons))
 
 
 def _write(result: RunResult, folder: Path, plot: bool) -> dict[str, Any]:

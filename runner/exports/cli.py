@@ -35,7 +35,7 @@ def _print_targets(wanted: bool) -> None:
 
 
 @app.command(epilog=_EPILOG)
-@with_run_settings
+@with_run_settings("fail_if")
 def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],

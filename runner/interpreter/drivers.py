@@ -17,7 +17,7 @@ from runner.contracts.action import LATERAL, LONGITUDINAL
 from runner.sut import System, system_name
 from runner.sut.base import Control, Observation, SystemUnderTest, seen
 from runner.worlds.base import DriverRequest
-from schemas.errors import ToolchainError
+from schemas.errors import ToolchainError, blame
 
 if TYPE_CHECKING:
     from runner.contracts.run import Run
@@ -181,7 +181,8 @@ def failed(system: System, error: Exception, time: float) -> ToolchainError:
     """An error of a system under test, which is named, at a simulation time (s)."""
     if isinstance(error, ToolchainError):
         return error
-    return ToolchainError(f"the system under test {system_name(system)} failed at {time:.2f} s: {type(error).__name__}: {error}")
+    told = blame(error, type(system).__module__)
+    return ToolchainError(f"the system under test {system_name(system)} failed at {time:.2f} s: {told}")
 
 
 def returning(ego: Entity, dt: float) -> float:

@@ -15,14 +15,19 @@ from runner.interpreter.departures import Departures
 from runner.interpreter.ego import driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
-from runner.interpreter.verdict import criteria_remarks, judge
+from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
+from runner.measures.limits import Limit
 from runner.settings import RunSettings
 from runner.sut import load_system, system_name
+from runner.sut.parameters import parameters_of
 
 if TYPE_CHECKING:
     from runner.participants.entity import Entity
     from runner.worlds.base import World
     from xosc.resolve import Argument
+
+_AFTER_COLLISION = 1.0
+"""Time that is played on after the ego's first contact, where that ends a run, s"""
 
 
 def run(
@@ -85,17 +90,15 @@ class Prepared:
             if ego is not None and system is not None:
                 sim.drive_ego(ego, driver_of(scenario, ego, system, chosen.timestep, chosen.seed))
             sim.begin()
-            steps = math.floor(chosen.max_time / chosen.timestep + 1e-6)
-            while sim.step_index < steps and sim.tick():
-                pass
+            status = _play(sim, ego, chosen)
         finally:
             sim.world.close()
         recording = sim.recorder.recording()
         verdict = judge(scenario, sim.contacts, recording, ego)
-        return RunResult(
+        result = RunResult(
             scenario=scenario.path,
             parameters={name: str(value) for name, value in self.parameters.items()},
-            status="completed" if sim.finished else "timeout",
+            status=status,
             end_time=sim.time,
             verdict=verdict,
             remarks=(*departures.remarks, *criteria_remarks(scenario.criteria, verdict)),
@@ -104,7 +107,24 @@ class Prepared:
             settings={name: getattr(chosen, name) for name in ("timestep", "seed", "world", "max_time")},
             events=sim.log,
             recording=recording,
+            sut_parameters=parameters_of(system) if ego is not None and system is not None else {},
         )
+        apply_limits(result, [Limit.parse(text) for text in chosen.fail_if])
+        return result
+
+
+def _play(sim: Simulation, ego: Entity | None, settings: RunSettings) -> str:
+    """Step until the run ends; its status."""
+    steps = math.floor(settings.max_time / settings.timestep + 1e-6)
+    status, seen = "timeout", 0
+    while sim.step_index < steps and sim.tick():
+        if settings.end_after_collision and status != "collision" and ego is not None:
+            touched = any(ego.name in contact[1:] for contact in sim.contacts.history[seen:])
+            seen = len(sim.contacts.history)
+            last = sim.step_index + round(_AFTER_COLLISION / settings.timestep)
+            if touched and last < steps:
+                steps, status = last, "collision"
+    return "completed" if sim.finished else status
 
 
 def prepare(

@@ -39,7 +39,7 @@ class RunResult:
     Args:
         scenario: the scenario file.
         parameters: the parameter values that it was given.
-        status: `completed` (by its stop trigger) or `timeout` (the time limit came first).
+        status: `completed` (by its stop trigger), `collision` (a contact of the ego ended it) or `timeout` (the time limit).
         end_time: simulation time at the end, s.
         verdict: passed or failed, and why.
         remarks: what is no failure, but may not be meant: the ego has left the road, or come to its end.
@@ -49,6 +49,7 @@ class RunResult:
         events: the event log.
         recording: who was where when.
         name: its name among other runs; where it has none, the scenario file's.
+        sut_parameters: parameters of that system, by name.
     """
 
     scenario: Path
@@ -63,6 +64,7 @@ class RunResult:
     events: list[LogEntry]
     recording: Recording = field(repr=False)
     name: str = ""
+    sut_parameters: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.name = self.name or self.scenario.stem

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from runner.criteria.criterion import CriterionResult
 from runner.criteria.judge import judge_criteria, light_states
 from runner.interpreter.ego import is_called_ego
 from runner.interpreter.result import Verdict
+from runner.measures.limits import Facts
 
 if TYPE_CHECKING:
     from runner.criteria.declared import Criterion
     from runner.interpreter.collision import Contacts
     from runner.interpreter.compiler import Scenario
+    from runner.interpreter.result import RunResult
+    from runner.measures.limits import Limit
     from runner.participants.entity import Entity
     from runner.recording import Recording
 
@@ -42,3 +46,23 @@ def criteria_remarks(criteria: Sequence[Criterion], verdict: Verdict) -> tuple[s
     """What is to be said of criteria that could not be judged, or whose parameters mean nothing."""
     unused = [f"{each.name}: {each.remark}" for each in criteria if each.kind is not None and each.remark]
     return (*unused, *(f"not judged: {result}" for result in verdict.criteria if result.passed is None))
+
+
+def apply_limits(result: RunResult, limits: Sequence[Limit]) -> None:
+    """Fail a run by the limits that it does not keep, and remark on those that say nothing about it."""
+    if result.ego is None:
+        idle = tuple(f"{limit.text}: there is no ego to measure" for limit in limits if limit.needs_ego)
+        result.remarks = (*result.remarks, *idle)
+    if not limits:
+        return
+    criticality = result.criticality
+    own = [entry for entry in result.events if entry.subject == result.ego]
+    facts = Facts(
+        criticality.summary if criticality is not None else None,
+        [(entry.kind, f"{entry.subject} {entry.text} at {entry.time:.2f} s") for entry in own],
+        result.status,
+        result.end_time,
+    )
+    reasons = tuple(reason for limit in limits if (reason := limit.reason(facts)))
+    if reasons:
+        result.verdict = replace(result.verdict, passed=False, reasons=(*result.verdict.reasons, *reasons))

@@ -36,6 +36,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "end_time": result.end_time,
         "ego": result.ego,
         "sut": result.sut,
+        "sut_parameters": result.sut_parameters,
         "settings": result.settings,
         "entities": {
             track.name: {"kind": track.kind, "category": track.category, "box": track.box._asdict()}

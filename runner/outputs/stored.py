@@ -85,6 +85,7 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
             events=_events(folder / EVENTS),
             recording=Recording(tracks, setup.timestep, _network(setup.road, road, path)),
             name=folder.resolve().name,
+            sut_parameters=dict(values.get("sut_parameters", {})),
         )
 
 

@@ -12,7 +12,7 @@ _WORDS = {"passed": "PASSED", "failed": "FAILED", "error": "ERROR"}
 _COLOURS = {"passed": "\033[32m", "failed": "\033[31m", "error": "\033[35m"}
 _BOLD, _OFF, _CLEAR = "\033[1m", "\033[0m", "\r\033[K"
 _NAME = 44
-_ENDS = {"completed": "stop trigger", "timeout": "time limit", "compiled": "not run (--dry-run)"}
+_ENDS = {"completed": "stop trigger", "timeout": "time limit", "collision": "", "compiled": "not run (--dry-run)"}
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 
 
@@ -54,7 +54,7 @@ class Table:
         end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
         how = _ERRORS[outcome.exit_code] if outcome.state == "error" else _ENDS[outcome.status]
         if outcome.message and outcome.state != "error":
-            how += f": {outcome.message}"
+            how = ": ".join(filter(None, (how, outcome.message)))
         return f"{word}{name:{_NAME}}  {end:>9}  {how}"
 
     def close(self) -> None:

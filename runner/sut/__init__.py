@@ -1,15 +1,16 @@
-"""Systems under test by name: the modules of this folder, the entry-point group `xosc.sut`, or `module:Class`."""
+"""Systems under test by name: this folder's modules, the entry-point group `xosc.sut`, `module:Class`; parameters of each."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 
 from runner.sut.base import Control, Observation, Participant, SystemUnderTest, WorldDriven
+from runner.sut.parameters import arguments, split
 from schemas.discovery import described
-from schemas.errors import ToolchainError, UsageError
+from schemas.errors import ToolchainError, UsageError, blame
 
 __all__ = [
     "Control",
@@ -46,7 +47,7 @@ def load_system(name: str | System | None) -> System | None:
     except ToolchainError:
         raise
     except Exception as error:
-        raise UsageError(f"the system under test {name!r} can't be built: {type(error).__name__}: {error}") from error
+        raise UsageError(f"the system under test {name!r} can't be built: {blame(error, _module(factory))}") from error
     methods = ("reset",) if isinstance(system, WorldDriven) else ("reset", "control")
     missing = [method for method in methods if not callable(getattr(system, method, None))]
     if missing:
@@ -62,14 +63,15 @@ def system_name(system: str | System | None) -> str:
 
 
 def find_system(name: str | None) -> Callable[[], System] | None:
-    """What builds the system under test of that name; None for `none`.
+    """What builds the system under test of that name (see `runner.sut.parameters`); None for `none`.
 
     Raises:
-        UsageError: no such system, with those that there are; or it can't be imported.
+        UsageError: no such system, with those that there are; it can't be imported; or it has no such parameter.
     """
     if name is None or name == "none":
         return None
     known = _installed()
+    name, given = split(name)
     if name not in known and not re.fullmatch(r"[\w.]+:[\w.]+", name):
         there = ", ".join(sorted({*known, "none"}))
         raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class")
@@ -77,10 +79,14 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     try:
         factory = entry.load()
     except Exception as error:  # a plug-in's own code runs here
-        raise UsageError(f"the system under test {name!r} can't be imported: {type(error).__name__}: {error}") from error
+        raise UsageError(f"the system under test {name!r} can't be imported: {blame(error, entry.module)}") from error
     if not callable(factory):
         raise UsageError(f"the system under test {name!r} is not a class")
-    return factory
+    return partial(factory, **arguments(factory, given, name)) if given else factory
+
+
+def _module(factory: Callable[[], System]) -> str:
+    return str(getattr(factory.func if isinstance(factory, partial) else factory, "__module__", ""))
 
 
 @cache

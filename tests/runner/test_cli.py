@@ -129,7 +129,9 @@ def test_5_a_system_under_test_fails(xosc_run: Command, passing: Path, monkeypat
     monkeypatch.chdir(tmp_path)  # a system in the working directory is found
     answer = xosc_run(passing, "--sut", "failing_system:Failing")
     assert answer.code == 5
-    assert answer.err == "xosc-run: the system under test failing_system:Failing failed at 0.00 s: ValueError: no idea\n"
+    place = tmp_path / "failing_system.py"
+    failed = "the system under test failing_system:Failing failed at 0.00 s"
+    assert answer.err == f"xosc-run: {failed}: ValueError: no idea ({place}:3)\n"
 
 
 def test_of_several_runs_the_gravest_counts_and_none_is_left_out(xosc_run: Command, tmp_path: Path, passing: Path) -> None:

@@ -290,3 +290,35 @@ def test_it_says_why() -> None:
 def test_parameters_are_checked() -> None:
     with pytest.raises(UsageError, match=r"ad-rss, r157"):
         CollisionAvoidance(rss="absent")
+
+
+# blame --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("source", "line", "complaint"),
+    [
+        ("import absent_package\n", 1, "can't be imported: ModuleNotFoundError"),
+        ("class Odd\n", 1, "can't be imported: SyntaxError"),
+        ("class Odd:\n    def __init__(self):\n        self.x = open('absent')\n", 3, "can't be built: FileNotFoundError"),
+        (
+            "class Odd:\n    def reset(self, *_):\n        1 / 0\n    def control(self, *_): ...\n",
+            3,
+            "failed at 0.00 s: ZeroDivisionError",
+        ),
+        (
+            "import json\nclass Odd:\n    def reset(self, *_): ...\n    def control(self, *_):\n        json.loads('{')\n",
+            5,
+            "failed at 0.00 s: JSONDecodeError",
+        ),
+    ],
+)
+def test_what_a_system_does_wrong_is_told_with_its_file_and_line(
+    source: str, line: int, complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = f"odd_system_{abs(hash(source))}"
+    (tmp_path / f"{module}.py").write_text(source)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(ToolchainError, match=complaint) as error:
+        runner.run(scenario(tmp_path), world="kinematic", sut=f"{module}:Odd")
+    assert f"({tmp_path / module}.py:{line})" in str(error.value)

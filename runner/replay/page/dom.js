@@ -11,6 +11,9 @@ function el(tag, attributes, ...children) {
   return node;
 }
 
+/** What has ended a run, by its status. */
+const ENDS = { completed: "stop trigger", collision: "collision", timeout: "time limit" };
+
 const seconds = time => `${time.toFixed(2)} s`;
 
 /** Round numbers within an interval, about as many as asked for. */

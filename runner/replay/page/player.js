@@ -118,7 +118,7 @@ function figure(run, i) {
     el(
       "span",
       { class: "reason muted" },
-      [`${seconds(run.end)}, ${run.status === "timeout" ? "time limit" : "stop trigger"}`, ...run.reasons].join("; "),
+      [`${seconds(run.end)}, ${ENDS[run.status]}`, ...run.reasons].join("; "),
     ),
     el(
       "details",

@@ -265,7 +265,7 @@ function table() {
   function row(run) {
     const name = run.replay ? el("a", { href: link(run) }, run.name) : run.name;
     const why =
-      run.message || (run.status === "timeout" ? "time limit" : run.status === "completed" ? "stop trigger" : run.status);
+      run.message || (ENDS[run.status] ?? run.status);
     return el(
       "tr",
       null,
