@@ -68,15 +68,18 @@ def _first_line(doc: str) -> str:
 # commands -----------------------------------------------------------------------------------
 
 
+STUDIES = ("recognition.study",)
+"""Packages of experiments, started by `python -m`"""
+
+
 def apps() -> Iterator[tuple[str, typer.Typer]]:
     """Every command of the distribution, with its app."""
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
     for name, target in scripts.items():
-        module = import_module(target.partition(":")[0])
-        further = getattr(module, "COMMANDS", ())
-        yield name, module.app_of() if further else module.app
-        for each in further:
-            yield f"{name} {each}", module.app_of(each)
+        yield name, import_module(target.partition(":")[0]).app
+    for package in STUDIES:
+        module = import_module(f"{package}.__main__")
+        yield module.NAME, module.app
 
 
 def commands_page() -> str:

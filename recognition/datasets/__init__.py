@@ -5,7 +5,23 @@ World frame: x, y, z in m, right-handed with z up, headings mathematical, SI uni
 (see `recognition.datasets.participants`).
 """
 
-from recognition.datasets.finder import cache_roads, open
-from recognition.datasets.source import DataSet, Exclusion, Gap, Report, Source
+from __future__ import annotations
 
-__all__ = ["DataSet", "Exclusion", "Gap", "Report", "Source", "cache_roads", "open"]
+from typing import TYPE_CHECKING
+
+from schemas.packages import public
+
+if TYPE_CHECKING:
+    from recognition.datasets.finder import cache_roads as cache_roads
+    from recognition.datasets.finder import open as open
+    from recognition.datasets.source import DataSet as DataSet
+    from recognition.datasets.source import Exclusion as Exclusion
+    from recognition.datasets.source import Gap as Gap
+    from recognition.datasets.source import Report as Report
+    from recognition.datasets.source import SiteRoad as SiteRoad
+    from recognition.datasets.source import Source as Source
+
+__all__ = ["DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source", "cache_roads", "open"]
+
+_SOURCE = dict.fromkeys(("DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source"), "recognition.datasets.source")
+__getattr__, __dir__ = public(__name__, _SOURCE | dict.fromkeys(("cache_roads", "open"), "recognition.datasets.finder"))

@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
-from recognition.datasets.formats import highd, interaction, ngsim, runs
-from recognition.datasets.formats.commonroad import files as commonroad
 from recognition.datasets.source import DataSet, Source
+from schemas import discovery
 from schemas.errors import InvalidFile
 from xodr.sumo_net.cache import folder as cache_folder
 
-
-class _Format(NamedTuple):
-    """claims: whether a file is the main file of recordings. sources: those recordings; the folder is for new roads."""
-
-    claims: Callable[[Path], bool]
-    sources: Callable[[Path, Path], list[Source]]
-
-
-_FORMATS = [_Format(module.claims, module.sources) for module in (highd, interaction, runs, commonroad, ngsim)]
+FORMATS = "recognition.datasets.formats"
 
 
 def cache_roads() -> Path:
@@ -35,8 +25,8 @@ def cache_roads() -> Path:
 def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) -> DataSet:
     """The recordings in a folder (with all that is below it) or a file.
 
-    Formats: highD, INTERACTION, CommonRoad XML (also packed in a tar archive), NGSIM tables and folders with results of
-    `xosc-run --out`. Nothing is read before `DataSet.sources` is asked for, and no track before a source is loaded.
+    Formats are the modules of `recognition.datasets.formats`. Nothing is read before `DataSet.sources` is asked for, and no track
+    before a source is loaded.
 
     Args:
         roads: folder for roads that are made from recordings (highD); `cache_roads` by default.
@@ -52,10 +42,12 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
 
 def _find(path: Path, roads: Path) -> list[Source]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
-    claimed = ((file, next((form for form in _FORMATS if form.claims(file)), None)) for file in files)
+    by_content = discovery.described(FORMATS, "BY_CONTENT")
+    formats = [import_module(f"{FORMATS}.{name}") for name in sorted(by_content, key=lambda name: by_content[name])]
+    claimed = ((file, next((each for each in formats if each.claims(file)), None)) for file in files)
     found = _told_apart([source for file, form in claimed if form is not None for source in form.sources(file, roads)], path)
     if not found:
-        known = "highD, INTERACTION, CommonRoad, NGSIM, or results of xosc-run"
+        known = ", ".join(discovery.described(FORMATS, "TITLE").values())
         raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
     for source in found:
         if not source.name.isprintable():

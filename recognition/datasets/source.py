@@ -11,6 +11,13 @@ from typing import NamedTuple
 from runner.recording import Recording
 
 
+class SiteRoad(NamedTuple):
+    """An OpenDRIVE file, and the roads in it that traffic lights are for, where something else tells so."""
+
+    path: Path
+    lights: frozenset[str] = frozenset()
+
+
 class Gap(NamedTuple):
     """Frames that a track lacks between two rows that it has (at `start` and `end`, s)."""
 
@@ -74,10 +81,11 @@ class Source:
         format: name of the format.
         path: its main file.
         read: reads it.
+        road: makes the site's road in a folder, from the recording and what the data set has instead of OpenDRIVE; None where it
+            has nothing.
         map: the site's map, as the data set has it (Lanelet2, CommonRoad); None where there is none, or where the
             recording brings its road network with it.
         origin: latitude and longitude (degrees) of the origin of the coordinates, where the data set tells.
-        member: which file it is in the archive `path`; None where that is no archive.
     """
 
     name: str
@@ -87,7 +95,7 @@ class Source:
     read: Callable[[], tuple[Recording, Report]] = field(repr=False)
     map: Path | None = None
     origin: tuple[float, float] | None = None
-    member: str | None = None
+    road: Callable[[Recording, Path], SiteRoad] | None = field(default=None, repr=False)
     report: Report | None = field(default=None, init=False, repr=False)
     """what the last reading found; None before"""
 
@@ -114,7 +122,7 @@ class DataSet:
         """The recordings, in the order of their files.
 
         Raises:
-            InvalidFile: there is none of a known format; a table can't be read, so that nobody knows whether it is a recording;
+            InvalidFile: there is none of a known format; a table can't be read, so that it may be a recording or not;
                 or an index that has to be read is malformed.
         """
         return self.find()

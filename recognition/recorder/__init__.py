@@ -1,6 +1,23 @@
 """Recordings of our own: SUMO's traffic on our maps, written as highD and INTERACTION recordings; see `record` and `SITES`."""
 
-from recognition.recorder.recorder import record
-from recognition.recorder.sites import SITES, Site
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from schemas.packages import public
+
+if TYPE_CHECKING:
+    from recognition.recorder.recorder import record as record
+    from recognition.recorder.sites import SITES as SITES
+    from recognition.recorder.sites import Site as Site
 
 __all__ = ["SITES", "Site", "record"]
+
+__getattr__, __dir__ = public(
+    __name__,
+    {
+        "SITES": "recognition.recorder.sites",
+        "Site": "recognition.recorder.sites",
+        "record": "recognition.recorder.recorder",
+    },
+)

@@ -1,1 +1,6 @@
 """Training of the models that ship: windows, splits, the command, the card."""
+
+from typing import Literal
+
+Unit = Literal["recording", "vehicle"]
+"""What is never divided between training and test."""

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recognition.encoder.config import preset as preset_of
-from recognition.training.card import CARD, card_of
-from recognition.training.splits import Split, Unit, split
+from recognition.training import Unit
 from schemas.commands.options import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 from schemas.storage import keep
@@ -21,6 +19,7 @@ if TYPE_CHECKING:
     from recognition.encoder.config import Preset
     from recognition.encoder.training import Progress
     from recognition.grids import Grid
+    from recognition.training.splits import Split
     from recognition.training.windows import Windows
     from recognition.trfe.trfe import TRFE
 
@@ -49,12 +48,15 @@ def train(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no figures.")] = False,
     _version: Version = False,
 ) -> None:
-    """Train a model that recognises the classes of recordings, to be used by xosc-recognize --model DIR.
+    """Train a model that recognises the classes of recordings, to be used by xosc-recognize catalogue --model DIR.
 
     Recordings are divided: a part trains, a part calibrates what counts as unknown, a part tells how good the model is.
     """
+    from recognition.encoder.config import preset as preset_of
     from recognition.grids import Grid
+    from recognition.training.card import CARD, card_of
     from recognition.training.data import source_of, windows_at
+    from recognition.training.splits import split
     from recognition.trfe.storage import save
 
     chosen, grid = preset_of(preset), Grid()

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from recognition.training import Unit
 from recognition.training.windows import Windows
 from recognition.trfe.samples import drawn_of_each
 from xodr.array_types import FloatArray, IntArray
 
-Unit = Literal["recording", "vehicle"]
 SHARES = {"labelled": 0.56, "stream": 0.14, "validation": 0.15, "test": 0.15}
 """The training share of 70 % in two: a fifth of it never gets a label, as the known traffic of later streams."""
 

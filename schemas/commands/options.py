@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
 from typer.models import OptionInfo
 
 from schemas.errors import ToolchainError, UsageError, describe
@@ -21,14 +22,17 @@ INTERRUPTED, PIPE_CLOSED = 130, 141
 """Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
 
 
-def new_app() -> typer.Typer:
-    """An app that leaves errors to its caller, and prints plain text."""
-    return typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> typer.Typer:
+    """An app that leaves errors to its caller, and prints plain text; with a name and a group where it has subcommands."""
+    return typer.Typer(
+        name=name, cls=group, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=False
+    )
 
 
 def _print_version(context: typer.Context, requested: bool) -> None:
     if requested:
-        print(f"{context.command.name} {version()}")
+        names = [each.command.name for each in (context.parent, context) if each is not None]
+        print(f"{' '.join(filter(None, names))} {version()}")
         raise typer.Exit
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import runner
 import xodr
-from recognition.datasets.formats.commonroad import files as reader
+from recognition.datasets.formats import commonroad as reader
 from recognition.datasets.formats.commonroad.lanelets import lanelets as read_lanelets
 from runner.exports import commonroad
 from runner.exports.lanelets import lanelets
@@ -59,7 +59,7 @@ def test_our_own_reader_finds_the_obstacles_where_they_were(result: runner.RunRe
 def test_our_own_reader_finds_the_lanelets(exported: Path) -> None:
     (source,) = reader.sources(exported, exported.parent)
     expected = list(lanelets(xodr.load(ROADS / "curve.xodr")).values())
-    for read, lanelet in zip(read_lanelets(reader.document(source)), expected, strict=True):
+    for read, lanelet in zip(read_lanelets(reader.document(source.path)), expected, strict=True):
         assert np.allclose(read.left, lanelet.left[:, :2], atol=1e-5)
         assert np.allclose(read.right, lanelet.right[:, :2], atol=1e-5)
 

@@ -26,6 +26,8 @@ from xodr.array_types import FloatArray, IntArray
 from xodr.reader import load
 
 FORMAT = "highD"
+TITLE = "highD"
+BY_CONTENT = False
 _ENDING = "_tracks.csv"
 _TRACKS: dict[str, Kind] = {
     "frame": "whole", "id": "whole", "x": "number", "y": "number", "width": "number", "height": "number",

@@ -14,7 +14,7 @@ a recording with all velocities backwards and headings folded into one half of t
 from __future__ import annotations
 
 import re
-from collections.abc import Container
+from collections.abc import Callable, Container
 from functools import lru_cache, partial
 from itertools import count
 from pathlib import Path
@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from recognition.datasets.participants import Participant, participant
-from recognition.datasets.source import Report, Source
+from recognition.datasets.roads.files import converted
+from recognition.datasets.source import Report, SiteRoad, Source
 from recognition.datasets.tables.rates import believable, facing, heading_of_motion, rate
 from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import Table, column_names, read_table
@@ -33,6 +34,8 @@ from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray
 
 FORMAT = "INTERACTION"
+TITLE = "INTERACTION"
+BY_CONTENT = True
 STEP = 0.1
 """Time from frame to frame, s."""
 
@@ -71,10 +74,18 @@ def sources(path: Path, roads: Path) -> list[Source]:
     if _has_cases(path):
         cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
         names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
-        return [Source(name, site, FORMAT, path, partial(_read_case, path, case), lanelets) for case, name in names.items()]
+        return [
+            Source(name, site, FORMAT, path, partial(_read_case, path, case), lanelets, road=_road(lanelets, None))
+            for case, name in names.items()
+        ]
     number = named[2] if named else ""
-    name = f"{site}/{number}" if named else path.stem
-    return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, _origin(path, number))]
+    name, origin = f"{site}/{number}" if named else path.stem, _origin(path, number)
+    return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, _road(lanelets, origin))]
+
+
+def _road(lanelets: Path | None, origin: tuple[float, float] | None) -> Callable[[Recording, Path], SiteRoad] | None:
+    """Makes the road of the Lanelet2 map, if there is one."""
+    return None if lanelets is None else lambda _, folder: SiteRoad(converted(lanelets, origin, folder))
 
 
 def _has_cases(path: Path) -> bool:

@@ -14,13 +14,16 @@ Source: U.S. FHWA, "NGSIM Vehicle Trajectories and Supporting Data" (2016). The 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from recognition.datasets.participants import Participant, participant
-from recognition.datasets.source import Report, Source
+from recognition.datasets.roads.files import keep_road
+from recognition.datasets.roads.straight import straight_road
+from recognition.datasets.source import Report, SiteRoad, Source
 from recognition.datasets.tables.rates import crowded, heading_of_motion, rate
 from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import PARQUET, Table, column_names, read_table
@@ -31,6 +34,8 @@ from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray, IntArray
 
 FORMAT = "NGSIM"
+TITLE = "NGSIM"
+BY_CONTENT = True
 STEP = 0.1
 FOOT = 0.3048
 _MISTAKEN_FOOT = 0.3084
@@ -67,12 +72,21 @@ def sources(path: Path, roads: Path) -> list[Source]:
     """The recording of a table, or one for each of its locations."""
     spelling = _spelling(path)
     if "sim_time" in spelling:
-        return [Source(path.stem, path.stem, FORMAT, path, partial(_read_metric, path))]
+        return [_source(path, path.stem, path.stem, partial(_read_metric, path))]
     if "location" not in spelling:
-        return [Source(path.stem, path.stem, FORMAT, path, partial(_read_public, path, None))]
+        return [_source(path, path.stem, path.stem, partial(_read_public, path, None))]
     column = spelling["location"]
     places = dict.fromkeys(read_table(path, {column: "text"})[column])
-    return [Source(f"{path.stem}/{place}", place, FORMAT, path, partial(_read_public, path, place)) for place in places]
+    return [_source(path, f"{path.stem}/{place}", place, partial(_read_public, path, place)) for place in places]
+
+
+def _source(path: Path, name: str, site: str, read: Callable[[], tuple[Recording, Report]]) -> Source:
+    """A recording; there is no map, but its lateral positions show the lanes."""
+
+    def road(recording: Recording, folder: Path) -> SiteRoad:
+        return SiteRoad(keep_road(straight_road(recording, site).to_xml(), site, folder))
+
+    return Source(name, site, FORMAT, path, read, road=road)
 
 
 def _plain(name: str) -> str:

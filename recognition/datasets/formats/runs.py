@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition.datasets.participants import Participant
-from recognition.datasets.source import Report, Source
+from recognition.datasets.source import Report, SiteRoad, Source
 from recognition.datasets.tables.rows import Clock, in_order
 from recognition.datasets.tables.table import read_table
 from recognition.datasets.tables.tracks import cut
@@ -24,6 +24,8 @@ from xodr.network import RoadNetwork
 from xodr.reader import load
 
 FORMAT = "run"
+TITLE = "results of xosc-run"
+BY_CONTENT = False
 _KINDS: dict[str, Kind] = {"entity": "text", **dict.fromkeys(COLUMNS, "number"), "road_id": "label", "lane_id": "integer"}
 _PER_SECOND = 1e6
 """Times are compared in µs."""
@@ -36,7 +38,12 @@ def claims(path: Path) -> bool:
 
 def sources(path: Path, roads: Path) -> list[Source]:
     """The run that a trajectory file belongs to; runs of one scenario have one site."""
-    return [Source(path.parent.name, path.parent.name.partition("~")[0], FORMAT, path, partial(_read, path))]
+    name = path.parent.name
+    return [
+        Source(
+            name, name.partition("~")[0], FORMAT, path, partial(_read, path), road=lambda recording, folder: SiteRoad(road(path))
+        )
+    ]
 
 
 def road(path: Path) -> Path:

@@ -11,8 +11,7 @@ import numpy as np
 
 from recognition.datasets import Source
 from recognition.datasets import open as open_data
-from recognition.datasets.formats import highd
-from recognition.datasets.formats.commonroad import files as commonroad
+from recognition.datasets.formats import commonroad, highd
 from recognition.labels import RULES, Event, Label, Rules
 from recognition.labels.hits import events
 from recognition.labels.scene.scene import Scene, prepare

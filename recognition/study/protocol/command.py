@@ -1,4 +1,4 @@
-"""`xosc-recognize evaluate`: the protocol as one command that goes on where it was interrupted."""
+"""`python -m recognition.study protocol`: the protocol as one command that goes on where it was interrupted."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recognition.training.splits import Unit
+from recognition.training import Unit
 from schemas.commands.options import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 
@@ -21,7 +21,7 @@ _PRINTED = ("open-set", "clustering", "open-world", "chain")
 """Tables that are shown at the end."""
 
 
-def evaluate(
+def protocol(
     path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
     out: Annotated[Path, out_folder("Folder for results, caches, tables and figures.")],
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds; each has its own split.")] = 5,
@@ -70,7 +70,7 @@ def evaluate(
     _require("method", methods or (), sorted({name for names in EXPERIMENTS.values() for name in names}))
     _require("channel", channels or (), CHANNELS)
     kinds = [name for name in EXPERIMENTS if not experiments or name in experiments]
-    with interruptible("xosc-recognize evaluate", "the same command goes on where it was"):
+    with interruptible("recognition.study protocol", "the same command goes on where it was"):
         grid = Grid(channels=tuple(one for one in CHANNELS if one in channels)) if channels else Grid()
         settings = Settings(events_per_class or SCALES[scale], preset, split_by, grid)
         evaluation = Evaluation(path, out, settings)

@@ -17,8 +17,9 @@ from recognition.study.protocol import pixels
 from recognition.study.protocol.rounds import Round, rounds
 from recognition.study.protocol.stage import Laboratory, Stage
 from recognition.study.protocol.store import Key, Store
+from recognition.training import Unit
 from recognition.training.data import fingerprint, source_of, windows_at
-from recognition.training.splits import Split, Unit, split
+from recognition.training.splits import Split, split
 from recognition.training.windows import Windows
 
 EXPERIMENTS: dict[str, tuple[str, ...]] = {

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recognition import datasets
-from recognition.datasets.formats.commonroad.files import document
+from recognition.datasets.formats.commonroad import document
 from recognition.datasets.formats.commonroad.lanelets import Neighbour, lanelets
 from schemas.errors import InvalidFile, Unsupported
 from tests.recognition.traffic import RECTANGLE, commonroad, commonroad_state, obstacle, read, total_rows, write_archive
@@ -140,7 +140,7 @@ def test_scenario_without_obstacles_is_an_empty_recording_that_says_so(tmp_path:
 def test_lanelets_have_bounds_links_and_types(tmp_path: Path) -> None:
     (source,) = datasets.open(write(tmp_path, LANELET)).sources
     assert source.map == source.path
-    (lanelet,) = lanelets(document(source))
+    (lanelet,) = lanelets(document(source.path))
     assert lanelet.left.tolist() == [[0.0, 2.0], [9.0, 2.0]]
     assert (lanelet.id, lanelet.predecessors, lanelet.successors) == ("7", ("5",), ("8", "9"))
     assert (lanelet.beside_left, lanelet.beside_right) == (Neighbour("6", False), None)
@@ -158,7 +158,7 @@ def test_lanelets_have_bounds_links_and_types(tmp_path: Path) -> None:
 def test_bad_lanelet_is_refused_with_its_line(tmp_path: Path, old: str, new: str, complaint: str) -> None:
     (source,) = datasets.open(write(tmp_path, LANELET.replace(old, new))).sources
     with pytest.raises(InvalidFile, match=complaint):
-        lanelets(document(source))
+        lanelets(document(source.path))
 
 
 # archives -----------------------------------------------------------------------------------
@@ -267,4 +267,4 @@ def test_ngsim_scenarios_of_the_archive_read(recordings: Path) -> None:
         recording = source.load()
         assert source.report is not None
         assert source.report.rows == total_rows(recording) > 100
-        assert lanelets(document(source))
+        assert lanelets(document(source.path, f"{source.name}.xml"))

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from recognition.labels import Label, Rules
-from recognition.study.agreement.__main__ import main
 from recognition.study.agreement.geometry import net_turn, own_lane_changes
 from recognition.study.agreement.report import report
 from recognition.study.agreement.survey import Vehicle, survey, unique
 from tests.recognition.driving import ahead, route, sideways
-from tests.recognition.traffic import Car, interaction_rows, write_csv, write_highd
+from tests.recognition.traffic import interaction_rows, write_csv
 from xodr import builders, load
 
 RATE = 10.0
@@ -91,32 +89,7 @@ def _written(built: builders.RoadMap, path: Path) -> Path:
     return built.write(path)
 
 
-def test_the_command_writes_tables_and_plots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cars = [
-        Car(1, 0.0, 21.0, 30.0, frames=250),
-        Car(2, 40.0, 21.0, 30.0, frames=250),
-        Car(3, 20.0, 25.0, 30.0, vy=-0.5, frames=200),
-    ]
-    write_highd(tmp_path / "data", cars)
-    monkeypatch.setattr(sys, "argv", ["agreement", str(tmp_path / "data"), str(tmp_path / "out")])
-    assert main() == 0
-    text = (tmp_path / "out" / "agreement.md").read_text()
-    assert "| 3 | highway cut in | 1 |" in text and "| 5 | left lane change | 1 |" in text
-    for line in text.splitlines():
-        if line.startswith("!["):
-            assert (tmp_path / "out" / line.split("(")[1].rstrip(")")).stat().st_size > 1000
-    assert "![data](data-map.png)" in text
-
-
 def test_recordings_that_have_no_roads_are_listed(tmp_path: Path) -> None:
     write_csv(tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 0.0, 0.0, 5.0, 0.0, 0.0))
     text = report(survey(tmp_path, tmp_path / "roads", Rules()), {})
     assert "| ring/000 |" in text and "has no map" in text
-
-
-def test_the_command_refuses_what_is_no_data(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["agreement", str(tmp_path / "nothing"), str(tmp_path / "out")])
-    assert main() == 3
-    assert "no such file or folder" in capsys.readouterr().err

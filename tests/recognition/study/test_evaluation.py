@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from recognition.grids import Grid
-from recognition.study.protocol.command import evaluate
+from recognition.study.protocol.command import protocol
 from recognition.study.protocol.evaluation import Evaluation, Settings
 from recognition.study.protocol.processes import run_beside
 from recognition.study.protocol.rounds import Round
@@ -131,7 +131,7 @@ def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> N
 
 def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=re.escape(f"not of the grid {Grid(channels=('others', 'area')).shape}")):
-        evaluate(windows, tmp_path, channels=["area", "others"])
+        protocol(windows, tmp_path, channels=["area", "others"])
 
 
 @pytest.mark.parametrize(
@@ -145,4 +145,4 @@ def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
 )
 def test_unknown_choices_are_named_with_the_known_ones(tmp_path: Path, option: dict[str, object], word: str) -> None:
     with pytest.raises(UsageError, match=f"there is no {word}"):
-        evaluate(tmp_path, tmp_path / "out", **option)  # type: ignore[arg-type]
+        protocol(tmp_path, tmp_path / "out", **option)  # type: ignore[arg-type]

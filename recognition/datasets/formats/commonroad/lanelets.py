@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from lxml import etree
 
 from recognition.datasets.formats.commonroad.elements import child, invalid, number
+from recognition.datasets.roads.files import keep_road
+from recognition.datasets.source import SiteRoad
 from xodr.array_types import FloatArray
 
 
@@ -70,3 +73,50 @@ def _refs(element: etree._Element, name: str) -> tuple[str, ...]:
 def _beside(element: etree._Element, name: str) -> Neighbour | None:
     link = element.find(name)
     return Neighbour(link.get("ref") or "", link.get("drivingDir") == "same") if link is not None else None
+
+
+# the road ----------------------------------------------------------------------------------
+
+_MOTORWAY = {"highway", "interstate", "mainCarriageWay", "accessRamp", "exitRamp"}
+_LANE_TYPES = {
+    "sidewalk": "sidewalk", "crosswalk": "sidewalk", "bicycleLane": "biking", "busLane": "bus", "shoulder": "shoulder",
+    "accessRamp": "onRamp", "exitRamp": "offRamp", "border": "border",
+}  # fmt: skip
+
+
+def _lane_type(types: tuple[str, ...]) -> str:
+    return next((_LANE_TYPES[one] for one in types if one in _LANE_TYPES), "driving")
+
+
+def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
+    """The road that a scenario brings along, written into a folder.
+
+    Its lanelets have no speed limits, and "urban" is what all of them say.
+
+    Raises:
+        InvalidFile: it has no lanelets, or malformed ones.
+    """
+    from xodr.lanelet2 import Lanelet as Built
+    from xodr.lanelet2 import Neighbour as Beside
+    from xodr.lanelet2 import build
+
+    found = lanelets(root)
+    if not found:
+        raise invalid(root, "there is no lanelet, so nothing tells of the roads")
+
+    def beside(neighbour: Neighbour | None) -> Beside | None:
+        return None if neighbour is None else Beside(neighbour.id, neighbour.same_direction)
+
+    built = build(
+        [
+            Built(
+                one.id, one.left, one.right, one.predecessors, one.successors, beside(one.beside_left), beside(one.beside_right),
+                _lane_type(one.types), "motorway" if set(one.types) & _MOTORWAY else "unknown", float("inf"),
+            )
+            for one in found
+        ],
+        site,
+    )  # fmt: skip
+    lit = [element.get("id") for element in root.iterchildren("lanelet") if element.find("trafficLightRef") is not None]
+    lights = frozenset(built.lanelets[one][0] for one in lit if one in built.lanelets)
+    return SiteRoad(keep_road(built.map.to_xml(), site, folder), lights)

@@ -1,0 +1,154 @@
+"""`xosc-recognize catalogue` and `xosc-recognize label`: scenarios of recordings, labels of runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from schemas.commands.options import Verbose, Version, interruptible, out_folder
+from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from recognition.catalogue.pipeline import Progress, Recogniser, Settings, Summary
+    from recognition.datasets import Source
+    from xosc.versions import Version as Standard
+
+NAME = "xosc-recognize"
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Labels = Annotated[
+    Literal["auto", "model", "rules"], typer.Option(help="Who labels: a model (auto: where one is shipped), or the rules alone.")
+]
+Model = Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")]
+Signalised = Annotated[bool, typer.Option("--signalised", help="Let the rules count junctions with traffic lights as well.")]
+
+
+def catalogue(
+    paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Recordings: files, or folders with all below them.")],
+    out: Annotated[Path, out_folder("Folder of the catalogue.")],
+    scenes: Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")] = "events",
+    labels: Labels = "auto",
+    model: Model = None,
+    keep_model: Annotated[
+        Path | None, out_folder("Folder for the model as it is afterwards, to label more recordings by.")
+    ] = None,
+    signalised: Signalised = False,
+    standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")] = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Recognise scenarios in recordings and write a catalogue of them.
+
+    A folder for each class: scenarios that replay what was recorded, the same as parametrised manoeuvres, the OpenSCENARIO
+    catalogues that they use, and OpenLABEL tags; beside them the roads and an index. Files that a person has edited stay.
+    A model that is kept knows the classes that it discovered, by the names that they have in the catalogue.
+    """
+    from recognition.catalogue.pipeline import build
+    from recognition.catalogue.recognisers.model import ByModel
+
+    settings, recogniser = _settings(scenes, signalised, standard), _recogniser(labels, model, quiet)
+    if keep_model and not isinstance(recogniser, ByModel):
+        raise UsageError("--keep-model is for a model that labels; rules learn nothing")
+    with interruptible(NAME):
+        summary = build(paths, out, settings, recogniser, _progress(quiet))
+        if keep_model and isinstance(recogniser, ByModel):
+            recogniser.keep(keep_model)
+        code = _report(summary, verbose, quiet)
+    raise typer.Exit(code)
+
+
+def label(
+    folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="Results of xosc-run --out.")],
+    labels: Labels = "auto",
+    model: Model = None,
+    signalised: Signalised = False,
+    in_place: Annotated[bool, typer.Option("--in-place", help="Write the tags into the scenarios themselves.")] = False,
+    _verbose: Verbose = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Label the results of runs, and annotate the scenarios that they are of.
+
+    Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results tells what was found when.
+    """
+    from recognition.catalogue.labelling import label_runs
+
+    settings = _settings("events", signalised, "1.3")
+    with interruptible(NAME):
+        labelled = label_runs(folder, settings, _recogniser(labels, model, quiet), _progress(quiet), in_place=in_place)
+        if not quiet:
+            for name, found in labelled.findings.items():
+                for each in found:
+                    moment = each.moment
+                    print(f"{name}: {moment.title} of {moment.ego} at {moment.time:.2f} s")
+            for path in labelled.written:
+                print(f"written: {path}")
+        for path in labelled.edited:
+            print(f"{NAME}: {path} was edited since it was written, it is left as it is", file=sys.stderr)
+
+
+def _settings(scenes: str, signalised: bool, standard: str) -> Settings:
+    from recognition.catalogue.pipeline import Settings
+    from recognition.catalogue.writing.catalogue import Config
+    from recognition.labels import Rules
+
+    major, minor = map(int, standard.split("."))
+    version: Standard = (major, minor)
+    return Settings(scenes=scenes, rules=Rules(signalised=signalised), config=Config(version=version))
+
+
+def _recogniser(labels: str, model: Path | None, quiet: bool) -> Recogniser:
+    """Who labels; the rules where no model is shipped and none is asked for."""
+    from recognition.catalogue.pipeline import SHIPPED, ByRules
+
+    if labels == "rules" and model is not None:
+        raise UsageError("--model and --labels rules exclude each other")
+    folder = model or SHIPPED
+    if labels == "rules" or (labels == "auto" and model is None and not folder.is_dir()):
+        if labels == "auto" and not quiet:
+            print("no model is shipped: the rules label alone", file=sys.stderr)
+        return ByRules()
+    from recognition.catalogue.recognisers.model import load
+
+    return load(folder)
+
+
+def _progress(quiet: bool) -> Progress:
+    """A bar on standard error, where that is a terminal."""
+
+    def plain(sources: Sequence[Source], doing: str) -> Iterable[Source]:
+        return sources
+
+    def bar(sources: Sequence[Source], doing: str) -> Iterable[Source]:
+        from rich.console import Console
+        from rich.progress import track
+
+        return track(sources, doing, total=len(sources), console=Console(stderr=True), transient=True)
+
+    return plain if quiet or not sys.stderr.isatty() else bar
+
+
+def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
+    """Print what was made; the exit code."""
+    if not quiet:
+        print(f"{'scenarios':>9}  class" if summary.classes else "no scenario was recognised")
+        for name, count in sorted(summary.classes.items(), key=lambda item: (-item[1], item[0])):
+            print(f"{count:9}  {name}")
+        if summary.passages:
+            print("passages: " + ", ".join(f"{count} {name}" for name, count in sorted(summary.passages.items())))
+        if summary.exclusions:
+            print(f"{len(summary.exclusions)} vehicles are no ego of a scene" + ("" if verbose else "; -v or index.json say why"))
+        for exclusion in summary.exclusions if verbose else []:
+            print(f"  {exclusion['recording']}: vehicle {exclusion['what']}: {exclusion['reason']}")
+        if summary.removed:
+            print(f"{len(summary.removed)} files of an earlier run were removed")
+    for name in summary.edited:
+        print(f"{NAME}: {name} was edited since it was written, it is left as it is", file=sys.stderr)
+    for error in summary.failures.values():
+        print(f"{NAME}: {error}", file=sys.stderr)
+    return max((error.exit_code for error in summary.failures.values()), default=0)
