@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from recognition.labels.scene.rows import SceneRows
 from recognition.labels.scene.stays import held, stays
 from recognition.sites.lanes import NOWHERE, LaneGraph
 from xodr.array_types import BoolArray, FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from recognition.labels.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +35,7 @@ class LaneChanges:
     shift: FloatArray
 
 
-def lane_changes(scene: Scene) -> LaneChanges:
+def lane_changes(scene: SceneRows) -> LaneChanges:
     """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`."""
     steps, related = _steps(scene.site.lanes, scene.strip)
     begins = np.ones(len(scene.track), bool)
@@ -77,7 +74,7 @@ def _is_held(lane: IntArray, course: IntArray, row: IntArray, least: int) -> Boo
     return (sizes[place] >= least) & (sizes[place - 1] >= least)
 
 
-def _side(scene: Scene, steps: IntArray, begins: BoolArray) -> FloatArray:
+def _side(scene: SceneRows, steps: IntArray, begins: BoolArray) -> FloatArray:
     """Lateral way to the left since each course began: changes of the lane offset, or of t where the lane changes."""
     lanes, before, after = scene.site.lanes, scene.strip[:-1], scene.strip[1:]
     to_road = np.diff(scene.offset) + steps[1:] * 0.5 * (lanes.width[before] + lanes.width[after])
@@ -87,7 +84,7 @@ def _side(scene: Scene, steps: IntArray, begins: BoolArray) -> FloatArray:
     return side - side[_first(begins)]
 
 
-def _shifts(scene: Scene, lane: IntArray, course: IntArray, side: FloatArray, rows: IntArray, left: BoolArray) -> FloatArray:
+def _shifts(scene: SceneRows, lane: IntArray, course: IntArray, side: FloatArray, rows: IntArray, left: BoolArray) -> FloatArray:
     """Displacement from the outermost place before to the outermost place after each change, within its two stays."""
     reach = scene.rows(scene.rules.shift_time)
     starts, sizes = stays(lane, course)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from recognition.labels.scene.rows import SceneRows
 from recognition.labels.scene.stays import held, stays
 from recognition.sites.lanes import NOWHERE
 from recognition.sites.roles import ROLES, Role
 from xodr.array_types import BoolArray, FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from recognition.labels.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +47,7 @@ class Passages:
         return np.arange(self.first[index], self.last[index] + 1)
 
 
-def passages(scene: Scene) -> Passages:
+def passages(scene: SceneRows) -> Passages:
     """The ways of all tracks through junctions, of `rules.passage` at least."""
     junction_of, road_of = _junctions(scene), scene.site.lanes.road
     inside = np.where(scene.has_role(Role.INSIDE, Role.SIGNALISED), junction_of[scene.strip], NOWHERE)
@@ -75,7 +72,7 @@ def passages(scene: Scene) -> Passages:
     return Passages(first, last, arrived, np.array(middle, np.int64), turn, inside[start], lights, origin, target, roads)
 
 
-def _same_track(scene: Scene, row: IntArray, step: int) -> BoolArray:
+def _same_track(scene: SceneRows, row: IntArray, step: int) -> BoolArray:
     """Whether the row before (step -1) or after (1) each row is of the same track."""
     other = row + step
     there = (other >= 0) & (other < len(scene.track))
@@ -88,7 +85,7 @@ def _neighbours(links: list[list[int]], strip: IntArray) -> IntArray:
     return np.where(strip != NOWHERE, linked[strip], NOWHERE)
 
 
-def _junctions(scene: Scene) -> IntArray:
+def _junctions(scene: SceneRows) -> IntArray:
     """Number of the junction of each strip, NOWHERE for none."""
     network = scene.site.network
     numbers = {name: number for number, name in enumerate(network.junctions)}

@@ -1,11 +1,7 @@
-"""One recording as arrays with a row for each vehicle and frame, with what all rules ask for prepared once.
-
-Rows are in the order of tracks and time. "Left" is the left of the lane's traffic. Lanes are those of the reference point.
-"""
+"""One recording as arrays, with what all rules ask for prepared once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +12,10 @@ from recognition.labels.scene.changes import LaneChanges, lane_changes
 from recognition.labels.scene.leads import Leads, leads
 from recognition.labels.scene.passages import Passages, passages
 from recognition.labels.scene.rolling import constant, smoothed
-from recognition.sites import Role, Site
+from recognition.labels.scene.rows import SceneRows
+from recognition.sites import Site
 from recognition.sites.lanes import NOWHERE
 from recognition.sites.placing import place
-from recognition.sites.roles import ROLES
 from runner.recording import Recording, Track
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -27,44 +23,8 @@ EGOS = ("car", "van", "truck", "bus", "motorbike")
 """Categories of vehicles that events are about; the others are only partners."""
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """Rows of all vehicles.
-
-    Attributes:
-        names: of the tracks. egos: whether events may be about each of them.
-        track: index of each row's track. frame: number of its time step. time: s.
-        first, last: first and last row of the part without missing frames that each row is in.
-        x, y, h, speed, acceleration: as in the recording; the acceleration is smoothed.
-        strip: index of the lane strip. along: distance from its beginning, m. offset, aside: distance to the left of the
-            lane's centre and of the road's reference line, m.
-        role: index into `ROLES`. front, rear: distance of the box's ends ahead of the reference point, m. width: of the box, m.
-    """
-
-    recording: Recording
-    site: Site
-    rules: Rules
-    step: float
-    names: list[str]
-    egos: BoolArray
-    track: IntArray
-    frame: IntArray
-    time: FloatArray
-    first: IntArray
-    last: IntArray
-    x: FloatArray
-    y: FloatArray
-    h: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    strip: IntArray
-    along: FloatArray
-    offset: FloatArray
-    aside: FloatArray
-    role: IntArray
-    front: FloatArray
-    rear: FloatArray
-    width: FloatArray
+class Scene(SceneRows):
+    """Rows of all vehicles, with what all rules ask for prepared once."""
 
     @cached_property
     def passages(self) -> Passages:
@@ -81,10 +41,6 @@ class Scene:
         sizes = [len(track.columns["time"]) for track in tracks]
         x, y, time = (_joined(tracks, name) for name in ("x", "y", "time"))
         return x, y, time, np.repeat(np.array(numbers, np.int64), sizes)
-
-    def rows(self, seconds: float) -> int:
-        """Number of time steps in a time, at least 1."""
-        return max(1, round(seconds / self.step))
 
     @cached_property
     def complete(self) -> BoolArray:
@@ -109,10 +65,6 @@ class Scene:
         half = self.rows(seconds)
         kept = (constant(values, half, self.first, self.last) for values in (self.changes.lane, self.changes.course))
         return np.logical_and(*kept)
-
-    def has_role(self, *roles: Role) -> BoolArray:
-        """Rows on lanes of these roles."""
-        return np.isin(self.role, [ROLES.index(role) for role in roles])
 
 
 def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:

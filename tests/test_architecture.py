@@ -1,0 +1,105 @@
+"""The rooms of the house: imports go down the floors and never in circles, products know no study, no folder is a heap."""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FLOORS = {"schemas": 0, "xosc": 1, "xodr": 1, "runner": 2, "recognition": 3, "generation": 4}
+"""The packages; one imports those of lower floors only."""
+MOST_FLAT = 12
+"""Modules of a package's top folder."""
+
+
+@cache
+def imports() -> dict[str, frozenset[str]]:
+    """The modules of all packages, each with those that it imports anywhere, for types too."""
+    files = {_name(path): path for package in FLOORS for path in sorted((ROOT / package).rglob("*.py"))}
+    return {name: frozenset(_imported(path, files.keys()) - {name}) for name, path in files.items()}
+
+
+def _name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _imported(path: Path, modules: object) -> set[str]:
+    """Names of modules that a file imports; `from a.b import c` is the module a.b.c where there is one, else a.b."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: imports are absolute"
+            found.update(_target(f"{node.module}.{alias.name}", modules) for alias in node.names)
+    return {name for name in found if name in modules}  # type: ignore[operator]
+
+
+def _target(name: str, modules: object) -> str:
+    return name if name in modules else name.rpartition(".")[0]  # type: ignore[operator]
+
+
+def circles(graph: dict[str, frozenset[str]]) -> list[list[str]]:
+    """Groups of modules that import each other, directly or over others (strongly connected components, after Kosaraju)."""
+    order: list[str] = []
+    seen: set[str] = set()
+
+    def visit(start: str, links: dict[str, frozenset[str]], into: list[str]) -> None:
+        stack = [(start, iter(sorted(links[start])))]
+        seen.add(start)
+        while stack:
+            name, rest = stack[-1]
+            following = next((each for each in rest if each not in seen), None)
+            if following is None:
+                into.append(name)
+                stack.pop()
+            else:
+                seen.add(following)
+                stack.append((following, iter(sorted(links[following]))))
+
+    for name in graph:
+        if name not in seen:
+            visit(name, graph, order)
+    back = {name: frozenset(each for each in graph if name in graph[each]) for name in graph}
+    seen.clear()
+    groups: list[list[str]] = []
+    for name in reversed(order):
+        if name not in seen:
+            groups.append([])
+            visit(name, back, groups[-1])
+    return sorted(sorted(group) for group in groups if len(group) > 1)
+
+
+def test_circles_are_found() -> None:
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a", "d"}, "d": {"e"}, "e": set(), "f": {"g"}, "g": {"f"}}
+    assert circles({name: frozenset(links) for name, links in graph.items()}) == [["a", "b", "c"], ["f", "g"]]
+
+
+def test_no_module_imports_itself_over_others() -> None:
+    assert len(imports()) > 500
+    assert circles(imports()) == []
+
+
+def test_products_import_no_study() -> None:
+    def of_study(name: str) -> bool:
+        return name.split(".")[1:2] == ["study"]
+
+    links = [(name, other) for name, others in imports().items() for other in others if of_study(other)]
+    assert any(of_study(name) for name, _ in links), "studies import each other"
+    assert [link for link in links if not of_study(link[0])] == []
+
+
+def test_floors_import_only_lower_floors() -> None:
+    links = [(name, other) for name, others in imports().items() for other in others]
+    packages = [(name.partition(".")[0], other.partition(".")[0], name, other) for name, other in links]
+    assert [link for (*link,) in packages if link[0] != link[1] and FLOORS[link[1]] >= FLOORS[link[0]]] == []
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_no_package_is_a_heap(package: str) -> None:
+    flat = sorted(path.stem for path in (ROOT / package).glob("*.py") if path.stem != "__init__")
+    assert len(flat) <= MOST_FLAT, flat
