@@ -30,7 +30,7 @@ def main() -> None:
     arguments.add_argument("--world", default="sumo", help="sumo, or kinematic: without a simulator")
     arguments.add_argument("--limit", type=float, default=0.3, help="distance (m) that counts as faithful")
     options = arguments.parse_args()
-    settings = pipeline.Settings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
+    settings = pipeline.CatalogueSettings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         made = pipeline.build(options.paths, out, settings, pipeline.ByRules(), lambda sources, _: sources)

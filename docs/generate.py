@@ -253,8 +253,9 @@ def _origin(module: str, name: str) -> str:
 
 @cache
 def _imports(module: str) -> dict[str, str]:
-    """The module that each name of a module is imported from."""
+    """The module that each name of a module is imported from, also where that is for types only."""
     body = ast.parse(inspect.getsource(import_module(module))).body
+    body += [line for block in body if isinstance(block, ast.If) for line in block.body]
     lines = [line for line in body if isinstance(line, ast.ImportFrom) and line.module and line.level == 0]
     return {alias.name: str(line.module) for line in lines for alias in line.names}
 

@@ -13,7 +13,7 @@ from schemas.commands.options import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from recognition.catalogue.pipeline import Progress, Recogniser, Settings, Summary
+    from recognition.catalogue.pipeline import CatalogueSettings, Progress, Recogniser, Summary
     from recognition.datasets import Source
     from xosc.versions import Version as Standard
 
@@ -92,14 +92,14 @@ def label(
             print(f"{NAME}: {path} was edited since it was written, it is left as it is", file=sys.stderr)
 
 
-def _settings(scenes: str, signalised: bool, standard: str) -> Settings:
-    from recognition.catalogue.pipeline import Settings
+def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings:
+    from recognition.catalogue.pipeline import CatalogueSettings
     from recognition.catalogue.writing.catalogue import Config
     from recognition.labels import Rules
 
     major, minor = map(int, standard.split("."))
     version: Standard = (major, minor)
-    return Settings(scenes=scenes, rules=Rules(signalised=signalised), config=Config(version=version))
+    return CatalogueSettings(scenes=scenes, rules=Rules(signalised=signalised), config=Config(version=version))
 
 
 def _recogniser(labels: str, model: Path | None, quiet: bool) -> Recogniser:

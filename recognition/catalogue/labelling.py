@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import xosc
 from recognition import datasets
-from recognition.catalogue.pipeline import Progress, Recogniser, Settings, look
+from recognition.catalogue.pipeline import CatalogueSettings, Progress, Recogniser, look
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Finding
 from recognition.catalogue.writing.catalogue import AUTHOR
@@ -38,7 +38,7 @@ class Labelled(NamedTuple):
 
 
 def label_runs(
-    folder: Path, settings: Settings, recogniser: Recogniser, progress: Progress, *, in_place: bool = False
+    folder: Path, settings: CatalogueSettings, recogniser: Recogniser, progress: Progress, *, in_place: bool = False
 ) -> Labelled:
     """Label the runs in a folder and annotate their scenarios.
 
@@ -74,14 +74,14 @@ def _annotations(
     scenario: Path, sources: list[Source], found: dict[str, list[Finding]], in_place: bool
 ) -> Iterable[tuple[Path, bytes]]:
     """The files about a scenario: annotated copy (or itself), OpenLABEL."""
-    told = _tags(sources, found)
+    annotations = _tags(sources, found)
     document = xosc.load(scenario)
     target = scenario if in_place else scenario.with_name(f"{scenario.stem}_labelled.xosc")
     try:
-        yield target, to_bytes(tags.annotated(document, told))
+        yield target, to_bytes(tags.annotated(document, annotations))
     except Unsupported:
         target = scenario  # of a version without properties: what is tagged is the scenario itself
-    yield scenario.with_name(f"{scenario.stem}_labelled.openlabel.json"), tags.to_bytes(told, target.name, AUTHOR)
+    yield scenario.with_name(f"{scenario.stem}_labelled.openlabel.json"), tags.to_bytes(annotations, target.name, AUTHOR)
 
 
 def _tags(sources: list[Source], found: dict[str, list[Finding]]) -> list[Tag]:
@@ -91,8 +91,8 @@ def _tags(sources: list[Source], found: dict[str, list[Finding]]) -> list[Tag]:
     when = [_sentence(finding, source.name if len(sources) > 1 else None) for source, finding in listed]
     sure = [finding.moment.confidence for _, finding in listed if finding.moment.confidence is not None]
     states = sorted({finding.moment.state for _, finding in listed})
-    told: list[Tag] = [Tag("Classes", classes), Tag("States", states), Tag("Findings", when), Tag("Runs", len(sources))]
-    return [*told, *([Tag("Confidence", min(sure))] if sure else [])]
+    listed_tags: list[Tag] = [Tag("Classes", classes), Tag("States", states), Tag("Findings", when), Tag("Runs", len(sources))]
+    return [*listed_tags, *([Tag("Confidence", min(sure))] if sure else [])]
 
 
 def _about_ego(source: Source, finding: Finding) -> bool:

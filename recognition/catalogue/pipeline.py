@@ -29,7 +29,7 @@ SCENES = (EVENTS, VEHICLES)
 
 
 @dataclass(frozen=True)
-class Settings:
+class CatalogueSettings:
     """What is recognised and written.
 
     Attributes:
@@ -96,7 +96,7 @@ Progress = Callable[[Sequence[Source], str], Iterable[Source]]
 """Goes through sources while showing how far it is, under a word for what is being done"""
 
 
-def build(paths: Sequence[Path], out: Path, settings: Settings, recogniser: Recogniser, progress: Progress) -> Summary:
+def build(paths: Sequence[Path], out: Path, settings: CatalogueSettings, recogniser: Recogniser, progress: Progress) -> Summary:
     """Make a catalogue of the recordings in files and folders.
 
     A recording that can't be read does not keep the others from their place in the catalogue.
@@ -151,7 +151,7 @@ def look(source: Source, recogniser: Recogniser, rules: Rules) -> Site:
 class _Work:
     """One catalogue in the making."""
 
-    def __init__(self, settings: Settings, recogniser: Recogniser, catalogue: Catalogue) -> None:
+    def __init__(self, settings: CatalogueSettings, recogniser: Recogniser, catalogue: Catalogue) -> None:
         self.failures: dict[str, ToolchainError] = {}
         self._settings, self._recogniser, self._catalogue = settings, recogniser, catalogue
         self._sites: dict[str, Site] = {}

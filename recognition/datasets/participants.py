@@ -3,7 +3,7 @@
 Data sets give the centre (or the front) of a box; recordings the reference point of OpenSCENARIO, for vehicles the middle
 of the rear axle on the ground. No data set tells where the axle is: it is taken to be `REAR_AXLE` of the length behind the
 centre, as in usual cars, whose wheelbase is about 0.6 of their length with equal overhangs. The box lies about the reference
-point accordingly, so that whoever puts it back gets exactly the recorded box, whatever the assumption.
+point accordingly, so that putting it back gives exactly the recorded box, whatever the assumption.
 """
 
 from __future__ import annotations

@@ -107,8 +107,8 @@ def _require_shapes(shapes: Tensors, weights: Tensors, path: Path) -> None:
             raise InvalidFile(f"these are not the weights of this encoder: they {found} {min(names)}{more}", path=path)
     for name, value in weights.items():
         if value.shape != shapes[name].shape:
-            there, wanted = tuple(value.shape), tuple(shapes[name].shape)
-            raise InvalidFile(f"these are not the weights of this encoder: {name} is of shape {there}, not {wanted}", path=path)
+            shape, expected = tuple(value.shape), tuple(shapes[name].shape)
+            raise InvalidFile(f"these are not the weights of this encoder: {name} is of shape {shape}, not {expected}", path=path)
 
 
 def _tuples(values: dict[str, Any]) -> dict[str, Any]:

@@ -22,7 +22,7 @@ _WARM_UP = 0.1
 _GREATEST_NORM = 1.0
 """Gradients are cut to this norm."""
 Progress = Callable[[int, float], None]
-"""Told the epoch, from 1, and its mean loss."""
+"""Called with the epoch, from 1, and its mean loss."""
 
 
 def device() -> torch.device:

@@ -16,7 +16,7 @@ CHANNELS: tuple[Channel, ...] = ("others", "ego", "speed", "velocity_x", "veloci
 - `others`, `ego`: the share of each cell that boxes cover, 0 to 255;
 - `speed`: the ego's speed, v / `VELOCITY_STEP`, from 1 to 255, in the cells that its box touches;
 - `velocity_x`, `velocity_y`: velocity of others relative to the ego's, in the axes of the grid: 128 + v / `VELOCITY_STEP`,
-  from 1 to 255; 0 where nobody is;
+  from 1 to 255; 0 where no one is;
 - `area`: the share of each cell that is drivable lane; `borders`: the same of the lanes' borders, drawn as lines.
 """
 ROAD_CHANNELS = ("area", "borders")

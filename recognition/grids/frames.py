@@ -15,7 +15,7 @@ from xodr.array_types import BoolArray, FloatArray, IntArray
 Moments = Sequence[tuple[str, float]]
 """Names of ego tracks and times, s."""
 _MISSING = 0.25
-"""The ego's row nearest to a wanted time may be this far from it, s: a few frames may be missing in its track."""
+"""The ego's row nearest to a requested time may be this far from it, s: a few frames may be missing in its track."""
 _TIE = 1e-6
 """Of two rows that are equally near in time, within rounding (s), the earlier counts: so frames stay equally far apart."""
 
@@ -84,20 +84,20 @@ def frames_of(recording: Recording) -> Frames:
 
 
 def ego_rows(frames: Frames, moments: Moments, offsets: Sequence[float]) -> tuple[IntArray, BoolArray]:
-    """Rows of the egos nearest to the wanted times: (n, offsets); and whether each moment's are all near enough.
+    """Rows of the egos nearest to the requested times: (n, offsets); and whether each moment's are all near enough.
 
     Raises:
         UsageError: a moment names no track of the recording.
     """
     rows = np.empty((len(moments), len(offsets)), np.int64)
-    wanted = np.array([time for _, time in moments], float)[:, None] + np.asarray(offsets) - _TIE
+    requested = np.array([time for _, time in moments], float)[:, None] + np.asarray(offsets) - _TIE
     egos = np.array([_number(frames, ego) for ego, _ in moments], np.int64)
     for ego in np.unique(egos):
         mine = egos == ego
         own = frames.tracks[frames.begins[ego] : frames.begins[ego + 1]]
         middles = 0.5 * (frames.time[own[1:]] + frames.time[own[:-1]])
-        rows[mine] = own[np.searchsorted(middles, wanted[mine])]
-    return rows, (np.abs(frames.time[rows] - wanted) <= _MISSING).all(axis=1)
+        rows[mine] = own[np.searchsorted(middles, requested[mine])]
+    return rows, (np.abs(frames.time[rows] - requested) <= _MISSING).all(axis=1)
 
 
 def covered(recording: Recording, moments: Moments, grid: Grid) -> BoolArray:

@@ -47,7 +47,7 @@ class Boxes(NamedTuple):
 
 
 def rasterise(recording: Recording, moments: Moments, grid: Grid, site: Site | None = None) -> NDArray[np.uint8]:
-    """Grids about egos, from the frames nearest to the wanted times, without interpolation.
+    """Grids about egos, from the frames nearest to the requested times, without interpolation.
 
     Args:
         moments: name of the ego's track and time at the window's centre (s) of each window.

@@ -75,8 +75,8 @@ def _refined(inner: FloatArray, outer: FloatArray) -> tuple[FloatArray, FloatArr
     steps = [np.hypot(*np.diff(line, axis=0).T) for line in (inner, outer)]
     count = 2 + int(1.5 * max(step.sum() for step in steps) / _PIXEL)
     given = np.concatenate([[0.0], np.cumsum(np.maximum(*steps))])
-    wanted = np.linspace(0.0, given[-1], count)
-    first, second = (np.stack([np.interp(wanted, given, line[:, k]) for k in (0, 1)], axis=1) for line in (inner, outer))
+    stations = np.linspace(0.0, given[-1], count)
+    first, second = (np.stack([np.interp(stations, given, line[:, k]) for k in (0, 1)], axis=1) for line in (inner, outer))
     return first, second
 
 

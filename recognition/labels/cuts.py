@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.labels.scene.leads import NOBODY
+from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.scene import Scene
 from recognition.labels.scene.spans import ahead_of
 from xodr.array_types import BoolArray, FloatArray, IntArray
@@ -29,7 +29,7 @@ def cut_ins(scene: Scene) -> Cuts:
     other = scene.changes.row
     ego = scene.leads.follower[other]
     gap = scene.leads.gap[ego]
-    new = (ego != NOBODY) & (_lead_track(scene, ego - 1) != scene.track[other])
+    new = (ego != ABSENT) & (_lead_track(scene, ego - 1) != scene.track[other])
     good = new & _keeps_lane(scene, ego) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
     return Cuts(ego, other, gap).where(good)
 
@@ -39,7 +39,7 @@ def cut_outs(scene: Scene) -> Cuts:
     other = scene.changes.row
     before = scene.leads.follower[other - 1]
     ego, gap = before + 1, scene.leads.gap[before]
-    seen = (before != NOBODY) & (ego <= scene.last[before])
+    seen = (before != ABSENT) & (ego <= scene.last[before])
     ego = np.where(seen, ego, 0)
     good = seen & (_lead_track(scene, ego) != scene.track[other])
     good &= _keeps_lane(scene, ego) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
@@ -56,7 +56,7 @@ def least_ttc(scene: Scene, cuts: Cuts) -> FloatArray:
     """Least TTC with the other within `rules.reaction` from t*, s; infinite where it is never defined."""
     rows = ahead_of(scene, cuts.ego, scene.rules.reaction)
     leads = scene.leads
-    same = (leads.row[rows] != NOBODY) & (scene.track[leads.row[rows]] == scene.track[cuts.other][:, None])
+    same = (leads.row[rows] != ABSENT) & (scene.track[leads.row[rows]] == scene.track[cuts.other][:, None])
     return np.where(same & leads.ttc.valid[rows], leads.ttc.value[rows], np.inf).min(axis=1, initial=np.inf)
 
 
@@ -68,7 +68,7 @@ def brakes(scene: Scene, cuts: Cuts) -> BoolArray:
 
 def _lead_track(scene: Scene, row: IntArray) -> IntArray:
     lead = scene.leads.row[row]
-    return np.where(lead == NOBODY, NOBODY, scene.track[lead])
+    return np.where(lead == ABSENT, ABSENT, scene.track[lead])
 
 
 def _keeps_lane(scene: Scene, row: IntArray) -> BoolArray:

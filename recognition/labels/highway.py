@@ -7,7 +7,7 @@ import numpy as np
 from recognition.labels import cuts
 from recognition.labels.classes import Label
 from recognition.labels.hits import Hits, alone
-from recognition.labels.scene.leads import NOBODY
+from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.rolling import always, constant, deviation
 from recognition.labels.scene.scene import Scene
 from recognition.labels.scene.spans import spaced
@@ -32,7 +32,7 @@ def car_following(scene: Scene) -> Hits:
     rules, leads = scene.rules, scene.leads
     half = scene.rows(0.5 * rules.window + rules.margin)
     near = leads.thw.valid & (leads.thw.value > 0.0) & (leads.thw.value <= rules.following_headway)
-    lead = np.where(leads.row == NOBODY, NOBODY, scene.track[leads.row])
+    lead = np.where(leads.row == ABSENT, ABSENT, scene.track[leads.row])
     flags = _steady_on_main(scene) & always(near, half, scene.first, scene.last) & constant(lead, half, scene.first, scene.last)
     row = spaced(scene, flags, rules.spacing, rules.most_windows)
     closing = leads.ttc.valid[row] & (leads.ttc.value[row] < rules.following_ttc)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.labels.classes import Event, Label
+from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.scene import Scene
 from xodr.array_types import IntArray
 
@@ -34,11 +35,9 @@ PRECEDENCE = (
 """Of two events of one ego less than a window apart the one whose class comes first here stays; of equal ones the earlier."""
 _DIGITS = 6
 
-NOBODY = -1
-
 
 class Hits(NamedTuple):
-    """Events of one class: ego's row at t*, a row of the partner or NOBODY, and values of the tags, all equally long."""
+    """Events of one class: ego's row at t*, a row of the partner or ABSENT, and values of the tags, all equally long."""
 
     label: Label
     row: IntArray
@@ -48,7 +47,7 @@ class Hits(NamedTuple):
 
 def alone(label: Label, row: IntArray, **tags: NDArray) -> Hits:
     """Hits without partners."""
-    return Hits(label, row, np.full(len(row), NOBODY, np.int64), tags)
+    return Hits(label, row, np.full(len(row), ABSENT, np.int64), tags)
 
 
 def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[Event]:
@@ -68,7 +67,7 @@ def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[Event]:
 
 def _event(scene: Scene, name: str, hits: Hits, index: int) -> Event:
     row, partner = int(hits.row[index]), int(hits.partner[index])
-    other = scene.names[scene.track[partner]] if partner != NOBODY else None
+    other = scene.names[scene.track[partner]] if partner != ABSENT else None
     tags = {key: _plain(values[index]) for key, values in hits.tags.items()}
     return Event(name, scene.names[scene.track[row]], round(float(scene.time[row]), _DIGITS), hits.label, other, tags)
 

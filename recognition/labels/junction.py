@@ -9,7 +9,8 @@ import numpy as np
 
 from recognition.labels.classes import Label
 from recognition.labels.encounters import time_apart
-from recognition.labels.hits import NOBODY, Hits, alone
+from recognition.labels.hits import Hits, alone
+from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.scene import Scene
 from recognition.sites.lanes import NOWHERE
 from xodr.array_types import BoolArray, FloatArray, IntArray
@@ -55,10 +56,10 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
     """How soon before or after each passage somebody from another road arrives in the same lane, and in which passage.
 
     Returns:
-        Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,), NOBODY for none.
+        Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,), ABSENT for none.
     """
     passages, time = scene.passages, scene.time[scene.passages.last]
-    gap, partner = np.full(len(passages), np.inf), np.full(len(passages), NOBODY, np.int64)
+    gap, partner = np.full(len(passages), np.inf), np.full(len(passages), ABSENT, np.int64)
     arriving = passages.arrived & (passages.origin_road != NOWHERE)
     for target in np.unique(passages.target[arriving]).tolist():
         mine = np.flatnonzero(arriving & (passages.target == target))

@@ -42,24 +42,24 @@ class Kind(NamedTuple):
     Attributes:
         vehicle_class: SUMO's name. agent: INTERACTION's name.
         length, width: m.
-        wish: desired speed over speed limit. top: speed that is never exceeded, m/s.
-        acceleration, braking: the greatest wanted, m/s².
+        speed_factor: desired speed over speed limit. top: speed that is never exceeded, m/s.
+        acceleration, braking: the greatest, m/s².
     """
 
     vehicle_class: str
     agent: str
     length: Normal
     width: Normal
-    wish: Normal
+    speed_factor: Normal
     top: Normal
     acceleration: Uniform
     braking: Uniform
 
 
 Driver = dict[str, Normal | Uniform]
-"""Distributions of SUMO's parameters of a driver: `tau` is the wanted headway (s), `minGap` the gap in a queue (m), `lcAssertive`
-the factor by which smaller gaps are taken in lane changes, `lcSpeedGain` and `lcKeepRight` the eagerness to overtake and to
-return, `lcSpeedGainLookahead` how far ahead slow vehicles are avoided (s)."""
+"""Distributions of SUMO's parameters of a driver: `tau` is the desired headway (s), `minGap` the gap in a queue (m),
+`lcAssertive` the factor by which smaller gaps are taken in lane changes, `lcSpeedGain` and `lcKeepRight` the eagerness to
+overtake and to return, `lcSpeedGainLookahead` how far ahead slow vehicles are avoided (s)."""
 
 
 class Fleet(NamedTuple):
@@ -143,7 +143,7 @@ def vehicle(fleet: Fleet, rng: np.random.Generator) -> Vehicle:
     length, width = (round(size.draw(rng), 2) for size in (kind.length, kind.width))
     drawn = {name: distribution.draw(rng) for name, distribution in fleet.driver.items()}
     drawn |= {
-        "length": length, "width": width, "speedFactor": max(kind.wish.draw(rng), 0.5), "maxSpeed": kind.top.draw(rng),
+        "length": length, "width": width, "speedFactor": max(kind.speed_factor.draw(rng), 0.5), "maxSpeed": kind.top.draw(rng),
         "accel": kind.acceleration.draw(rng), "decel": kind.braking.draw(rng),
     }  # fmt: skip
     fixed = {"vClass": kind.vehicle_class, "carFollowModel": "EIDM", "speedDev": "0"}

@@ -27,7 +27,7 @@ _SHORTEST = 1.0
 """Tracks that are shorter are left out, s."""
 
 
-class Motion(NamedTuple):
+class VehicleMotion(NamedTuple):
     """Vehicles over time, in the order of vehicles and time.
 
     Attributes:
@@ -45,12 +45,12 @@ class Motion(NamedTuple):
     ax: FloatArray
     ay: FloatArray
 
-    def where(self, chosen: np.ndarray) -> Motion:
+    def where(self, chosen: np.ndarray) -> VehicleMotion:
         """The rows for which `chosen` is true."""
-        return Motion(*(column[chosen] for column in self))
+        return VehicleMotion(*(column[chosen] for column in self))
 
 
-def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> Motion:
+def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> VehicleMotion:
     """The motion of vehicles of the given lengths (m, by departure), `rate` frames a second."""
     starts = np.flatnonzero(np.diff(fronts.vehicle, prepend=-1))
     ends = np.append(starts[1:], len(fronts.vehicle))
@@ -71,7 +71,7 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> Motion:
     x, y = x - behind * np.cos(h), y - behind * np.sin(h)
     vx, vy = (_rate(values, counts, rate) for values in (x, y))
     ax, ay = (_rate(values, counts, rate) for values in (vx, vy))
-    return Motion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
+    return VehicleMotion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
 
 
 def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tuple[IntArray, FloatArray]:

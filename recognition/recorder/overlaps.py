@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.recorder.motion import Motion
+from recognition.recorder.motion import VehicleMotion
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
-def overlaps(moving: Motion, length: FloatArray, width: FloatArray) -> tuple[IntArray, IntArray]:
+def overlaps(moving: VehicleMotion, length: FloatArray, width: FloatArray) -> tuple[IntArray, IntArray]:
     """Pairs of rows of one frame whose boxes overlap.
 
     Args:
@@ -33,7 +33,7 @@ def overlaps(moving: Motion, length: FloatArray, width: FloatArray) -> tuple[Int
     return np.concatenate([np.empty(0, np.int64), *first]), np.concatenate([np.empty(0, np.int64), *second])
 
 
-def _separated(moving: Motion, length: FloatArray, width: FloatArray, a: IntArray, b: IntArray) -> BoolArray:
+def _separated(moving: VehicleMotion, length: FloatArray, width: FloatArray, a: IntArray, b: IntArray) -> BoolArray:
     """Whether one of the two axes of each box `a` separates it from the box `b`."""
     dx, dy = moving.x[b] - moving.x[a], moving.y[b] - moving.y[a]
     cos, sin = np.cos(moving.h[a]), np.sin(moving.h[a])

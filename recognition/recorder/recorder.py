@@ -14,7 +14,7 @@ import numpy as np
 from recognition.recorder.demand import departures, parked
 from recognition.recorder.fleet import Vehicle
 from recognition.recorder.formats import highd, interaction
-from recognition.recorder.motion import Motion, motion
+from recognition.recorder.motion import VehicleMotion, motion
 from recognition.recorder.overlaps import overlaps
 from recognition.recorder.simulation import simulate
 from recognition.recorder.sites import SITES, Site, View
@@ -64,7 +64,7 @@ def record(
         seed: of everything random.
         sites: names of `SITES`; all by default.
         jobs: number of processes.
-        progress: told how many recordings are done, and of how many.
+        progress: called with how many recordings are done, and of how many.
 
     Returns:
         The track files.
@@ -140,7 +140,7 @@ def _record(task: _Task) -> Path:
     return interaction.write(task.folder, task.number, vehicles, seen)
 
 
-def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) -> tuple[list[Vehicle], Motion]:
+def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) -> tuple[list[Vehicle], VehicleMotion]:
     """New traffic, and what is seen of it."""
     busy = rng.uniform(*_VARIATION)
     flows = [flow._replace(rate=flow.rate * busy) for flow in site.flows]
@@ -152,7 +152,7 @@ def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) 
     return vehicles, _seen(motion(fronts, [one.length for one in vehicles], rate), site.view, rate, length)
 
 
-def _seen(moving: Motion, view: View, rate: int, length: float) -> Motion:
+def _seen(moving: VehicleMotion, view: View, rate: int, length: float) -> VehicleMotion:
     """What is in view during the recording, whose frames count from 0."""
     moving = moving._replace(frame=moving.frame - round(WARM_UP * rate))
     inside = (view.left <= moving.x) & (moving.x <= view.right) & (view.bottom <= moving.y) & (moving.y <= view.top)

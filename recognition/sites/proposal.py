@@ -69,7 +69,7 @@ class _Proposal:
         return not self._crossings and not self._rings
 
     def _crossing(self, junction_id: str) -> bool | None:
-        """Whether a junction has traffic lights; None where it is none: nobody crosses or turns there, or it is on a ring."""
+        """Whether a junction has traffic lights; None where it is no junction: no way crosses or turns, or it is on a ring."""
         junction = self._network.junctions[junction_id]
         inside = {connection.connecting_road for connection in junction.connections} if junction.type != "direct" else set()
         ways = [number for number, strip in enumerate(self._graph.strips) if strip.road in inside and strip.kind in DRIVABLE]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.scenes.scenes import Part, Scene, Scope, Stage
+from recognition.catalogue.scenes.scenes import Part, Scene, SceneCutter, Scope
 from recognition.catalogue.writing.index import rows_of
 from recognition.datasets import Source
 from runner.interpreter.execution import run
@@ -45,7 +45,7 @@ def of_catalogue(
     rows = rows_of(root)
     for source in sources:
         own = [row for row in rows if row["recording"] == source.name]
-        stage = Stage(source.load(), scope) if own else None
+        stage = SceneCutter(source.load(), scope) if own else None
         for row in own:
             assert stage is not None
             scene = stage.cut(row["vehicle"], row["start"], row["end"])

@@ -120,11 +120,11 @@ def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = 
     from scipy.optimize import linear_sum_assignment
 
     truth, clusters = np.asarray(truth), np.asarray(clusters)
-    wanted = np.unique(truth if among is None else among)
+    matched_classes = np.unique(truth if among is None else among)
     kept = clusters != DROPPED
     classes, numbers, counts = _contingency(truth[kept], clusters[kept])
-    counts = counts[:, np.isin(classes, wanted)]
-    classes = classes[np.isin(classes, wanted)]
+    counts = counts[:, np.isin(classes, matched_classes)]
+    classes = classes[np.isin(classes, matched_classes)]
     rows, columns = linear_sum_assignment(counts, maximize=True)
     agreeing, size = int(counts[rows, columns].sum()), int(kept.sum())
     matched = int(np.isin(clusters[kept], numbers[rows]).sum())
@@ -134,7 +134,7 @@ def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = 
         unmatched=1.0 - matched / size if size else 0.0,
         dropped=1.0 - size / len(truth) if len(truth) else 0.0,
         clusters=len(numbers),
-        classes=len(wanted),
+        classes=len(matched_classes),
         matches=tuple((int(numbers[row]), int(classes[column])) for row, column in zip(rows, columns, strict=True)),
     )
 

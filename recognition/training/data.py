@@ -26,7 +26,7 @@ def windows_at(path: Path, cache: Path, grid: Grid, events_per_class: int | None
         path: folder of windows, or folder or file of recordings.
         cache: folder that keeps windows made of recordings for the next time; roads made for them go there too.
         grid: of windows that have to be made.
-        events_per_class: how many events of each class are wanted, if not all.
+        events_per_class: most events of each class; None takes all.
 
     Raises:
         InvalidFile: nothing of a known format.
@@ -66,23 +66,23 @@ def _is_windows(folder: Path) -> bool:
 
 
 def _made(path: Path, cache: Path, grid: Grid, events_per_class: int | None) -> Windows:
-    """Windows of recordings that are read twice: to find their events, and for those that are wanted."""
+    """Windows of recordings that are read twice: to find their events, and for those that are taken."""
     roads = cache / "roads"
     sources = datasets.open(path, roads=roads).sources
     usable = [event for source in sources for event in _usable(source, grid, roads)]
     if not usable:
         raise UsageError("no rule finds an event in these recordings", path=path)
-    wanted: dict[str, list[Event]] = {}
+    taken_events: dict[str, list[Event]] = {}
     for event in _thinned(usable, events_per_class):
-        wanted.setdefault(event.recording, []).append(event)
+        taken_events.setdefault(event.recording, []).append(event)
 
     def parts() -> Iterator[Windows]:
         for source in sources:
-            if source.name in wanted:
+            if source.name in taken_events:
                 recording = source.load()
-                yield windows_of(recording, wanted[source.name], grid, site_of(source, recording, roads))
+                yield windows_of(recording, taken_events[source.name], grid, site_of(source, recording, roads))
 
-    store(parts(), (sum(map(len, wanted.values())), *grid.shape), cache)
+    store(parts(), (sum(map(len, taken_events.values())), *grid.shape), cache)
     return Windows.load(cache)
 
 

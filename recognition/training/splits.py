@@ -76,7 +76,7 @@ def _deal(held: IntArray, shares: FloatArray, generator: np.random.Generator) ->
     lacks most windows of it.
     """
     part = np.full(len(held), -1)
-    wanted = shares[:, None] * held.sum(axis=0)
+    lacking = shares[:, None] * held.sum(axis=0)
     order = generator.permutation(len(held))
     while (part < 0).any():
         open_ = order[part[order] < 0]
@@ -85,9 +85,9 @@ def _deal(held: IntArray, shares: FloatArray, generator: np.random.Generator) ->
         having = open_[held[open_, rarest] > 0]
         largest = having[held[having, rarest].argmax()]
         without = np.array([not held[part == k, rarest].any() for k in range(len(shares))])
-        taker = int(np.lexsort((-wanted.sum(axis=1), -wanted[:, rarest], ~without))[0])
+        taker = int(np.lexsort((-lacking.sum(axis=1), -lacking[:, rarest], ~without))[0])
         part[largest] = taker
-        wanted[taker] -= held[largest]
+        lacking[taker] -= held[largest]
     return part
 
 

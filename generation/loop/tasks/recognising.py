@@ -8,7 +8,7 @@ from pathlib import Path
 
 from generation.loop.settings import Bar
 from generation.loop.stages.findings import Measured, Recognised
-from recognition.catalogue.pipeline import ByRules, Settings, build
+from recognition.catalogue.pipeline import ByRules, CatalogueSettings, build
 from recognition.catalogue.writing.index import rows_of
 from recognition.datasets import Source, cache_roads
 from recognition.maneuvers.units import Samples, extract_from
@@ -35,12 +35,12 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
                 advance(1)
 
     if model is None:
-        summary = build(paths, folder, Settings(), ByRules(), along)
+        summary = build(paths, folder, CatalogueSettings(), ByRules(), along)
     else:
         from recognition.catalogue.recognisers.model import load
 
         recogniser = load(model)
-        summary = build(paths, folder, Settings(), recogniser, along)
+        summary = build(paths, folder, CatalogueSettings(), recogniser, along)
         if keep is not None:
             recogniser.keep(keep, waiting=False)  # so that what runs show is not clustered with the unknown of these recordings
     return Recognised(

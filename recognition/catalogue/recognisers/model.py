@@ -41,9 +41,9 @@ class ByModel:
 
     def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
         """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
-        wanted = [*map(by_rules, events), *self._regular(recording, events)]
-        inside = covered(recording, [(moment.ego, moment.time) for moment in wanted], self._grid)
-        moments = [moment for moment, usable in zip(wanted, inside, strict=True) if usable]
+        candidates = [*map(by_rules, events), *self._regular(recording, events)]
+        inside = covered(recording, [(moment.ego, moment.time) for moment in candidates], self._grid)
+        moments = [moment for moment, usable in zip(candidates, inside, strict=True) if usable]
         self._ranges[name] = range(len(self._seen), len(self._seen) + len(moments))
         part = max(self._model.buffer.capacity // 2, 1)
         for start in range(0, len(moments), part):

@@ -1,7 +1,7 @@
 """Scenes as scenarios that replay them: everyone follows the recorded trajectory, at the recorded times.
 
-Whoever is there from the beginning starts by Init; who comes later is added then; who leaves is deleted. Times are those of
-the scenario from its start, so that nobody is late because an event began a step later.
+Participants that are there from the beginning start in Init; later ones are added when they come; those that leave are deleted.
+Times are those of the scenario from its start, so that an event that begins a step late makes no one late.
 """
 
 from __future__ import annotations

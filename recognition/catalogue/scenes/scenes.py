@@ -68,7 +68,7 @@ class Scene:
         return self.parts[0]
 
 
-class Stage:
+class SceneCutter:
     """A recording, ready for scenes to be cut from it."""
 
     def __init__(self, recording: Recording, scope: Scope) -> None:
@@ -138,7 +138,7 @@ def _between(time: FloatArray, start: float, end: float) -> IntArray:
 
 
 def _free(name: str, taken: set[str]) -> str:
-    """A name that nobody has yet, which is entered in those taken."""
+    """A name that is not taken yet; it is entered in those taken."""
     while name in taken:
         name += "_"
     taken.add(name)

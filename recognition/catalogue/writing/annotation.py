@@ -72,8 +72,8 @@ def tags(name: str, title: str, scene: Scene, facts: Mapping[str, Any]) -> list[
         title: of its class.
         facts: what else is known, by the names of the index's columns; None is left out.
     """
-    told = {**facts, **{f"rule_{key}": value for key, value in facts["tags"].items()}}
-    own = [Tag(_type(key), value) for key, value in told.items() if value is not None and key != "tags"]
+    named = {**facts, **{f"rule_{key}": value for key, value in facts["tags"].items()}}
+    own = [Tag(_type(key), value) for key, value in named.items() if value is not None and key != "tags"]
     asam = ontology_tags(title, {part.track.category for part in scene.parts})
     return [*asam, Tag("scenarioName", name, ASAM), Tag("Ego", EGO), *own]
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from recognition.catalogue.episodes import Episode, plain
 from recognition.catalogue.scenes import replay
 from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.scenes.scenes import EGO, Part, Scene, Scope, Stage
+from recognition.catalogue.scenes.scenes import EGO, Part, Scene, SceneCutter, Scope
 from recognition.catalogue.writing import annotation, index
 from recognition.catalogue.writing.store import Store
 from recognition.datasets import Exclusion, Source
@@ -103,7 +103,7 @@ class Catalogue:
     ) -> None:
         """Write the scenarios of a recording, which has its road coordinates."""
         road = self._road(site)
-        stage, recorded = Stage(recording, self._config.scope), Maneuvers(recording, site)
+        stage, recorded = SceneCutter(recording, self._config.scope), Maneuvers(recording, site)
         for episode in episodes:
             self._write(_Context(source, site, road, episode, stage.cut(episode.ego, episode.start, episode.end), recorded))
             self._write_catalogs([place for place in self._entries if place.kind == "Trajectory"])
@@ -116,8 +116,8 @@ class Catalogue:
         assert source.report is not None, "the recording has been read"
         report = {"rows": source.report.rows, "tracks": source.report.tracks, "missing_rows": source.report.missing}
         excluded = [exclusion._asdict() for exclusion in source.report.exclusions]
-        told = {"name": source.name, "data_set": source.format, "site": source.site, **report}
-        self._recordings.append({**told, "excluded_rows": excluded, "remarks": source.report.remarks})
+        recording = {"name": source.name, "data_set": source.format, "site": source.site, **report}
+        self._recordings.append({**recording, "excluded_rows": excluded, "remarks": source.report.remarks})
 
     def _road(self, site: Site) -> str:
         """Write a site's road, once; its name in the catalogue."""
@@ -133,8 +133,8 @@ class Catalogue:
         """Write the OpenSCENARIO catalogues and the index; the files of earlier runs that were removed."""
         self._write_catalogs(self._entries.keys())
         rows = sorted(self.rows, key=lambda row: row["file"])
-        told = {"recordings": self._recordings, "exclusions": self.exclusions, **more}
-        self.store.write(index.FILE, index.as_json(rows, told))
+        more = {"recordings": self._recordings, "exclusions": self.exclusions, **more}
+        self.store.write(index.FILE, index.as_json(rows, more))
         self.store.write("index.csv", index.as_csv(rows))
         self.store.write("index.parquet", index.as_parquet(rows))
         return self.store.close()
@@ -158,8 +158,8 @@ class Catalogue:
         facts = _facts(context)
         tagged = annotation.tags(episode.name, episode.title, scene, facts)
         described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.source.name}"
-        told = tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
-        header = Header(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, told)
+        properties = tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
+        header = Header(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, properties)
         row = facts | {
             "file": self._put(self._replay(context, header)),
             "maneuver": None,

@@ -76,7 +76,7 @@ def _listed(path: Path, name: str) -> list[dict[str, Any]]:
 
 
 def as_json(rows: Sequence[Row], more: Mapping[str, Any]) -> bytes:
-    """The rows under "scenarios", after what else is to be told."""
+    """The rows under "scenarios", after other facts."""
     listed = [{name: row.get(name) for name in COLUMNS} | {"tags": row.get("tags", {})} for row in rows]
     return (json.dumps({**more, "scenarios": listed}, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 

@@ -1,4 +1,4 @@
-"""The folder of a catalogue: files that are written anew as long as nobody has edited them.
+"""The folder of a catalogue: files that are written again unless a person has edited them.
 
 The manifest holds the hash of every file as it was written. A file that differs from its hash, or that has none, is a
 person's: it is left alone and reported.

@@ -110,8 +110,8 @@ def _spelling(path: Path) -> dict[str, str]:
 def _renamed(path: Path, kinds: dict[str, Kind], more: dict[str, Kind] | None = None) -> Table:
     """Columns by their plain names; those of `more` where the file has them."""
     spelling = _spelling(path)
-    wanted = kinds | {name: kind for name, kind in (more or {}).items() if name in spelling}
-    table = read_table(path, {spelling.get(name, name): kind for name, kind in wanted.items()})
+    chosen = kinds | {name: kind for name, kind in (more or {}).items() if name in spelling}
+    table = read_table(path, {spelling.get(name, name): kind for name, kind in chosen.items()})
     return Table(path, {_plain(name): values for name, values in table.columns.items()}, table.lines)
 
 
@@ -225,7 +225,7 @@ def _read_metric(path: Path) -> tuple[Recording, Report]:
 
 
 def _turn(x: FloatArray, y: FloatArray, h: FloatArray, rows: Rows, remarks: list[str]) -> float:
-    """Quarter turns between the direction that headings count from and the x axis, told from the motion, rad."""
+    """Quarter turns between the direction that headings count from and the x axis, from the motion, rad."""
     vx, vy = rate(x, rows), rate(y, rows)
     ahead, aside = (vx * np.cos(h) + vy * np.sin(h)).sum(), (vy * np.cos(h) - vx * np.sin(h)).sum()
     quarters = round(float(np.arctan2(aside, ahead)) / (0.5 * np.pi))

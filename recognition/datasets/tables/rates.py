@@ -49,7 +49,7 @@ def believable(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, row
     travelled = float((dx * dx + dy * dy).sum())
     least, greatest = _CREDIBLE
     if travelled < STANDING**2 * len(rows) / 10:
-        return True  # nobody moves enough to tell
+        return True  # too little motion to compare
     return least <= float((vx * dx + vy * dy).sum()) / travelled <= greatest
 
 

@@ -10,7 +10,8 @@ from recognition.sites.lanes import NOWHERE, LaneGraph
 from runner.measures.criticality import Measure, time_headway, time_to_collision
 from xodr.array_types import FloatArray, IntArray
 
-NOBODY = -1
+ABSENT = -1
+"""Row (or track) of a lead, follower or partner where there is none."""
 _MOST_STRIPS = 12
 """Most strips ahead that are searched for a lead."""
 
@@ -20,10 +21,10 @@ class Leads:
     """The lead of each row.
 
     Attributes:
-        row: the lead's row in the same frame, NOBODY where there is none in sight.
+        row: the lead's row in the same frame, ABSENT where there is none in sight.
         gap: between the boxes along the lane, m, negative where they overlap; 0 without a lead.
         thw, ttc: time headway and time to collision, where they are defined.
-        follower: row of who has this row as the lead, the nearest of several; NOBODY for none.
+        follower: row of who has this row as the lead, the nearest of several; ABSENT for none.
     """
 
     row: IntArray
@@ -45,7 +46,7 @@ def leads(
     sight: float,
 ) -> Leads:
     """The leads of all rows (in the order of tracks and time), as far ahead as `sight` (m)."""
-    row = np.full(len(track), NOBODY, np.int64)
+    row = np.full(len(track), ABSENT, np.int64)
     gap = np.zeros(len(track))
     order = np.lexsort((along, strip, frame))
     order = order[strip[order] != NOWHERE]
@@ -60,9 +61,9 @@ def leads(
     for _ in range(_MOST_STRIPS):
         on = (strips != NOWHERE) & (passed < sight)
         searching, passed, strips = searching[on], passed[on], strips[on]
-        wanted = frame[searching] * len(lanes.strips) + strips
-        place = np.minimum(np.searchsorted(heads, wanted), len(heads) - 1)
-        found = heads[place] == wanted if len(heads) else np.zeros(0, bool)
+        key = frame[searching] * len(lanes.strips) + strips
+        place = np.minimum(np.searchsorted(heads, key), len(heads) - 1)
+        found = heads[place] == key if len(heads) else np.zeros(0, bool)
         lead = order[starts[place[found]]]
         row[searching[found]], gap[searching[found]] = lead, passed[found] + along[lead]
         searching, passed, strips = searching[~found], passed[~found], strips[~found]
@@ -90,12 +91,12 @@ def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
 def _measured(
     row: IntArray, gap: FloatArray, track: IntArray, speed: FloatArray, front: FloatArray, rear: FloatArray, sight: float
 ) -> Leads:
-    led = row != NOBODY
-    led[led] = track[row[led]] != track[led]  # nobody leads themselves once round a ring
+    led = row != ABSENT
+    led[led] = track[row[led]] != track[led]  # once round a ring, a vehicle would lead itself
     gap = np.where(led, gap - front + rear[row], 0.0)
     led &= gap <= sight
-    row, gap = np.where(led, row, NOBODY), np.where(led, gap, 0.0)
-    follower = np.full(len(row), NOBODY, np.int64)
+    row, gap = np.where(led, row, ABSENT), np.where(led, gap, 0.0)
+    follower = np.full(len(row), ABSENT, np.int64)
     nearest_last = np.flatnonzero(led)[np.argsort(-gap[led], kind="stable")]
     follower[row[nearest_last]] = nearest_last
     closing = np.where(led, speed - speed[row], 0.0)

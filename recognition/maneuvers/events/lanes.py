@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from recognition.labels.classes import Label
-from recognition.labels.scene.leads import NOBODY
+from recognition.labels.scene.leads import ABSENT
 from recognition.maneuvers.estimation.estimate import estimate
 from recognition.maneuvers.events.maneuver import EGO_ACTS, LONGEST, SHORTEST, Maneuver, Passage, Span
 from recognition.maneuvers.events.paths import RecordedPath
@@ -43,9 +43,9 @@ def in_lanes(segmentation: Segmentation, kind: str, ego: str, partner: str | Non
         Unsupported: what was recorded is no such manoeuvre.
     """
     tracks = {name: index for index, name in enumerate(segmentation.motion.scene.names)}
-    own, other = tracks[ego], tracks.get(partner, NOBODY) if partner is not None else NOBODY
+    own, other = tracks[ego], tracks.get(partner, ABSENT) if partner is not None else ABSENT
     actor = own if kind in EGO_ACTS else other
-    if actor == NOBODY:
+    if actor == ABSENT:
         raise Unsupported("the other vehicle is not known")
     passive = other if actor == own else own
     if kind in _UNITS:
@@ -60,7 +60,7 @@ def _lane_change(segmentation: Segmentation, kind: str, actor: int, passive: int
     index = segmentation.nearest_change(actor, time, SHORTEST)
     if index is None:
         raise Unsupported("there is no lane change then that was recorded whole")
-    if kind == "lane_change" and passive == NOBODY:
+    if kind == "lane_change" and passive == ABSENT:
         passive = segmentation.leader(index)
     unit = segmentation.of_change(index, _UNITS[kind], passive)
     if abs(unit.shift) < _SIDEWAYS:
@@ -84,7 +84,7 @@ def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> Ma
     names, time = motion.scene.names, motion.scene.time
     found = estimate(motion, unit)
     if found is None and unit.kind == LANE_CHANGE:  # the leader is not ahead of the ego, or was not recorded then
-        unit = replace(unit, other=NOBODY)
+        unit = replace(unit, other=ABSENT)
         found = estimate(motion, unit)
     if found is None:
         raise Unsupported("the other vehicle is not ahead of the ego when the manoeuvre begins, or was not recorded then")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.labels import cuts
-from recognition.labels.scene.leads import NOBODY
+from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.stays import stays
 from recognition.maneuvers.estimation.lane_change import LaneChange, lane_changes
 from recognition.maneuvers.estimation.motion import LaneMotion
@@ -49,10 +49,10 @@ class Segmentation:
         return index if index is not None and abs(scene.time[self.changes[index].row] - time) <= reach else None
 
     def leader(self, index: int) -> int:
-        """Track ahead in the lane of who changes it, when the change begins; NOBODY for none in sight."""
+        """Track ahead in the lane of who changes it, when the change begins; ABSENT for none in sight."""
         scene = self.motion.scene
         lead = int(scene.leads.row[self.changes[index].start])
-        return int(scene.track[lead]) if lead != NOBODY else NOBODY
+        return int(scene.track[lead]) if lead != ABSENT else ABSENT
 
     def of_change(self, index: int, kind: str, other: int) -> Unit:
         """The unit of a lane change, by index, for one whom it concerns."""
@@ -82,7 +82,7 @@ def _lane_changes(segmentation: Segmentation) -> Iterator[Unit]:
             concerned.get(row, []).append((kind, int(scene.track[ego])))
     for index, change in enumerate(changes):
         leader = segmentation.leader(index)
-        own = [(LANE_CHANGE, leader)] if leader != NOBODY else []
+        own = [(LANE_CHANGE, leader)] if leader != ABSENT else []
         for kind, other in (*own, *concerned[change.row]):
             yield segmentation.of_change(index, kind, other)
 
@@ -101,7 +101,7 @@ def _phases(motion: LaneMotion, changes: list[LaneChange], thresholds: Threshold
     for place, index in enumerate(bounds.tolist()):
         row, end = int(start[index]), int(start[index] + size[index] - 1)
         follower = int(scene.leads.follower[row])
-        if busy[row] == 2 or follower == NOBODY:
+        if busy[row] == 2 or follower == ABSENT:
             continue
         first = int(start[bounds[place - 1]] + size[bounds[place - 1]]) if place else 0
         last = int(start[bounds[place + 1]]) - 1 if place + 1 < len(bounds) else len(sign)

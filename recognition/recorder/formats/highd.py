@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.recorder.fleet import Vehicle
-from recognition.recorder.formats.neighbours import NOBODY, Traffic
+from recognition.recorder.formats.neighbours import ABSENT, Traffic
 from recognition.recorder.formats.tables import write_csv
-from recognition.recorder.motion import Motion
+from recognition.recorder.motion import VehicleMotion
 from recognition.recorder.sites import View
 from xodr.array_types import BoolArray, FloatArray, IntArray
 from xodr.network import RoadNetwork
@@ -53,7 +53,7 @@ class Sheet:
 
 
 def write(
-    folder: Path, number: int, network: RoadNetwork, view: View, vehicles: Sequence[Vehicle], motion: Motion, frames: int
+    folder: Path, number: int, network: RoadNetwork, view: View, vehicles: Sequence[Vehicle], motion: VehicleMotion, frames: int
 ) -> Path:
     """Write a recording into a folder; the track file's path.
 
@@ -75,7 +75,7 @@ def write(
     return path
 
 
-def _tracks(motion: Motion, chosen: IntArray, seen: Sequence[Vehicle], sheet: Sheet) -> _Columns:
+def _tracks(motion: VehicleMotion, chosen: IntArray, seen: Sequence[Vehicle], sheet: Sheet) -> _Columns:
     length, width = (np.array([getattr(one, side) for one in seen])[chosen] for side in ("length", "width"))
     x, y = motion.x - sheet.view.left, sheet.view.top - motion.y
     upper = motion.y > 0.0
@@ -99,7 +99,7 @@ def _relations(columns: _Columns, lane: IntArray, upper: BoolArray) -> _Columns:
     )  # drivers of the upper carriageway have the lane above on the right
     traffic = Traffic(columns["frame"], rightwards, along, length)
     lead, speed = traffic.ahead(), ahead * columns["xVelocity"]
-    led = lead != NOBODY
+    led = lead != ABSENT
     gap = np.where(led, along[lead] - along - 0.5 * (length[lead] + length), 0.0)
     left, right = traffic.beside(-1), traffic.beside(1)
     rows = {"precedingId": lead, "followingId": traffic.behind()}
@@ -108,7 +108,7 @@ def _relations(columns: _Columns, lane: IntArray, upper: BoolArray) -> _Columns:
     return {
         "dhw": gap, "thw": _over(gap, speed), "ttc": _over(gap, np.where(led, speed - speed[lead], 0.0)),
         "precedingXVelocity": np.where(led, columns["xVelocity"][lead], 0.0),
-        **{name: np.where(row == NOBODY, 0, columns["id"][row]) for name, row in rows.items()},
+        **{name: np.where(row == ABSENT, 0, columns["id"][row]) for name, row in rows.items()},
         "laneId": lane,
     }  # fmt: skip
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from recognition.recorder.fleet import Vehicle
 from recognition.recorder.formats.tables import write_csv
-from recognition.recorder.motion import Motion
+from recognition.recorder.motion import VehicleMotion
 
 RATE = 10
 """Frames a second."""
 
 
-def write(folder: Path, number: int, vehicles: Sequence[Vehicle], motion: Motion) -> Path:
+def write(folder: Path, number: int, vehicles: Sequence[Vehicle], motion: VehicleMotion) -> Path:
     """Write a recording into its site's folder; the track file's path.
 
     Args:

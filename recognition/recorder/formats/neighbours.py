@@ -10,7 +10,7 @@ import numpy as np
 
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
-NOBODY = -1
+ABSENT = -1
 _SPAN = 1e6
 """More than any position along the road, m."""
 
@@ -35,11 +35,11 @@ class Traffic:
         return (self._strip + lane) * _SPAN + self._along
 
     def ahead(self) -> IntArray:
-        """Row of the nearest vehicle in front in the own lane, or `NOBODY`."""
+        """Row of the nearest vehicle in front in the own lane, or `ABSENT`."""
         return self._own(1)
 
     def behind(self) -> IntArray:
-        """Row of the nearest vehicle behind in the own lane, or `NOBODY`."""
+        """Row of the nearest vehicle behind in the own lane, or `ABSENT`."""
         return self._own(-1)
 
     def _own(self, side: int) -> IntArray:
@@ -54,7 +54,7 @@ class Traffic:
         ahead, alongside_ahead = self._beyond(front, 1, group)
         behind, alongside_behind = self._beyond(front - 1, -1, group)
         both = np.stack((alongside_ahead, alongside_behind))
-        distance = np.where(both == NOBODY, np.inf, np.abs(self._along[both] - self._along))
+        distance = np.where(both == ABSENT, np.inf, np.abs(self._along[both] - self._along))
         return ahead, both[distance.argmin(axis=0), np.arange(len(front))], behind
 
     def _beyond(self, place: IntArray, side: int, group: IntArray) -> tuple[IntArray, IntArray]:
@@ -63,14 +63,14 @@ class Traffic:
         while (overlapping := self._overlaps(found)).any():
             place = place + side * overlapping
             found = self._at(place, group)
-        return found, np.where(self._overlaps(first), first, NOBODY)
+        return found, np.where(self._overlaps(first), first, ABSENT)
 
     def _overlaps(self, other: IntArray) -> BoolArray:
         near = np.abs(self._along[other] - self._along) < 0.5 * (self._length[other] + self._length)
-        return near & (other != NOBODY)
+        return near & (other != ABSENT)
 
     def _at(self, place: IntArray, group: IntArray) -> IntArray:
         """Rows at places in the order, where they are in the asked lane and frame."""
         inside = np.clip(place, 0, len(self._order) - 1)
         there = (place == inside) & (self._group[inside] == group)
-        return np.where(there, self._order[inside], NOBODY)
+        return np.where(there, self._order[inside], ABSENT)

@@ -27,12 +27,12 @@ def plots(place: Place, folder: Path) -> list[str]:
 
     pyplot.switch_backend("Agg")
     drawn = []
-    for kind, draw, wanted in (
+    for kind, draw, present in (
         ("map", _map, bool(place.lines)),
         ("changes", _changes, bool(place.sides)),
         ("cuts", _cuts, bool(place.gaps)),
     ):
-        if wanted:
+        if present:
             figure, axes = pyplot.subplots(figsize=(10, 6), layout="constrained")
             draw(place, axes)
             axes.set_title(f"{place.name}: {axes.get_title()}")

@@ -8,7 +8,7 @@ from typing import Any
 
 from recognition.study import kinds, metrics
 from recognition.study.experiments.open_set import ONLY_TUNED
-from recognition.study.protocol.stage import Stage
+from recognition.study.protocol.trials import Trial
 from recognition.study.strategies import average_linkage, given_count, keep_all
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import discover
@@ -28,26 +28,26 @@ TITLES = {**OWN, **kinds.titles(kinds.CLUSTERING)}
 """Methods by name."""
 
 
-def measure_clustering(name: str, stage: Stage) -> dict[str, Any]:
-    """Cluster the new classes of a stage; the fields of `metrics.Clustering` and the number of samples.
+def measure_clustering(name: str, trial: Trial) -> dict[str, Any]:
+    """Cluster the new classes of a trial; the fields of `metrics.Clustering` and the number of samples.
 
     The samples are the first ones of new classes in the stream, as if screening had missed and mistaken none.
     """
     if name == ONLY_TUNED:
-        stage = stage.only_tuned
-    clusters = _own(name, stage) if name in OWN else kinds.kind(kinds.CLUSTERING, name).METHOD(stage.seed).cluster(stage.pool)
-    new = stage.appearing
+        trial = trial.only_tuned
+    clusters = _own(name, trial) if name in OWN else kinds.kind(kinds.CLUSTERING, name).METHOD(trial.seed).cluster(trial.pool)
+    new = trial.appearing
     return {**metrics.clustering(new.labels, clusters)._asdict(), "samples": len(new.rows)}
 
 
-def _own(name: str, stage: Stage) -> IntArray:
+def _own(name: str, trial: Trial) -> IntArray:
     """Clusters of TRFE; given the number of new classes where k-means and STAE are given it too."""
-    new, steps = stage.appearing, Steps(sift=keep_all)
+    new, steps = trial.appearing, Steps(sift=keep_all)
     if name == LINKAGE:
         steps = replace(steps, cluster=average_linkage)
     elif name != "trfe":
-        steps = replace(steps, cluster=partial(given_count, len(stage.round.new)))
+        steps = replace(steps, cluster=partial(given_count, len(trial.round.new)))
     buffer = Buffer(len(new.rows))
     buffer.add(new.features, new.rows)
-    config = replace(stage.config, pretrained=0 if name == ALL_FEATURES else stage.tuned)
-    return discover(stage.model.known, buffer, config, steps).clusters
+    config = replace(trial.config, pretrained=0 if name == ALL_FEATURES else trial.tuned)
+    return discover(trial.model.known, buffer, config, steps).clusters

@@ -9,7 +9,7 @@ import numpy as np
 from recognition.study import kinds, metrics
 from recognition.study.baselines.open_set.method import OpenSetMethod
 from recognition.study.baselines.open_set.voting import VotingMethod
-from recognition.study.protocol.stage import Stage
+from recognition.study.protocol.trials import Trial
 from recognition.trfe.samples import UNKNOWN, Features
 from xodr.array_types import FloatArray, IntArray
 
@@ -38,32 +38,32 @@ class Judged(NamedTuple):
     threshold: float
 
 
-def measure_open_set(name: str, stage: Stage) -> dict[str, Any]:
-    """Fit a method on the known classes of a stage and measure it on known and new ones.
+def measure_open_set(name: str, trial: Trial) -> dict[str, Any]:
+    """Fit a method on the known classes of a trial and measure it on known and new ones.
 
     Returns:
         The fields of `metrics.OpenSet`, the threshold, and the confusion matrix: `[truth, prediction, windows]` for each pair
         that occurs, with 0 for unknown.
     """
-    found = _own_rule(stage) if name == OWN_RULE else _common_rule(name, stage)
-    pairs, counts = np.unique(np.stack([stage.truth, found.predicted]), axis=1, return_counts=True)
+    found = _own_rule(trial) if name == OWN_RULE else _common_rule(name, trial)
+    pairs, counts = np.unique(np.stack([trial.truth, found.predicted]), axis=1, return_counts=True)
     return {
-        **metrics.open_set(stage.truth, found.closed, found.scores, found.predicted)._asdict(),
+        **metrics.open_set(trial.truth, found.closed, found.scores, found.predicted)._asdict(),
         "threshold": found.threshold,
         "confusion": [[*map(int, pair), int(count)] for pair, count in zip(pairs.T, counts, strict=True)],
     }
 
 
-def _own_rule(stage: Stage) -> Judged:
-    found = stage.model.recognise(stage.test.features)
-    return Judged(found.closed, found.score, found.labels, stage.model.known.screening.threshold)
+def _own_rule(trial: Trial) -> Judged:
+    found = trial.model.recognise(trial.test.features)
+    return Judged(found.closed, found.score, found.labels, trial.model.known.screening.threshold)
 
 
-def _common_rule(name: str, stage: Stage) -> Judged:
+def _common_rule(name: str, trial: Trial) -> Judged:
     if name == ONLY_TUNED:
-        stage = stage.only_tuned
-    fitted, held, tested = stage.labelled, stage.validation, stage.test.features
-    model = _unfitted(name, stage).fit(fitted.features, fitted.labels, held.features, held.labels)
+        trial = trial.only_tuned
+    fitted, held, tested = trial.labelled, trial.validation, trial.test.features
+    model = _unfitted(name, trial).fit(fitted.features, fitted.labels, held.features, held.labels)
     return judged(model, tested)
 
 
@@ -73,13 +73,13 @@ def judged(model: OpenSetMethod, features: Features) -> Judged:
     return Judged(closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold)
 
 
-def _unfitted(name: str, stage: Stage) -> OpenSetMethod:
-    """A method by name; those that vote share the forests of the stage."""
+def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
+    """A method by name; those that vote share the forests of the trial."""
     if name in (COMMON, ONLY_TUNED):
-        return VotingMethod(stage.seed, forest=stage.model.known.forest)
+        return VotingMethod(trial.seed, forest=trial.model.known.forest)
     if name in kinds.titles(kinds.SCREENINGS):
         module = kinds.kind(kinds.SCREENINGS, name)
-        forest = stage.plain_forest if module.PLAIN_VOTES else stage.model.known.forest
-        return VotingMethod(stage.seed, module.SCREENING, forest=forest)
-    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, name).METHOD(stage.seed)
+        forest = trial.plain_forest if module.PLAIN_VOTES else trial.model.known.forest
+        return VotingMethod(trial.seed, module.SCREENING, forest=forest)
+    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, name).METHOD(trial.seed)
     return method

@@ -11,7 +11,7 @@ import numpy as np
 from recognition.study import metrics
 from recognition.study.ablations import VARIANTS, Variant
 from recognition.study.protocol.rounds import Round
-from recognition.study.protocol.stage import Samples, Stage
+from recognition.study.protocol.trials import Samples, Trial
 from recognition.study.recalibrated import Recalibrated
 from recognition.trfe.samples import UNKNOWN
 from recognition.trfe.screening import EvtJoint
@@ -22,21 +22,21 @@ _PART = 50
 """Samples that arrive together."""
 
 
-def measure_open_world(name: str, stage: Stage) -> dict[str, Any]:
+def measure_open_world(name: str, trial: Trial) -> dict[str, Any]:
     """One round from true labels of the known classes: what the stream's new classes become.
 
-    δ is the stage's, chosen once for all variants of TRFE's own screening.
+    δ is the trial's, chosen once for all variants of TRFE's own screening.
 
     Returns:
         See `follow`.
     """
-    variant, screening = VARIANTS[name], stage.model.known.screening
+    variant, screening = VARIANTS[name], trial.model.known.screening
     if variant.steps.screening in (EvtJoint, Recalibrated):
         variant = replace(variant, config=replace(variant.config, delta=1.0 - screening.threshold))
-    return follow(begin(variant, stage), stage, {})
+    return follow(begin(variant, trial), trial, {})
 
 
-def measure_chain(name: str, first: Stage, rounds: Sequence[Round]) -> list[dict[str, Any]]:
+def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict[str, Any]]:
     """All rounds of a seed on the model's own discoveries: only the classes known at first ever have true labels.
 
     The encoder is that of the first round throughout, and what remains in the buffer waits for the next round.
@@ -48,14 +48,14 @@ def measure_chain(name: str, first: Stage, rounds: Sequence[Round]) -> list[dict
     return [follow(model, replace(first, round=one), names) for one in rounds]
 
 
-def begin(variant: Variant, stage: Stage) -> TRFE:
-    """A model that knows the known classes of a stage."""
-    held, config = stage.validation, replace(variant.config, seed=stage.seed, pretrained=stage.tuned)
-    return variant.model(config, steps=variant.steps).fit(*stage.labelled[:2], held.features, held.labels)
+def begin(variant: Variant, trial: Trial) -> TRFE:
+    """A model that knows the known classes of a trial."""
+    held, config = trial.validation, replace(variant.config, seed=trial.seed, pretrained=trial.tuned)
+    return variant.model(config, steps=variant.steps).fit(*trial.labelled[:2], held.features, held.labels)
 
 
-def follow(model: TRFE, stage: Stage, names: dict[int, int]) -> dict[str, Any]:
-    """Let the stream of a stage pass by a model; say how well its new classes were found, and how well it recognises after it.
+def follow(model: TRFE, trial: Trial, names: dict[int, int]) -> dict[str, Any]:
+    """Let the stream of a trial pass by a model; say how well its new classes were found, and how well it recognises after it.
 
     Args:
         names: true class of each class discovered so far; those matched in this round are added.
@@ -66,17 +66,17 @@ def follow(model: TRFE, stage: Stage, names: dict[int, int]) -> dict[str, Any]:
         discovered ones under their names, and `found`, the share of test windows of new classes that get a discovered class.
     """
     before = model.known.classes
-    labels, truth = walk(model, stage.stream), stage.stream.labels
-    is_new, discovered = np.isin(truth, stage.round.new), ~np.isin(labels, [UNKNOWN, *before])
+    labels, truth = walk(model, trial.stream), trial.stream.labels
+    is_new, discovered = np.isin(truth, trial.round.new), ~np.isin(labels, [UNKNOWN, *before])
     judged = is_new | discovered
     clusters = np.where(discovered, labels, metrics.DROPPED)
-    agreement = metrics.clustering(truth[judged], clusters[judged], among=stage.round.new)
+    agreement = metrics.clustering(truth[judged], clusters[judged], among=trial.round.new)
     names.update(agreement.matches)
-    tested, of_new = model.recognise(stage.test.features).labels, np.isin(stage.test.labels, stage.round.new)
+    tested, of_new = model.recognise(trial.test.features).labels, np.isin(trial.test.labels, trial.round.new)
     return {
         **agreement._asdict(),
         "mistaken": float(np.mean(discovered[~is_new])) if (~is_new).any() else 0.0,
-        "macro_f1": metrics.macro_f1(stage.test.labels, [names.get(label, label) for label in tested.tolist()]),
+        "macro_f1": metrics.macro_f1(trial.test.labels, [names.get(label, label) for label in tested.tolist()]),
         "found": float(np.mean(~np.isin(tested[of_new], [UNKNOWN, *before]))),
     }
 

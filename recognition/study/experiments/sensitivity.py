@@ -11,16 +11,16 @@ from recognition.study import metrics
 from recognition.study.baselines.open_set.voting import VotingMethod
 from recognition.study.experiments.open_set import judged
 from recognition.study.experiments.probe import probe, speed_code
-from recognition.study.protocol.stage import Stage
+from recognition.study.protocol.trials import Trial
 from recognition.trfe.samples import UNKNOWN
 
 DELTAS = (0.001, 0.003, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
 TREES = (25, 50, 100, 150, 200, 250, 400)
 
 
-def measure_delta(stage: Stage) -> dict[str, Any]:
+def measure_delta(trial: Trial) -> dict[str, Any]:
     """Open-set figures of TRFE's screening for each of `DELTAS`: `points`, each with its `value`."""
-    found, truth = stage.model.recognise(stage.test.features), stage.truth
+    found, truth = trial.model.recognise(trial.test.features), trial.truth
     labels = [np.where(found.score > 1.0 - delta, UNKNOWN, found.closed) for delta in DELTAS]
     return {
         "points": [
@@ -30,27 +30,27 @@ def measure_delta(stage: Stage) -> dict[str, Any]:
     }
 
 
-def measure_trees(stage: Stage) -> dict[str, Any]:
+def measure_trees(trial: Trial) -> dict[str, Any]:
     """The same under the common rejection rule for each of `TREES`."""
-    fitted, held, tested = stage.labelled, stage.validation, stage.test.features
+    fitted, held, tested = trial.labelled, trial.validation, trial.test.features
     points = []
     for trees in TREES:
-        model = VotingMethod(stage.seed, trees=trees).fit(fitted.features, fitted.labels, held.features, held.labels)
+        model = VotingMethod(trial.seed, trees=trees).fit(fitted.features, fitted.labels, held.features, held.labels)
         found = judged(model, tested)
-        figures = metrics.open_set(stage.truth, found.closed, found.scores, found.predicted)
+        figures = metrics.open_set(trial.truth, found.closed, found.scores, found.predicted)
         points.append({"value": trees, **figures._asdict()})
     return {"points": points}
 
 
-def measure_probe(stage: Stage, grid: Grid) -> dict[str, Any]:
+def measure_probe(trial: Trial, grid: Grid) -> dict[str, Any]:
     """Mean accuracy over the known and new classes of a linear probe: of the encoder's features, and of the ego's speed alone.
 
     The speed is left out where the grids have no channel for it.
     """
-    training = np.concatenate([stage.labelled.rows, stage.stream.rows])
-    labels, tested = stage.windows.labels[training], stage.test
-    found = {"features": probe(stage.encoded[training], labels, tested.features, tested.labels)}
+    training = np.concatenate([trial.labelled.rows, trial.stream.rows])
+    labels, tested = trial.windows.labels[training], trial.test
+    found = {"features": probe(trial.encoded[training], labels, tested.features, tested.labels)}
     if "speed" in grid.channels:
-        fitted, judged = (speed_code(stage.windows.grids[rows], grid) for rows in (training, tested.rows))
+        fitted, judged = (speed_code(trial.windows.grids[rows], grid) for rows in (training, tested.rows))
         found["speed"] = probe(fitted, labels, judged, tested.labels)
     return found

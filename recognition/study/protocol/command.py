@@ -61,7 +61,7 @@ def protocol(
     from recognition.encoder.config import PRESETS
     from recognition.grids import CHANNELS, Grid
     from recognition.study.protocol import pixels
-    from recognition.study.protocol.evaluation import EXPERIMENTS, Evaluation, Settings
+    from recognition.study.protocol.evaluation import EXPERIMENTS, Evaluation, ProtocolSettings
     from recognition.study.protocol.processes import run_beside
 
     _require("scale", [scale], SCALES)
@@ -72,7 +72,7 @@ def protocol(
     kinds = [name for name in EXPERIMENTS if not experiments or name in experiments]
     with interruptible("recognition.study protocol", "the same command goes on where it was"):
         grid = Grid(channels=tuple(one for one in CHANNELS if one in channels)) if channels else Grid()
-        settings = Settings(events_per_class or SCALES[scale], preset, split_by, grid)
+        settings = ProtocolSettings(events_per_class or SCALES[scale], preset, split_by, grid)
         evaluation = Evaluation(path, out, settings)
         pending = evaluation.pending(seeds, kinds, methods or None)
         _show(run_beside(path, out, settings, pending, jobs), len(pending), quiet)

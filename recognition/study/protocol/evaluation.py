@@ -15,8 +15,8 @@ from recognition.study.ablations import CHAINED, VARIANTS
 from recognition.study.experiments import clustering, open_set, open_world, sensitivity
 from recognition.study.protocol import pixels
 from recognition.study.protocol.rounds import Round, rounds
-from recognition.study.protocol.stage import Laboratory, Stage
 from recognition.study.protocol.store import Key, Store
+from recognition.study.protocol.trials import Trial, Trials
 from recognition.training import Unit
 from recognition.training.data import fingerprint, source_of, windows_at
 from recognition.training.splits import Split, split
@@ -34,7 +34,7 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Settings:
+class ProtocolSettings:
     """What makes results comparable: only results of the same settings share a folder.
 
     Attributes:
@@ -63,7 +63,7 @@ class Evaluation:
         UsageError: the folder holds results of other settings or windows.
     """
 
-    def __init__(self, path: Path, out: Path, settings: Settings) -> None:
+    def __init__(self, path: Path, out: Path, settings: ProtocolSettings) -> None:
         chosen = None if settings.preset == pixels.PRESET else preset(settings.preset)
         self.settings, self.store, self.cache = settings, Store(out), out / "cache"
         configuration = {**asdict(settings), "recordings": source_of(path)}
@@ -71,7 +71,7 @@ class Evaluation:
         self.windows: Windows = windows_at(path, self.cache / "windows", settings.grid, settings.events_per_class)
         self.store.open({**configuration, "windows": fingerprint(self.windows)})
         self._splits: dict[int, Split] = {}
-        self._laboratory = Laboratory(self.windows, settings.grid, chosen, self.cache)
+        self._trials = Trials(self.windows, settings.grid, chosen, self.cache)
 
     def split(self, seed: int) -> Split:
         """The split of a seed."""
@@ -83,9 +83,9 @@ class Evaluation:
         """The rounds of a seed, over the classes that are in every part of its split."""
         return rounds(np.unique(self.windows.labels[self.split(seed).test]).tolist())
 
-    def stage(self, seed: int, number: int) -> Stage:
-        """The stage of a round (from 1) of a seed."""
-        return self._laboratory.stage(self.split(seed), self.rounds(seed)[number - 1], seed)
+    def trial(self, seed: int, number: int) -> Trial:
+        """The trial of a round (from 1) of a seed."""
+        return self._trials.trial(self.split(seed), self.rounds(seed)[number - 1], seed)
 
     def pending(self, seeds: int, kinds: Sequence[str], names: Sequence[str] | None = None) -> list[Key]:
         """Results that are not there yet, in the order in which `run` makes them.
@@ -95,7 +95,7 @@ class Evaluation:
             kinds: some of `EXPERIMENTS`.
             names: of methods and variants; all by default.
         """
-        wanted = [
+        keys = [
             Key(kind, name, seed, one.number)
             for seed in range(seeds)
             for one in self.rounds(seed)
@@ -103,34 +103,34 @@ class Evaluation:
             for name in EXPERIMENTS[kind]
             if names is None or name in names
         ]
-        return [key for key in wanted if not self.store.has(key)]
+        return [key for key in keys if not self.store.has(key)]
 
     def run(self, pending: Sequence[Key]) -> Iterator[Key]:
         """Make results; each is given back when it is on disk."""
-        stage: Stage | None = None
+        trial: Trial | None = None
         for key in pending:
             if self.store.has(key):  # a chain makes the results of all its rounds
                 yield key
                 continue
-            if stage is None or (stage.seed, stage.round.number) != (key.seed, key.round):
-                stage = self.stage(key.seed, key.round)
-            for made, values in self._measure(key, stage):
+            if trial is None or (trial.seed, trial.round.number) != (key.seed, key.round):
+                trial = self.trial(key.seed, key.round)
+            for made, values in self._measure(key, trial):
                 self.store.write(made, values)
             yield key
 
-    def _measure(self, key: Key, stage: Stage) -> list[tuple[Key, dict[str, Any]]]:
+    def _measure(self, key: Key, trial: Trial) -> list[tuple[Key, dict[str, Any]]]:
         match key.kind:
             case "open-set":
-                values = open_set.measure_open_set(key.method, stage)
+                values = open_set.measure_open_set(key.method, trial)
             case "clustering":
-                values = clustering.measure_clustering(key.method, stage)
+                values = clustering.measure_clustering(key.method, trial)
             case "open-world":
-                values = open_world.measure_open_world(key.method, stage)
+                values = open_world.measure_open_world(key.method, trial)
             case "chain":
-                links = open_world.measure_chain(key.method, self.stage(key.seed, 1), self.rounds(key.seed))
+                links = open_world.measure_chain(key.method, self.trial(key.seed, 1), self.rounds(key.seed))
                 return [(key._replace(round=number), link) for number, link in enumerate(links, 1)]
             case "sensitivity":
-                values = (sensitivity.measure_delta if key.method == "delta" else sensitivity.measure_trees)(stage)
+                values = (sensitivity.measure_delta if key.method == "delta" else sensitivity.measure_trees)(trial)
             case _:
-                values = sensitivity.measure_probe(stage, self.settings.grid)
+                values = sensitivity.measure_probe(trial, self.settings.grid)
         return [(key, values)]

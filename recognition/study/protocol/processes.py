@@ -8,7 +8,7 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import groupby
 from pathlib import Path
 
-from recognition.study.protocol.evaluation import Evaluation, Settings
+from recognition.study.protocol.evaluation import Evaluation, ProtocolSettings
 from recognition.study.protocol.store import Key, Store
 from runner.batch.pool import executor
 from schemas.errors import UsageError
@@ -17,7 +17,7 @@ _GLANCE = 1.0
 """Seconds from one look at what is there to the next."""
 
 
-def run_beside(path: Path, out: Path, settings: Settings, pending: Sequence[Key], processes: int) -> Iterator[int]:
+def run_beside(path: Path, out: Path, settings: ProtocolSettings, pending: Sequence[Key], processes: int) -> Iterator[int]:
     """Make results of an evaluation; say again and again how many of them are there.
 
     Args:
@@ -44,7 +44,7 @@ def run_beside(path: Path, out: Path, settings: Settings, pending: Sequence[Key]
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _run(path: Path, out: Path, settings: Settings, pending: Sequence[Key]) -> None:
+def _run(path: Path, out: Path, settings: ProtocolSettings, pending: Sequence[Key]) -> None:
     import torch
     from threadpoolctl import threadpool_limits
 

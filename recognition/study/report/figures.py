@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from recognition.labels import Label
 from recognition.study.protocol.evaluation import EXPERIMENTS, Evaluation
-from recognition.study.protocol.stage import Stage
+from recognition.study.protocol.trials import Trial
 from recognition.study.report.report import TITLES
 from recognition.study.report.tables import Results, results_of
 
@@ -43,7 +43,7 @@ def write_figures(evaluation: Evaluation, folder: Path) -> list[Path]:
     if sensitivity:
         drawn["sensitivity"] = _sensitivity(sensitivity)
     if open_set or clustering:
-        drawn["projection"] = _projection(evaluation.stage(0, len(evaluation.rounds(0))))
+        drawn["projection"] = _projection(evaluation.trial(0, len(evaluation.rounds(0))))
     paths = [folder / f"{name}.png" for name in drawn]
     for path, figure in zip(paths, drawn.values(), strict=True):
         figure.savefig(path, dpi=120, metadata={"Software": None})
@@ -126,11 +126,11 @@ def _sensitivity(results: Results) -> Figure:
     return canvas
 
 
-def _projection(stage: Stage) -> Figure:
+def _projection(trial: Trial) -> Figure:
     """Test windows of a round in two dimensions by t-SNE; new classes as crosses."""
     from sklearn.manifold import TSNE
 
-    tested = stage.test.only(np.random.default_rng(0).permutation(len(stage.test.rows))[:_PROJECTED])
+    tested = trial.test.only(np.random.default_rng(0).permutation(len(trial.test.rows))[:_PROJECTED])
     standard = (tested.features - tested.features.mean(axis=0)) / (tested.features.std(axis=0) + 1e-6)
     flat = TSNE(2, init="pca", perplexity=min(30.0, len(standard) / 4), random_state=0).fit_transform(standard)
     canvas = Figure(figsize=(9, 6), layout="constrained")
@@ -138,11 +138,11 @@ def _projection(stage: Stage) -> Figure:
     colours = mpl.colormaps["tab20"]
     for place, label in enumerate(np.unique(tested.labels).tolist()):
         own = flat[tested.labels == label]
-        marker = "x" if label in stage.round.new else "o"
-        name = Label(label).title + (" (new)" if label in stage.round.new else "")
+        marker = "x" if label in trial.round.new else "o"
+        name = Label(label).title + (" (new)" if label in trial.round.new else "")
         axes.scatter(own[:, 0], own[:, 1], s=14, marker=marker, color=colours(place % 20), label=name, linewidths=1.0)
     axes.set_xticks([])
     axes.set_yticks([])
-    axes.set_title(f"Features of test windows, round {stage.round.number} of seed {stage.seed} (t-SNE)", fontsize=10)
+    axes.set_title(f"Features of test windows, round {trial.round.number} of seed {trial.seed} (t-SNE)", fontsize=10)
     canvas.legend(loc="outside right upper", fontsize=8, frameon=False)
     return canvas

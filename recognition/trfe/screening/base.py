@@ -46,14 +46,14 @@ class Screening(ABC):
         table = np.asarray(votes)
         if table.ndim != 2 or not len(table):
             raise UsageError(f"votes must be a table (samples, classes), not of shape {table.shape}")
-        cast = table.sum(axis=1)
-        if (cast != cast[0]).any() if trees is None else (cast > trees).any():
+        totals = table.sum(axis=1)
+        if (totals != totals[0]).any() if trees is None else (totals > trees).any():
             raise UsageError("each row of the votes must add up to the number of trees, or to less where some may vote for none")
         truth = class_labels(labels, len(table))
         self.classes = np.unique(truth)
         if len(self.classes) != table.shape[1]:
             raise UsageError(f"{table.shape[1]} classes are voted for, but calibration samples are of {len(self.classes)}")
-        self.trees = int(cast[0]) if trees is None else trees
+        self.trees = int(totals[0]) if trees is None else trees
         self._calibrate(table, np.searchsorted(self.classes, truth), distances)
         return self
 

@@ -14,7 +14,7 @@ import pytest
 import runner
 import xosc
 from recognition.catalogue import pipeline
-from recognition.catalogue.pipeline import ByRules, Settings, Summary
+from recognition.catalogue.pipeline import ByRules, CatalogueSettings, Summary
 from recognition.catalogue.usable import Usable, passage, vehicles
 from recognition.catalogue.writing import index
 from recognition.catalogue.writing.catalogue import Config
@@ -29,7 +29,7 @@ from xosc import tags
 
 
 def build(recordings: Path, out: Path, **settings: object) -> Summary:
-    return pipeline.build([recordings], out, Settings(**settings), ByRules(), lambda sources, _: sources)
+    return pipeline.build([recordings], out, CatalogueSettings(**settings), ByRules(), lambda sources, _: sources)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -191,7 +191,7 @@ def test_a_bad_recording_is_reported_and_the_others_go_on(recordings: Path, tmp_
 
 def test_recordings_of_one_name_are_refused(recordings: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"has a recording called .* too"):
-        pipeline.build([recordings, recordings], tmp_path, Settings(), ByRules(), lambda sources, _: sources)
+        pipeline.build([recordings, recordings], tmp_path, CatalogueSettings(), ByRules(), lambda sources, _: sources)
 
 
 # scenes of vehicles -------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 
 import xosc
 from recognition.catalogue.labelling import Labelled, label_runs
-from recognition.catalogue.pipeline import ByRules, Settings
+from recognition.catalogue.pipeline import ByRules, CatalogueSettings
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.settings import RunSettings
@@ -38,7 +38,7 @@ def run(scenario: Path, out: Path, *names: str) -> Path:
 
 
 def label(runs: Path, *, in_place: bool = False) -> Labelled:
-    return label_runs(runs, Settings(), ByRules(), lambda sources, _: sources, in_place=in_place)
+    return label_runs(runs, CatalogueSettings(), ByRules(), lambda sources, _: sources, in_place=in_place)
 
 
 def held(path: Path) -> dict[str | None, str | None]:

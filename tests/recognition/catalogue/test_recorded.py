@@ -10,14 +10,14 @@ import pytest
 
 from recognition import datasets
 from recognition.catalogue import pipeline
-from recognition.catalogue.pipeline import ByRules, Settings, Summary
+from recognition.catalogue.pipeline import ByRules, CatalogueSettings, Summary
 from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
 from schemas.commands.files import expand
 
 TRACKS = "taf_bw/recorded_trackfiles"
-SETTINGS = Settings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
+SETTINGS = CatalogueSettings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
 
 
 def build(path: Path, out: Path) -> Summary:

@@ -14,7 +14,7 @@ import xosc
 from recognition import datasets
 from recognition.catalogue.scenes import replay
 from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.scenes.scenes import Scene, Scope, Stage, needed
+from recognition.catalogue.scenes.scenes import Scene, SceneCutter, Scope, needed
 from recognition.study.fidelity import replayed
 from runner.recording import Recording
 from schemas import check
@@ -51,21 +51,21 @@ def write(folder: Path, recording: Recording, scene: Scene, version: Version = (
 
 
 def test_those_who_come_near_take_part(recording: Recording) -> None:
-    scene = Stage(recording, Scope()).cut(motorway.EGO, 1.0, 7.0)
+    scene = SceneCutter(recording, Scope()).cut(motorway.EGO, 1.0, 7.0)
     assert [part.name for part in scene.parts] == ["Ego", "car_2", "car_3", "car_4", "truck_5", "car_6"]
-    scene = Stage(recording, Scope(reach=30.0)).cut(motorway.EGO, 5.0, 7.0)
+    scene = SceneCutter(recording, Scope(reach=30.0)).cut(motorway.EGO, 5.0, 7.0)
     assert [part.name for part in scene.parts] == ["Ego", "car_3", "car_4", "car_6"], "the one that cuts in is 40 m ahead"
 
 
 def test_scenes_end_with_the_ego(recording: Recording) -> None:
-    scene = Stage(recording, Scope()).cut(motorway.LATE, -5.0, 60.0)
+    scene = SceneCutter(recording, Scope()).cut(motorway.LATE, -5.0, 60.0)
     assert (scene.start, scene.end) == (4.0, 8.0)
     assert scene.ego.track.name == motorway.LATE
 
 
 @pytest.mark.parametrize("version", [(1, 0), (1, 1), (1, 2), (1, 3)])
 def test_replays_are_valid_and_sound_in_every_version(tmp_path: Path, recording: Recording, version: Version) -> None:
-    write(tmp_path, recording, Stage(recording, Scope()).cut(motorway.EGO, 1.0, 9.0), version)
+    write(tmp_path, recording, SceneCutter(recording, Scope()).cut(motorway.EGO, 1.0, 9.0), version)
     files = sorted(tmp_path.rglob("*.xosc"))
     assert [problem for file in files for problem in check(file)] == []
     assert {xosc.load(file).version for file in files} == {version}
@@ -75,7 +75,7 @@ def test_replays_are_valid_and_sound_in_every_version(tmp_path: Path, recording:
     ("ego", "world"), [(motorway.EGO, "sumo"), (motorway.OTHER_EGO, "kinematic"), (motorway.STOPPING, "kinematic")]
 )
 def test_runs_repeat_what_was_recorded(tmp_path: Path, recording: Recording, ego: str, world: str) -> None:
-    scene = Stage(recording, Scope()).cut(ego, 0.5, 11.9)
+    scene = SceneCutter(recording, Scope()).cut(ego, 0.5, 11.9)
     deviations = list(replayed(write(tmp_path, recording, scene), scene, world))
     assert len(deviations) == len(scene.parts) >= 4
     assert max(each.greatest for each in deviations) < 0.03
@@ -83,7 +83,7 @@ def test_runs_repeat_what_was_recorded(tmp_path: Path, recording: Recording, ego
 
 
 def test_who_stands_at_the_end_of_a_trajectory_stays_there(tmp_path: Path, recording: Recording) -> None:
-    scene = Stage(recording, Scope()).cut(motorway.STOPPING, 0.0, 11.9)
+    scene = SceneCutter(recording, Scope()).cut(motorway.STOPPING, 0.0, 11.9)
     assert scene.ego.column("speed")[-1] == 0.0
     (ego, *_) = replayed(write(tmp_path, recording, scene), scene, "kinematic")
     assert ego.greatest < 0.03

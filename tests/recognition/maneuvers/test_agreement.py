@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import xosc
-from recognition.catalogue.pipeline import ByRules, Settings, build
+from recognition.catalogue.pipeline import ByRules, CatalogueSettings, build
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
 from recognition.maneuvers.parameters import PARAMETERS
@@ -31,7 +31,7 @@ KINDS = {
 def compared(paths: Sequence[Path], folder: Path) -> tuple[int, list[str]]:
     """How many lane changes near another vehicle a catalogue of recordings varies, and those that no unit agrees with."""
     out = folder / "catalogue"
-    build(paths, out, Settings(), ByRules(), lambda sources, _: sources)
+    build(paths, out, CatalogueSettings(), ByRules(), lambda sources, _: sources)
     units = Samples.joined([extract(path, folder / "roads") for path in paths])
     kinds, count, apart = {label.title: kind for label, kind in KINDS.items()}, 0, []
     for row in rows_of(out):

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import affinity, box
 
-from recognition.recorder.formats.neighbours import NOBODY, Traffic
-from recognition.recorder.motion import Motion, motion
+from recognition.recorder.formats.neighbours import ABSENT, Traffic
+from recognition.recorder.motion import VehicleMotion, motion
 from recognition.recorder.overlaps import overlaps
 from recognition.recorder.simulation import STEPS, Fronts
 
@@ -61,7 +61,7 @@ places = st.tuples(st.floats(-6, 6), st.floats(-6, 6), st.floats(-4, 4), st.floa
 def test_overlaps_are_those_of_polygons(boxes: list[tuple[float, float, float, float, float]]) -> None:
     x, y, h, length, width = np.array(boxes).T
     zero = np.zeros(len(x))
-    still = Motion(np.arange(len(x)), np.zeros(len(x), np.int64), x, y, h, zero, zero, zero, zero)
+    still = VehicleMotion(np.arange(len(x)), np.zeros(len(x), np.int64), x, y, h, zero, zero, zero, zero)
     outlines = [
         affinity.translate(affinity.rotate(box(-a / 2, -b / 2, a / 2, b / 2), turn, (0, 0), use_radians=True), left, up)
         for left, up, turn, a, b in boxes
@@ -78,7 +78,7 @@ def test_overlaps_are_those_of_polygons(boxes: list[tuple[float, float, float, f
 
 def test_vehicles_of_other_frames_do_not_overlap() -> None:
     zero = np.zeros(2)
-    still = Motion(np.arange(2), np.arange(2), zero, zero, zero, zero, zero, zero, zero)
+    still = VehicleMotion(np.arange(2), np.arange(2), zero, zero, zero, zero, zero, zero, zero)
     assert not len(overlaps(still, np.full(2, 5.0), np.full(2, 2.0))[0])
 
 
@@ -91,11 +91,11 @@ def test_neighbours_beside_are_told_from_those_ahead_and_behind() -> None:
     preceding, alongside, following = traffic.beside(1)
     assert (preceding[0], alongside[0], following[0]) == (2, 1, 3)
     assert traffic.ahead()[0] == 4 and traffic.behind()[4] == 0
-    assert {int(rows[0]) for rows in traffic.beside(-1)} == {NOBODY}
-    assert traffic.ahead()[5] == NOBODY
+    assert {int(rows[0]) for rows in traffic.beside(-1)} == {ABSENT}
+    assert traffic.ahead()[5] == ABSENT
 
 
 def test_a_lorry_beside_two_cars_has_nobody_of_them_ahead_or_behind() -> None:
     traffic = Traffic(np.ones(3, np.int64), np.array([1, 2, 2]), np.array([0.0, -4.0, 4.0]), np.array([16.0, 4.0, 4.0]))
     preceding, alongside, following = traffic.beside(1)
-    assert preceding[0] == NOBODY and following[0] == NOBODY and alongside[0] in (1, 2)
+    assert preceding[0] == ABSENT and following[0] == ABSENT and alongside[0] in (1, 2)

@@ -12,10 +12,10 @@ import pytest
 
 from recognition.grids import Grid
 from recognition.study.protocol.command import protocol
-from recognition.study.protocol.evaluation import Evaluation, Settings
+from recognition.study.protocol.evaluation import Evaluation, ProtocolSettings
 from recognition.study.protocol.processes import run_beside
 from recognition.study.protocol.rounds import Round
-from recognition.study.protocol.stage import Laboratory
+from recognition.study.protocol.trials import Trials
 from recognition.study.report.report import write_report
 from recognition.training.splits import Split
 from recognition.training.windows import Windows
@@ -46,18 +46,18 @@ def encoder(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Clouds in the place of the encoder's features; the rounds for which they were asked."""
     asked: list[int] = []
 
-    def features(self: Laboratory, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
+    def features(self: Trials, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         asked.append(round_.number)
         noise = np.random.default_rng([seed, round_.number]).standard_normal((len(rows), 12))
         centres = np.stack([5.0 * np.random.default_rng(label).standard_normal(12) for label in range(20)])
         return (centres[self.windows.labels[rows]] + noise).astype(np.float32)
 
-    monkeypatch.setattr(Laboratory, "_encode", features)
+    monkeypatch.setattr(Trials, "_encode", features)
     return asked
 
 
 def run(windows: Path, out: Path, seeds: int = 1, names: list[str] = NAMES) -> Evaluation:
-    evaluation = Evaluation(windows, out, Settings(None, grid=GRID))
+    evaluation = Evaluation(windows, out, ProtocolSettings(None, grid=GRID))
     for _ in evaluation.run(evaluation.pending(seeds, KINDS, names)):
         pass
     write_report(evaluation, out)
@@ -83,13 +83,16 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
     names = ["vote-threshold", "random", "kmeans"]
     run(windows, tmp_path / "whole", 2, names)
     asked = len(encoder)
-    evaluation = Evaluation(windows, tmp_path / "parts", Settings(None, grid=GRID))
+    evaluation = Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, grid=GRID))
     pending = evaluation.pending(2, KINDS, names)
     making = evaluation.run(pending)
     for _ in range(3):
         next(making)
     making.close()
-    assert len(Evaluation(windows, tmp_path / "parts", Settings(None, grid=GRID)).pending(2, KINDS, names)) == len(pending) - 3
+    assert (
+        len(Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, grid=GRID)).pending(2, KINDS, names))
+        == len(pending) - 3
+    )
     run(windows, tmp_path / "parts", 2, names)
     for name in ("report.md", "results.csv", "tables/open-set.csv"):
         assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
@@ -97,7 +100,7 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
 
 
 def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(windows: Path, tmp_path: Path) -> None:
-    names, settings, written = ["mls", "vote-threshold", "kmeans"], Settings(None, grid=GRID), []
+    names, settings, written = ["mls", "vote-threshold", "kmeans"], ProtocolSettings(None, grid=GRID), []
     for processes in (1, 2):
         out = tmp_path / str(processes)
         evaluation = Evaluation(windows, out, settings)
@@ -108,8 +111,8 @@ def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(wi
 
 
 def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Laboratory, "_encode", lambda *_: os._exit(1))
-    settings = Settings(None, grid=GRID)
+    monkeypatch.setattr(Trials, "_encode", lambda *_: os._exit(1))
+    settings = ProtocolSettings(None, grid=GRID)
     pending = Evaluation(windows, tmp_path, settings).pending(2, ["open-set"], ["random"])
     with pytest.raises(UsageError, match="--jobs"):
         list(run_beside(windows, tmp_path, settings, pending, 2))
@@ -118,15 +121,15 @@ def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypa
 def test_other_settings_and_other_windows_are_refused_in_the_same_folder(windows: Path, tmp_path: Path) -> None:
     run(windows, tmp_path / "out", names=["random"])
     with pytest.raises(UsageError, match="another events_per_class"):
-        Evaluation(windows, tmp_path / "out", Settings(50, grid=GRID))
+        Evaluation(windows, tmp_path / "out", ProtocolSettings(50, grid=GRID))
     Windows.load(windows).select(slice(0, 400)).save(tmp_path / "fewer")
     with pytest.raises(UsageError, match="another windows"):
-        Evaluation(tmp_path / "fewer", tmp_path / "out", Settings(None, grid=GRID))
+        Evaluation(tmp_path / "fewer", tmp_path / "out", ProtocolSettings(None, grid=GRID))
 
 
 def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="not of the grid"):
-        Evaluation(windows, tmp_path, Settings(None))
+        Evaluation(windows, tmp_path, ProtocolSettings(None))
 
 
 def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:

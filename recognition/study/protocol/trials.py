@@ -52,7 +52,7 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class Trial:
     """One round of one seed.
 
     Attributes:
@@ -72,7 +72,7 @@ class Stage:
     tuned: int = 0
 
     @cached_property
-    def only_tuned(self) -> Stage:
+    def only_tuned(self) -> Trial:
         """The same with features of the fine-tuned encoder alone."""
         return replace(self, encoded=np.ascontiguousarray(self.encoded[:, self.tuned :]), tuned=0)
 
@@ -118,7 +118,7 @@ class Stage:
 
     @property
     def config(self) -> Config:
-        """Settings of TRFE in this stage."""
+        """ProtocolSettings of TRFE in this trial."""
         return Config(seed=self.seed)
 
     @cached_property
@@ -140,8 +140,8 @@ class Stage:
 
 
 @dataclass(frozen=True, eq=False)
-class Laboratory:
-    """Makes stages; encoders and features are made once and kept in a folder.
+class Trials:
+    """Makes trials; encoders and features are made once and kept in a folder.
 
     One encoder is pretrained for each seed on all training windows, without labels. In each round it is fine-tuned further,
     from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods share its features,
@@ -157,14 +157,14 @@ class Laboratory:
     preset: Preset | None
     cache: Path
 
-    def stage(self, split: Split, round_: Round, seed: int) -> Stage:
-        """The stage of a round of a seed."""
+    def trial(self, split: Split, round_: Round, seed: int) -> Trial:
+        """The trial of a round of a seed."""
         rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
         parts = [self._features(rows, split, one, seed) for one in ((_PRETRAINED, round_) if self.preset else (_PRETRAINED,))]
         features = np.concatenate(parts, axis=1)
         encoded = np.zeros((len(self.windows), features.shape[1]), dtype=np.float32)
         encoded[rows] = features
-        return Stage(self.windows, split, round_, seed, encoded, features.shape[1] - parts[-1].shape[1])
+        return Trial(self.windows, split, round_, seed, encoded, features.shape[1] - parts[-1].shape[1])
 
     def _features(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
