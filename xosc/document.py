@@ -14,7 +14,7 @@ from schemas.errors import InvalidFile, Unsupported, UsageError
 from schemas.registry import OPENSCENARIO, detect
 from schemas.storage import Stamp, stamp
 from schemas.xml import line_of, parse
-from xosc.node import LINE, SOURCE, Node
+from xosc.node import OWN, Node
 
 VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3))
 """Versions of OpenSCENARIO XML that are read and written."""
@@ -75,7 +75,7 @@ def write(document: Document, path: str | os.PathLike[str]) -> None:
 def to_bytes(document: Document) -> bytes:
     """The content of the file that `write` makes of a document."""
     tree = copy.deepcopy(document.root.getroottree())
-    etree.strip_attributes(tree, SOURCE, LINE)
+    etree.strip_attributes(tree, *OWN)
     etree.cleanup_namespaces(tree, keep_ns_prefixes=["xsi"])
     etree.indent(tree, "  ")
     return etree.tostring(tree, xml_declaration=True, encoding="UTF-8") + b"\n"
@@ -93,5 +93,5 @@ def _load(path: str, _: Stamp) -> Document:
     if found.version not in VERSIONS:
         message = f"{found} is not supported, only versions 1.0 to 1.3 of OpenSCENARIO XML are"
         raise Unsupported(message, path=path, line=line_of(root))
-    etree.strip_attributes(tree, SOURCE, LINE)
+    etree.strip_attributes(tree, *OWN)
     return Document(Path(path), root, found.version, found.kind)

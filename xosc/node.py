@@ -17,6 +17,10 @@ SOURCE = "{urn:xosc-toolchain}source"
 """Attribute naming the file that an element came from, where that is not the document's own (catalogue entries)."""
 LINE = "{urn:xosc-toolchain}line"
 """Attribute keeping the source line of such an element's root."""
+TO_RIGHT = "{urn:xosc-toolchain}toRight"
+"""Attribute of elements whose lateral values count to the right of the entity that they refer to, see `xosc.dialects.carla`."""
+OWN = (SOURCE, LINE, TO_RIGHT)
+"""Attributes that no file has."""
 
 _REQUIRED: Any = object()
 

@@ -15,7 +15,9 @@ from lxml import etree
 from schemas.catalogs import Catalogs, Directory, Entry, NoEntry
 from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError, is_expression
+from schemas.remarks import Remark
 from schemas.values import quoted
+from xosc.dialects.carla import is_for_carla, to_standard
 from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
 from xosc.parameters import Assignment, Parameter, Scope, Variable, monitors, variables
@@ -51,6 +53,8 @@ class Resolved(Document):
         logic_file: the road network (an OpenDRIVE file, as a rule); None where the scenario has none.
         scene_graph_file: the 3D model; None where the scenario has none.
         violations: parameter values that violate their constraint groups, where that was not to be an error.
+        remarks: what was assumed where the file says something otherwise than the standard.
+        for_carla: whether it is written for CARLA's scenario_runner, whose triggers are others than the standard's.
     """
 
     parameters: dict[str, Parameter]
@@ -59,6 +63,8 @@ class Resolved(Document):
     logic_file: Path | None
     scene_graph_file: Path | None
     violations: tuple[ToolchainError, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+    for_carla: bool = False
 
 
 def resolve(
@@ -91,6 +97,8 @@ def resolve(
     report = _refuse if enforce_constraints else violations.append
     scopes = _bind(node, None, assigned, report)
     _Inliner(Catalogs(document.path, partial(_directory, node), load), report).inline(node, scopes, ())
+    for_carla = is_for_carla(node)
+    remarks = to_standard(node)
     return Resolved(
         path=document.path,
         root=root,
@@ -102,6 +110,8 @@ def resolve(
         logic_file=_file(node, "LogicFile"),
         scene_graph_file=_file(node, "SceneGraphFile"),
         violations=tuple(violations),
+        remarks=tuple(remarks),
+        for_carla=for_carla,
     )
 
 

@@ -20,7 +20,7 @@ from schemas.expressions import FUNCTIONS, ExpressionError, functions, is_expres
 from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import Violation, violations
 from xosc.document import VERSIONS, Document
-from xosc.node import LINE, SOURCE, Node
+from xosc.node import OWN, Node
 
 Version = tuple[int, int]
 Change = Callable[[etree._Element], None]
@@ -41,7 +41,7 @@ def convert(document: Document, to: Version) -> Document:
     if to not in VERSIONS:
         raise UsageError(f"there is no conversion to version {'.'.join(map(str, to))}, only to 1.0, 1.1, 1.2 and 1.3")
     tree = copy.deepcopy(document.root.getroottree())
-    etree.strip_attributes(tree, SOURCE, LINE)
+    etree.strip_attributes(tree, *OWN)
     top = Node(tree.getroot(), document.path)
     for problem in _violations(tree, document.version):
         raise _nearest(problem.element, document).invalid(f"not valid in its own version: {problem.message}")

@@ -18,7 +18,7 @@ from runner.contracts.running import Running
 from runner.motion.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
 from runner.participants.entity import Entity
 from xodr.model import RoadPoint
-from xosc.node import Node
+from xosc.node import TO_RIGHT, Node
 
 if TYPE_CHECKING:
     from runner.contracts.context import Context
@@ -106,6 +106,7 @@ class LaneOffsetAction(PrivateAction):
     acceleration: float
     reference: Entity | None
     value: float
+    to_right: bool
     continuous: bool
 
     @classmethod
@@ -118,7 +119,8 @@ class LaneOffsetAction(PrivateAction):
         target = node.need("LaneOffsetTarget").only()
         reference = context.entity(target) if target.tag == "RelativeTargetLaneOffset" else None
         shape = SHAPES[dynamics.choice("dynamicsShape", SHAPES)]
-        return cls(node, shape, acceleration, reference, target.finite("value"), node.bool("continuous"))
+        value, to_right = target.finite("value"), target.has(TO_RIGHT)
+        return cls(node, shape, acceleration, reference, value, to_right, node.bool("continuous"))
 
     def references(self) -> Iterable[Entity]:
         """The entity that the offset is relative to."""
@@ -136,9 +138,10 @@ class LaneOffsetAction(PrivateAction):
 
     def goal(self, actor: Entity, run: Run) -> float:
         """Offset (m) to be reached, positive to the actor's left."""
+        left = -self.value if self.to_right else self.value * actor.direction
         if self.reference is None:
-            return self.value * actor.direction
-        return (_place(self.reference, run, self.node)[0].offset + self.value) * actor.direction
+            return left
+        return _place(self.reference, run, self.node)[0].offset * actor.direction + left
 
     def _duration(self, change: float) -> float:
         if self.shape.bend == 0.0 or change == 0.0:

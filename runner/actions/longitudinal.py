@@ -32,6 +32,8 @@ class SpeedAction(PrivateAction):
 
     A relative target is the reference's speed at the action's start, or, where `continuous`, its speed at any time;
     the action then never ends by itself. A step is a change of state, which no Performance bounds.
+
+    Where `lasting`, as in scenarios for CARLA, a step in a story keeps the speed over its time or distance, and ends then.
     """
 
     domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
@@ -41,6 +43,7 @@ class SpeedAction(PrivateAction):
     reference: Entity | None
     relation: str
     continuous: bool
+    lasting: bool = False
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> SpeedAction:
@@ -49,9 +52,9 @@ class SpeedAction(PrivateAction):
         target = node.need("SpeedActionTarget").only()
         value = target.finite("value")
         if target.tag == "AbsoluteTargetSpeed":
-            return cls(dynamics, value, None, "", False)
+            return cls(dynamics, value, None, "", False, context.document.for_carla)
         relation = target.choice("speedTargetValueType", RELATIVE)
-        return cls(dynamics, value, context.entity(target), relation, target.bool("continuous"))
+        return cls(dynamics, value, context.entity(target), relation, target.bool("continuous"), context.document.for_carla)
 
     def references(self) -> Iterable[Entity]:
         """The entity whose speed the target is relative to."""
@@ -71,6 +74,8 @@ class SpeedAction(PrivateAction):
             set_speed(actor, target, run)
         if self.continuous:
             return _Tracking(self, actor, duration)
+        if self.lasting and duration <= 0.0 and not run.initialising:
+            return _Hold(actor, self.dynamics)
         return _Transition(actor, target, duration, self.dynamics.shape) if duration > 0.0 else None
 
 
@@ -104,6 +109,24 @@ class _Transition(Running):
             return True
         self._actor.controls.target_speed = self._start + self._change * self._value(progress)
         return False
+
+
+class _Hold(Running):
+    """Keeping a speed over a time (s) or distance (m)."""
+
+    __slots__ = ("_actor", "_elapsed", "_extent", "_origin", "_over_distance")
+
+    def __init__(self, actor: Entity, dynamics: TransitionDynamics) -> None:
+        self._actor = actor
+        self._extent = dynamics.value
+        self._over_distance = dynamics.dimension == "distance"
+        self._origin = actor.odometer
+        self._elapsed = 0.0
+
+    def step(self, dt: float) -> bool:
+        """Wait."""
+        self._elapsed += dt
+        return (self._actor.odometer - self._origin if self._over_distance else self._elapsed) >= self._extent - EPSILON
 
 
 class _Tracking(Running):

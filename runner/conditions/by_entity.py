@@ -6,6 +6,7 @@ Source: OpenSCENARIO XML 1.3, EntityCondition.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from runner.conditions.comparison import TOLERANCE, Comparison
@@ -231,10 +232,22 @@ class AccelerationCondition(EntityCondition):
 
 @condition("TraveledDistanceCondition")
 class TraveledDistanceCondition(EntityCondition):
-    """True once the entity has travelled the distance (m) since the beginning of the run."""
+    """True once the entity has travelled the distance (m) since the beginning of the run, or since `measure_from`."""
 
     def __init__(self, distance: float) -> None:
         self.distance = distance
+        self._before: dict[str, float] = {}
+
+    def reset(self) -> None:
+        """Count from the beginning of the run."""
+        self._before.clear()
+
+    def measure_from(self, entities: Sequence[Entity]) -> None:
+        """Count from now on."""
+        self._before = {entity.name: entity.odometer for entity in entities}
+
+    def _travelled(self, entity: Entity) -> float:
+        return entity.odometer - self._before.get(entity.name, 0.0)
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TraveledDistanceCondition:
@@ -243,11 +256,11 @@ class TraveledDistanceCondition(EntityCondition):
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it has gone so far."""
-        return entity.odometer >= self.distance - TOLERANCE
+        return self._travelled(entity) >= self.distance - TOLERANCE
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The distance travelled."""
-        return f"distance travelled by {entity.name} = {entity.odometer:.2f} m ≥ {self.distance:g} m"
+        return f"distance travelled by {entity.name} = {self._travelled(entity):.2f} m ≥ {self.distance:g} m"
 
 
 def project(entity: Entity, x: float, y: float, direction: str) -> float:

@@ -23,10 +23,20 @@ if TYPE_CHECKING:
 
 @condition("SimulationTimeCondition")
 class SimulationTimeCondition(Condition):
-    """Compares the simulation time (s)."""
+    """Compares the simulation time (s), or the time since `measure_from`."""
 
     def __init__(self, comparison: Comparison) -> None:
         self.comparison = comparison
+        self._since = 0.0
+
+    def reset(self) -> None:
+        """Count from the beginning of the run."""
+        super().reset()
+        self._since = 0.0
+
+    def measure_from(self, run: Instant) -> None:
+        """Count from now on."""
+        self._since = run.time
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> SimulationTimeCondition:
@@ -35,11 +45,11 @@ class SimulationTimeCondition(Condition):
 
     def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true now."""
-        return self.comparison.holds(run.time)
+        return self.comparison.holds(run.time - self._since)
 
     def describe(self, run: Instant) -> str:
         """The simulation time."""
-        return self.comparison.describe("simulation time", run.time)
+        return self.comparison.describe("simulation time", run.time - self._since)
 
 
 @condition("TimeOfDayCondition")

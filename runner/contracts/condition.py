@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -20,6 +21,10 @@ class Condition(ABC):
         """A run begins: forget what the last one has left."""
         self.triggering = ()
 
+    def measure_from(self, run: Instant) -> None:
+        """Count times and distances from now on instead of from the beginning of the run; most conditions count nothing."""
+        return
+
     @abstractmethod
     def evaluate(self, run: Instant) -> bool:
         """The logical expression at the simulation's current time."""
@@ -34,6 +39,10 @@ class EntityCondition(ABC):
 
     def reset(self) -> None:
         """A run begins: forget what the last one has left, by default nothing."""
+        return
+
+    def measure_from(self, entities: Sequence[Entity]) -> None:
+        """Count distances of these entities from now on; most conditions count nothing."""
         return
 
     @abstractmethod
@@ -63,6 +72,10 @@ class ByEntityCondition(Condition):
         """Reset the expression as well."""
         super().reset()
         self.condition.reset()
+
+    def measure_from(self, run: Instant) -> None:
+        """Let the expression count from now on."""
+        self.condition.measure_from(self.entities)
 
     def evaluate(self, run: Instant) -> bool:
         """True when the expression holds for any, or all, of the entities that are present."""

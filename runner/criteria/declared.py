@@ -9,12 +9,12 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from schemas.discovery import described
+from xosc.dialects.carla import CRITERION_PREFIX, is_criterion
 
 if TYPE_CHECKING:
     from xosc.node import Node
 
 KINDS = "runner.criteria.kinds"
-_PREFIX = "criteria_"
 _SEPARATORS = re.compile(r"[\s,;]+")
 
 
@@ -57,12 +57,6 @@ def kinds() -> dict[str, Kind]:
     return {kind.name.casefold(): kind for kind in found}
 
 
-def is_criterion(condition: Node) -> bool:
-    """Whether a Condition of a StopTrigger is a criterion: by its name, and a ParameterCondition inside it."""
-    named = condition.get("name", "").startswith(_PREFIX)
-    return named and condition.find("ByValueCondition", "ParameterCondition") is not None
-
-
 def declared(storyboard: Node) -> tuple[Criterion, ...]:
     """The criteria in all stop triggers of a Storyboard element.
 
@@ -74,7 +68,10 @@ def declared(storyboard: Node) -> tuple[Criterion, ...]:
 
 
 def _read(condition: Node) -> Criterion:
-    name, parameter = condition.get("name").removeprefix(_PREFIX), condition.need("ByValueCondition", "ParameterCondition")
+    name, parameter = (
+        condition.get("name").removeprefix(CRITERION_PREFIX),
+        condition.need("ByValueCondition", "ParameterCondition"),
+    )
     kind, delay = kinds().get(name.casefold()), condition.finite("delay", 0.0)
     if kind is None:
         known = ", ".join(sorted(each.name for each in kinds().values()))

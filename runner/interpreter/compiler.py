@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 from runner.contracts import registry
 from runner.contracts.action import Action, PrivateAction
 from runner.contracts.condition import ByEntityCondition, Condition
-from runner.criteria.declared import Criterion, declared, is_criterion
+from runner.criteria.declared import Criterion, declared
 from runner.interpreter.storyboard.elements import ActionElement
+from runner.interpreter.storyboard.one_shot import OneShotCondition
 from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
-from runner.interpreter.storyboard.triggers import Trigger
+from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings.signals import TrafficSignals
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from runner.contracts.run import Run
     from runner.contracts.storyboard import StoryboardElement
     from schemas.errors import ToolchainError
+    from schemas.remarks import Remark
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
 
@@ -77,6 +79,8 @@ class Scenario:
     """what its ego is judged by, from its stop triggers"""
     violations: tuple[ToolchainError, ...] = ()
     """parameter values outside their constraint groups, where that is allowed"""
+    remarks: tuple[Remark, ...] = ()
+    """what was assumed of the file"""
     observers: tuple[Callable[[Run], None], ...] = ()
     """called at the end of each step, for conditions that watch what goes on before they are asked"""
 
@@ -179,6 +183,11 @@ class ScenarioContext:
         inner = by.need("EntityCondition").only()
         return ByEntityCondition(self.triggering_entities(triggering), every, self._build(registry.condition, inner))
 
+    def timed_condition(self, node: Node) -> TimedCondition:
+        """The condition that a Condition element is, with its edge and delay."""
+        kind = OneShotCondition if self.document.for_carla else TimedCondition
+        return kind.from_xml(node, self.condition(node))
+
     def position(self, node: Node) -> Position:
         """The position inside an element that holds exactly one (Position, TargetPosition, …)."""
         position: Position = self._build(registry.position, node.only())
@@ -217,6 +226,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         signals=context.signals,
         criteria=declared(document.node.need("Storyboard")),
         violations=document.violations,
+        remarks=document.remarks,
         observers=tuple(context.observers),
     )
 
@@ -242,11 +252,8 @@ def _read_storyboard(node: Node, context: ScenarioContext) -> None:
         board.stories.append(story)
         for act_node in story_node.children("Act"):
             _read_act(act_node, story, context)
-    trigger = node.find("StopTrigger")
-    board.stop_trigger = Trigger.from_xml(trigger, context)
-    board.ends_with_stories = (
-        board.stop_trigger is None and trigger is not None and any(map(is_criterion, trigger.iter("Condition")))
-    )
+    board.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
+    board.ends_with_stories = context.document.for_carla and board.stop_trigger is None
 
 
 def _read_init(node: Node, context: ScenarioContext) -> None:
@@ -289,10 +296,13 @@ def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:
                 _read_event(event_node, maneuver, whole, context)
     act.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
     act.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
+    if act.stop_trigger is not None and context.document.for_carla:
+        act.stop_trigger.take_any()
 
 
 def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: ScenarioContext) -> None:
-    event = Event(node.get("name", ""), maneuver, node.choice("priority", _PRIORITIES), _maximum(node))
+    priority = node.choice("priority", _PRIORITIES)
+    event = Event(node.get("name", ""), maneuver, "parallel" if context.document.for_carla else priority, _maximum(node))
     for action_node in node.children("Action"):
         ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)
     event.trigger = Trigger.from_xml(node.find("StartTrigger"), context)

@@ -117,7 +117,7 @@ class WorldDriver(EgoDriver):
         target = ego.controls.target_speed
         if not self._returning:
             return Decision(target)
-        speed = returning(ego, run.dt)
+        speed = returning(ego, target, run.dt)
         self._returning = abs(speed - target) >= _SAME
         return Decision(speed)
 
@@ -128,33 +128,45 @@ class SystemDriver(EgoDriver):
     Args:
         system: the system under test.
         handed_over: whether it drives from the beginning.
+        cruise: speed (m/s) that it is asked for until the scenario says one; None for that of the scenario from the beginning.
     """
 
-    def __init__(self, system: SystemUnderTest, handed_over: bool) -> None:
+    def __init__(self, system: SystemUnderTest, handed_over: bool, cruise: float | None = None) -> None:
         super().__init__(handed_over)
         self.system = system
+        self._cruise = cruise
         self._intervening = False
+        self._returning = cruise is not None
 
     def decide(self, ego: Entity, run: Run) -> Decision:
         """The system's acceleration and steering, within the ego's limits; the scripted speed where it gives none."""
-        control = self._ask(ego, run) if self.longitudinal or self.lateral else Control()
+        target = self._target(ego)
+        control = self._ask(ego, target, run) if self.longitudinal or self.lateral else Control()
         steering = control.steering if self.lateral else None
         control = _overridden(control, ego) if self.longitudinal else Control()
         if control.acceleration is not None:
             return Decision(self._intervene(ego, control.acceleration, control.reason, run), steering)
-        target = ego.controls.target_speed
-        if not self._intervening:
+        if not self._returning:
             return Decision(target, steering)
-        speed = returning(ego, run.dt)
+        speed = returning(ego, target, run.dt)
         if abs(speed - target) < _SAME:
-            self._intervening = False
-            run.note("interventionEnd", ego.name, "back at the scripted speed")
+            self._returning = False
+            if self._intervening:
+                self._intervening = False
+                run.note("interventionEnd", ego.name, "back at the scripted speed")
         return Decision(speed, steering)
 
-    def _ask(self, ego: Entity, run: Run) -> Control:
+    def _target(self, ego: Entity) -> float:
+        """Speed that the system is asked for, m/s."""
+        controls = ego.controls
+        if controls.target_speed != 0.0 or LONGITUDINAL in controls.owners:
+            self._cruise = None
+        return controls.target_speed if self._cruise is None else self._cruise
+
+    def _ask(self, ego: Entity, target: float, run: Run) -> Control:
         """The system's answer, checked."""
         others = [seen(e) for e in run.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
-        observation = Observation(run.time, seen(ego), others, ego.controls.target_speed, run.roads.network, run.environment)
+        observation = Observation(run.time, seen(ego), others, target, run.roads.network, run.environment)
         try:
             control = self.system.control(observation, run.dt)
             if not isinstance(control, Control):
@@ -169,7 +181,7 @@ class SystemDriver(EgoDriver):
     def _intervene(self, ego: Entity, acceleration: float, reason: str, run: Run) -> float:
         """Speed after a step of the system's acceleration, m/s: a change of the direction of travel ends in standstill."""
         if not self._intervening:
-            self._intervening = True
+            self._intervening = self._returning = True
             run.note("interventionStart", ego.name, reason)
         limits = ego.declared.performance
         grip = _GRAVITY * run.environment.friction
@@ -185,9 +197,9 @@ def failed(system: System, error: Exception, time: float) -> ToolchainError:
     return ToolchainError(f"the system under test {system_name(system)} failed at {time:.2f} s: {told}")
 
 
-def returning(ego: Entity, dt: float) -> float:
-    """Speed (m/s) after dt (s) on the way back to the scripted speed, when something else has driven the ego."""
-    limits, change = ego.declared.performance, ego.controls.target_speed - ego.speed
+def returning(ego: Entity, target: float, dt: float) -> float:
+    """Speed (m/s) after dt (s) on the way back to the target speed (m/s), when something else has driven the ego."""
+    limits, change = ego.declared.performance, target - ego.speed
     faster = change * ego.speed >= 0.0
     most = dt * (min(_RETURN, limits.max_acceleration) if faster else limits.max_deceleration)
     return ego.speed + max(-most, min(most, change))

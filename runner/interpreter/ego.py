@@ -8,13 +8,18 @@ Scenarios without any of these have no ego, and no system under test drives anyo
 A scenario that assigns the ego a controller hands it over by ActivateControllerAction: until then, and in domains that
 it deactivates, the ego does what is scripted (OpenSCENARIO XML 1.3, 6.6: controllers are assigned deactivated). A
 scenario that never activates a controller of the ego is driven by the system under test from the beginning.
+
+An ego that files for CARLA leave to `external_control`, without a speed in Init, is no ego that stands: the system under test
+is asked for `CRUISE` until the scenario says a speed.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from runner.actions.controller import AssignControllerAction
 from runner.contracts.action import LONGITUDINAL, PrivateAction
+from runner.interpreter.controllers import EXTERNAL, module_of
 from runner.interpreter.drivers import EgoDriver, SystemDriver, WorldDriver, failed
 from runner.sut.base import WorldDriven, seen
 from schemas.errors import UsageError
@@ -24,6 +29,9 @@ if TYPE_CHECKING:
     from runner.interpreter.compiler import Scenario
     from runner.participants.entity import Entity
     from runner.sut import System
+
+CRUISE = 20.0 / 3.6
+"""Speed (m/s) of an ego that is driven from outside: that of CARLA's BasicAgent unless told otherwise."""
 
 
 def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
@@ -61,7 +69,19 @@ def driver_of(scenario: Scenario, ego: Entity, system: System, timestep: float, 
     handed_over = ego.name not in scenario.activated
     if isinstance(system, WorldDriven):
         return WorldDriver(handed_over, _scripted_at_start(scenario, ego))
-    return SystemDriver(system, handed_over)
+    return SystemDriver(system, handed_over, cruise_speed(scenario, ego))
+
+
+def cruise_speed(scenario: Scenario, ego: Entity) -> float | None:
+    """Speed (m/s) of an ego that is driven from outside and has no speed to begin with; None for all others."""
+    assigned = [
+        action.properties
+        for actor, element in scenario.storyboard.init
+        for action in element.actions
+        if actor is ego and isinstance(action, AssignControllerAction)
+    ]
+    external = any(module_of(each) == EXTERNAL for each in (*assigned, *ego.declared.controllers.values()))
+    return CRUISE if external and not _scripted_at_start(scenario, ego) else None
 
 
 def _scripted_at_start(scenario: Scenario, ego: Entity) -> bool:

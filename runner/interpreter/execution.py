@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.interpreter.compiler import Scenario, compile_scenario
+from runner.interpreter.controllers import controller_remarks
 from runner.interpreter.departures import Departures
-from runner.interpreter.ego import driver_of, find_ego
+from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
@@ -101,7 +102,12 @@ class Prepared:
             status=status,
             end_time=sim.time,
             verdict=verdict,
-            remarks=(*departures.remarks, *criteria_remarks(scenario.criteria, verdict)),
+            remarks=(
+                *map(str, scenario.remarks),
+                *_controller_remarks(scenario, ego if system is not None else None),
+                *departures.remarks,
+                *criteria_remarks(scenario.criteria, verdict),
+            ),
             ego=ego.name if ego is not None else None,
             sut=system_name(chosen.sut) if ego is not None else "none",
             settings={name: getattr(chosen, name) for name in ("timestep", "seed", "world", "max_time")},
@@ -125,6 +131,10 @@ def _play(sim: Simulation, ego: Entity | None, settings: RunSettings) -> str:
             if touched and last < steps:
                 steps, status = last, "collision"
     return "completed" if sim.finished else status
+
+
+def _controller_remarks(scenario: Scenario, driven: Entity | None) -> tuple[str, ...]:
+    return controller_remarks(scenario.entities.values(), driven, cruise_speed(scenario, driven) if driven else None)
 
 
 def prepare(

@@ -14,6 +14,7 @@ from runner.contracts.position import FixedPosition, Position
 from runner.motion.placement import Placement
 from runner.positions.orientation import Orientation, on_road
 from xodr.model import RoadError, RoadPoint
+from xosc.node import TO_RIGHT
 
 if TYPE_CHECKING:
     from runner.contracts.context import Context
@@ -90,10 +91,19 @@ class _RelativeRoadPosition(Position):
         self.network = context.need_network(node)
         self.entity = context.entity(node)
         self.orientation = Orientation.from_xml(node, context)
+        self.to_right = node.has(TO_RIGHT)
 
     def references(self) -> tuple[Entity, ...]:
         """The entity referred to."""
         return (self.entity,)
+
+    def left(self, origin: RoadPoint) -> int:
+        """The side, as a sign of t at the origin, to which lateral values count: +t, or in files for CARLA the entity's right."""
+        return -self.facing(origin) if self.to_right else 1
+
+    def facing(self, origin: RoadPoint) -> int:
+        """+1 where the entity faces increasing s, -1 where it faces decreasing s."""
+        return 1 if math.cos(self.entity.h - self.network.road(origin.road_id).heading(origin.s)) >= 0.0 else -1
 
     def origin(self, run: Surroundings | None) -> RoadPoint:
         """Where the entity referred to is on the road network."""
@@ -131,10 +141,11 @@ class RelativeRoadPosition(_RelativeRoadPosition):
         """Where that is now."""
         origin = self.origin(run)
         reached, aligned = self.along(origin, self.ds)
-        t = origin.t + self.dt
+        t = origin.t + self.left(origin) * self.dt
         road = self.network.road(reached.road_id)
         point = road.point(reached.s, t if aligned else -t)
-        return on_road(self.network, point, road.heading(reached.s) + (0.0 if aligned else math.pi), self.orientation)
+        forwards = aligned == (self.facing(origin) > 0 or not self.to_right)
+        return on_road(self.network, point, road.heading(reached.s) + (0.0 if forwards else math.pi), self.orientation)
 
 
 @registry.position("RelativeLanePosition")
@@ -169,11 +180,12 @@ class RelativeLanePosition(_RelativeRoadPosition):
                 f"dLane={self.lanes} leads from lane {reached.lane_id} of {self.entity.name!r}"
                 f" beyond the lanes of road {road.id!r} at s = {reached.s:.2f} m"
             )
-        return lane_placement(self.network, road.lane_point(reached.s, lane, side * self.offset), self.orientation)
+        offset = side * self.left(origin) * self.offset
+        return lane_placement(self.network, road.lane_point(reached.s, lane, offset), self.orientation)
 
     def _along_lane(self, origin: RoadPoint) -> tuple[RoadPoint, bool]:
         route, entity = self.entity.controls.route, self.entity
-        ahead = math.cos(entity.h - self.network.road(origin.road_id).heading(origin.s)) >= 0.0
+        ahead = self.facing(origin) > 0
         center = self.network.lane_point(origin.road_id, origin.lane_id, origin.s)
         point, forward, left = self.network.travel(center, self.ds_lane, ahead, route.choose if route is not None else None)
         if left > _TOLERANCE:

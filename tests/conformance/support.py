@@ -18,6 +18,17 @@ def run(element: str, **options: Any) -> runner.RunResult:
     return runner.run(SCENARIOS / f"{element}.xosc", **options)
 
 
+def changed(scenario: Path, folder: Path, *changes: tuple[str, str]) -> Path:
+    """A copy of a conformance scenario with texts replaced, in another folder."""
+    text = scenario.read_text(encoding="utf-8").replace("../roads", str(Path(__file__).parent / "roads"))
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "changed.xosc"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
 def track(result: runner.RunResult, entity: str) -> dict[str, np.ndarray]:
     """Columns of one entity's trajectory."""
     table = result.trajectories

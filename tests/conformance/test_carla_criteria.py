@@ -15,6 +15,7 @@ from runner.outputs.report import write_junit
 from runner.outputs.stored import load_run
 from runner.settings import RunSettings
 from schemas.errors import InvalidFile
+from tests.conformance.support import changed
 
 SCENARIO = Path(__file__).parent / "carla" / "criteria.xosc"
 
@@ -24,15 +25,10 @@ def run(scenario: Path = SCENARIO, **parameters: Any) -> runner.RunResult:
     return runner.run(scenario, sut=None, timestep=0.05, max_time=20.0, world="kinematic", parameters=parameters)
 
 
-def changed(folder: Path, *changes: tuple[str, str]) -> Path:
-    """The scenario with texts replaced, in another folder."""
-    text = SCENARIO.read_text().replace("../roads", str(SCENARIO.parents[1] / "roads"))
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    path = folder / "changed.xosc"
-    path.write_text(text)
-    return path
+def remarks(result: runner.RunResult) -> tuple[str, ...]:
+    """All remarks but the first, which says that the scenario is written for CARLA."""
+    assert "criteria.xosc:3" in result.remarks[0] or "changed.xosc:3" in result.remarks[0]
+    return result.remarks[1:]
 
 
 def results(result: runner.RunResult) -> dict[str, str]:
@@ -42,7 +38,7 @@ def results(result: runner.RunResult) -> dict[str, str]:
 
 def test_criteria_are_judged_when_the_run_is_over() -> None:
     result = run()
-    assert result.verdict.passed and not result.verdict.reasons and not result.remarks
+    assert result.verdict.passed and not result.verdict.reasons and not remarks(result)
     collision, distance = result.verdict.criteria
     assert (collision.name, collision.entity, collision.passed, collision.reason) == ("CollisionTest", "hero", True, "hit nobody")
     assert distance.value == pytest.approx(10.0 * result.end_time) and distance.unit == "m"
@@ -93,9 +89,9 @@ def test_every_criterion_by_its_name_and_values(criterion: str, value: str, stat
 
 
 def test_a_value_can_be_given_by_the_name_of_its_parameter(tmp_path: Path) -> None:
-    result = run(changed(tmp_path, ("distance_success", "max_time")), Criterion="criteria_ActorBlockedTest", Value="60")
+    result = run(changed(SCENARIO, tmp_path, ("distance_success", "max_time")), Criterion="criteria_ActorBlockedTest", Value="60")
     assert results(result)["ActorBlockedTest"] == "not judged"
-    assert result.remarks == ("not judged: ActorBlockedTest of hero: the scenario gives no value for min_speed",)
+    assert remarks(result) == ("not judged: ActorBlockedTest of hero: the scenario gives no value for min_speed",)
 
 
 def test_an_empty_value_of_a_named_parameter_is_0() -> None:
@@ -103,21 +99,21 @@ def test_an_empty_value_of_a_named_parameter_is_0() -> None:
 
 
 def test_without_any_value_a_criterion_that_needs_one_is_not_judged(tmp_path: Path) -> None:
-    result = run(changed(tmp_path, ("distance_success", "")), Value="")
+    result = run(changed(SCENARIO, tmp_path, ("distance_success", "")), Value="")
     assert result.verdict.passed and results(result)["DrivenDistanceTest"] == "not judged"
-    assert "not judged: DrivenDistanceTest of hero" in result.remarks[0]
+    assert "not judged: DrivenDistanceTest of hero" in remarks(result)[0]
 
 
 def test_a_criterion_of_an_unknown_name_is_a_remark_and_no_silent_pass() -> None:
     result = run(Criterion="criteria_PolitenessTest")
     assert result.verdict.passed and results(result)["PolitenessTest"] == "not judged"
-    assert result.remarks[0].startswith(
+    assert remarks(result)[0].startswith(
         "not judged: PolitenessTest: there is no criterion of this name; criteria: ActorBlockedTest,"
     )
 
 
 def test_a_value_for_a_criterion_without_parameters_is_a_remark() -> None:
-    assert run(Criterion="criteria_KeepLaneTest").remarks == (
+    assert remarks(run(Criterion="criteria_KeepLaneTest")) == (
         "KeepLaneTest: KeepLaneTest has no parameters: value='50' is not used",
     )
 
@@ -137,15 +133,15 @@ def test_a_delay_leaves_the_beginning_out() -> None:
 
 def test_a_condition_that_is_called_like_a_criterion_and_is_none_stays_a_condition(tmp_path: Path) -> None:
     inside = '<ParameterCondition parameterRef="distance_success" value="$Value" rule="lessThan"/>'
-    result = run(changed(tmp_path, (inside, '<SimulationTimeCondition value="3" rule="greaterThan"/>')))
+    result = run(changed(SCENARIO, tmp_path, (inside, '<SimulationTimeCondition value="3" rule="greaterThan"/>')))
     assert result.status == "completed" and result.end_time == pytest.approx(3.05, abs=0.06)
     assert results(result) == {"CollisionTest": "passed"}
 
 
 def test_without_an_ego_criteria_are_not_judged(tmp_path: Path) -> None:
-    result = run(changed(tmp_path, ("ego_vehicle", "simulation")), Ego="somebody")
+    result = run(changed(SCENARIO, tmp_path, ("ego_vehicle", "simulation")), Ego="somebody")
     assert {each.reason for each in result.verdict.criteria} == {"the scenario has no ego"}
-    assert len(result.remarks) == 2
+    assert len(remarks(result)) == 2
 
 
 def test_results_are_in_the_files_of_a_run(tmp_path: Path) -> None:

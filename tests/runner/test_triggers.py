@@ -179,12 +179,12 @@ def test_the_reason_names_edge_and_delay() -> None:
 class Scripts:
     """A context whose conditions are all scripts."""
 
-    def condition(self, node: Node) -> Condition:
-        return Script("1")
+    def timed_condition(self, node: Node) -> TimedCondition:
+        return TimedCondition.from_xml(node, Script("1"))
 
 
 def read(xml: str) -> Trigger | None:
-    return Trigger.from_xml(Node(etree.fromstring(xml), Path("test.xosc")), Scripts())  # type: ignore[arg-type]
+    return Trigger.from_xml(Node(etree.fromstring(xml), Path("test.xosc")), Scripts())
 
 
 @pytest.mark.parametrize("xml", ["<StartTrigger/>", "<StartTrigger><ConditionGroup/></StartTrigger>"])

@@ -11,15 +11,19 @@ from xodr.lookup.placing import place
 CRITERION = {
     "name": "KeepLaneTest",
     "unit": "crossings",
-    "summary": "no corner of its box comes from one lane to another outside of junctions",
+    "summary": "no corner of its box comes from one lane to another while it is outside of junctions",
     "parameters": {},
     "on_roads": True,
 }
 
 
 def evaluate(drive: Drive) -> Finding:
-    """Follow the four corners from row to row, and compare lanes within one lane section."""
+    """Follow the four corners from row to row, and compare lanes within one lane section.
+
+    Corners that swing out behind a junction do not count while the reference point still is inside.
+    """
     columns = drive.columns
+    outside = _stretches(drive, columns["road_id"], columns["s"]) >= 0
     crossed = np.zeros(len(drive.steps), bool)
     lanes = []
     for x, y in drive.corners():
@@ -27,7 +31,7 @@ def evaluate(drive: Drive) -> Finding:
         stretch = _stretches(drive, places.road_id, places.s)
         crossed |= (stretch[1:] == stretch[:-1]) & (stretch[1:] >= 0) & (places.lane_id[1:] != places.lane_id[:-1])
         lanes.append(places)
-    times = np.flatnonzero(crossed)
+    times = np.flatnonzero(crossed & outside[1:])
     if not len(times):
         return Finding(True, 0.0, "crossed no lane marking")
     row = int(times[0])

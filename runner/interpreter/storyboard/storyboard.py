@@ -219,8 +219,8 @@ class Story(Element):
 class Storyboard:
     """Init actions, stories and the stop trigger that ends the run.
 
-    The storyboard itself ends by its stop trigger only; without one the run goes on to its time limit. Where criteria are all
-    that the stop trigger holds (see `runner.criteria`), it ends when all stories have, as in CARLA's scenario_runner.
+    The storyboard itself ends by its stop trigger only; without one the run goes on to its time limit. A scenario
+    for CARLA's scenario_runner whose stop trigger holds no conditions ends when all stories have.
     """
 
     def __init__(self) -> None:

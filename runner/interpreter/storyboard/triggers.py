@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Self
 
 from runner.contracts.condition import Condition
-from runner.criteria.declared import is_criterion
+from xosc.dialects.carla import is_criterion
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -20,8 +20,8 @@ _EPSILON = 1e-6
 class ConditionContext(Protocol):
     """What triggers are built with."""
 
-    def condition(self, node: Node) -> Condition:
-        """The condition inside a Condition element."""
+    def timed_condition(self, node: Node) -> TimedCondition:
+        """The condition that a Condition element is, with its edge and delay."""
         ...
 
 
@@ -43,13 +43,13 @@ class TimedCondition:
         self.rearm()
 
     @classmethod
-    def from_xml(cls, node: Node, context: ConditionContext) -> TimedCondition:
-        """Build from a Condition element."""
+    def from_xml(cls, node: Node, condition: Condition) -> Self:
+        """Build from a Condition element and the condition inside it."""
         delay = node.finite("delay", 0.0)
         if delay < 0.0:
             raise node.invalid(f"delay={delay} must not be negative")
         edge = node.choice("conditionEdge", EDGES, "none")
-        return cls(node.get("name", ""), context.condition(node), edge, delay)
+        return cls(node.get("name", ""), condition, edge, delay)
 
     def reset(self) -> None:
         """As before a run."""
@@ -110,11 +110,15 @@ class Trigger:
             return None
         stop = node.tag == "StopTrigger"
         groups = [
-            [TimedCondition.from_xml(each, context) for each in group.children("Condition") if not (stop and is_criterion(each))]
+            [context.timed_condition(each) for each in group.children("Condition") if not (stop and is_criterion(each))]
             for group in node.children("ConditionGroup")
         ]
         groups = [group for group in groups if group]
         return cls(groups) if groups else None
+
+    def take_any(self) -> None:
+        """Fire when any condition of any group is true, as CARLA's scenario_runner does where it stops acts."""
+        self.groups = [[condition] for group in self.groups for condition in group]
 
     def reset(self) -> None:
         """As before a run."""
