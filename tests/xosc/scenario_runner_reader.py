@@ -4,8 +4,8 @@ For a Python that has `carla` and what scenario_runner needs, started by tests/x
 
     python scenario_runner_reader.py FOLDER-WITH-SRUNNER FILE…
 
-Prints a line of JSON for each file: its egos, where everyone starts (x, y, heading, speed, in the world frame of
-OpenDRIVE), and how many actions and conditions were made.
+Prints a line of JSON for each file: what it stops at, or its egos, where everyone starts (x, y, heading, speed, in the
+world frame of OpenDRIVE), and how many actions and conditions were made.
 """
 
 import json
@@ -47,7 +47,9 @@ def read(path):
             names = [each.get("entityRef") for each in group.find("Actors")]
             doing = [actor for actor in actors if actor.attributes["role_name"] in names]
             for action in group.iter("Action"):
-                OpenScenarioParser.convert_maneuver_to_atomic(action, doing[0], [*actors, None], config.catalogs, config)
+                OpenScenarioParser.convert_maneuver_to_atomic(
+                    action, (doing or [None])[0], [*actors, None], config.catalogs, config
+                )
                 made += 1
         for condition in story.iter("Condition"):
             OpenScenarioParser.convert_condition_to_atomic(condition, actors)
@@ -61,5 +63,13 @@ def place(transform, speed):
     return [transform.location.x, -transform.location.y, -math.radians(transform.rotation.yaw), speed]
 
 
+def outcome(path):
+    """What scenario_runner makes of a file, or what it stops at."""
+    try:
+        return read(path)
+    except Exception as error:  # whatever its parser does not expect
+        return {"error": f"{type(error).__name__}: {error}"}
+
+
 for _file in map(Path, sys.argv[2:]):
-    print(json.dumps({"file": _file.name, **read(_file)}))
+    print(json.dumps({"file": _file.name, **outcome(_file)}))

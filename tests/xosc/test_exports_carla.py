@@ -38,6 +38,7 @@ def test_scenario_runner_reads_the_library_and_starts_everyone_where_we_do(tmp_p
     assert answer.returncode == 0, answer.stderr[-2000:]
     read = [json.loads(line) for line in answer.stdout.splitlines() if line.startswith("{")]
     assert [each["file"] for each in read] == [path.name for path in exported]
+    assert not [each for each in read if "error" in each]
     for path, told in zip(exported, read, strict=True):
         result = runner.run(path, world="kinematic", sut="none", timestep=0.1, max_time=0.2)
         assert told["egos"] == ["hero"] and told["made"] > 1

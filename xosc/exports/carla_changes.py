@@ -12,8 +12,9 @@ from lxml import etree
 from schemas.xml import parse
 from xosc.document import Document
 from xosc.ego import EGO_NAME
+from xosc.exports.carla_sides import change_sides
 from xosc.exports.starts import Start, actors, beside, first, starts
-from xosc.node import Node
+from xosc.node import TO_RIGHT, Node
 
 HERO = "hero"
 """Name that CARLA's agents look for."""
@@ -30,8 +31,10 @@ def change(document: Document) -> list[str]:
         Unsupported: something can't be said, named with file and line.
     """
     known = starts(document.node)
+    change_sides(document.node, known)
     for node in list(document.node.iter("RelativeLanePosition")):
-        _on_lane(node, known, document)
+        if not node.has(TO_RIGHT):
+            _on_lane(node, known, document)
     remarks = [_lane_change(node, known, document) for node in document.node.iter("LaneChangeAction")]
     for node in document.node.iter("SpeedAction"):
         _speed(node, known, document)
@@ -161,6 +164,8 @@ def _hero(document: Document) -> str:
         if vehicle is not None:
             holder = vehicle.element.find("Properties")
             holder = etree.SubElement(vehicle.element, "Properties") if holder is None else holder
+            for said in holder.findall("Property[@name='type']"):
+                holder.remove(said)
             kind = "ego_vehicle" if each.element in [ego.element for ego in named[:1]] else "simulation"
             holder.append(etree.Element("Property", name="type", value=kind))
     if not named:

@@ -17,6 +17,8 @@ from xosc.versions import LEFT_OPEN, SAID_SINCE, Version, say_left_open
 MAX_SETS = 1000
 """Most scenarios that one distribution may become."""
 
+_WORKED_OUT, _SINCE_1_1 = ("LateralDistanceAction", "RelativeLanePosition"), {"displacement", "dsLane"}
+"""Elements that may have got attributes of a later version by `xosc.dialects`."""
 _REFERENCES = ("parameterRef",)
 """Attributes by which an element names a parameter when the scenario runs."""
 
@@ -44,6 +46,8 @@ def concrete(document: Document, parameters: Mapping[str, Argument] | None = Non
             locations.remove(location)
     versions = {path: load(path).version for path in _sources(resolved)}
     version = max([resolved.version, *versions.values()])
+    if any(_SINCE_1_1.intersection(element.attrib) for element in resolved.root.iter(*_WORKED_OUT)):
+        version = max(version, (1, 1))
     if version >= SAID_SINCE:
         for element in resolved.root.iter(*LEFT_OPEN):
             if _version_of(element, versions, resolved.version) < SAID_SINCE:
