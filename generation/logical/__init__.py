@@ -3,6 +3,6 @@
 `python -m generation.logical` writes them into `xosc/library` and `xodr/library`.
 """
 
-from generation.logical.library import plots, write
+from generation.logical.library import maneuver_scenarios, write
 
-__all__ = ["plots", "write"]
+__all__ = ["maneuver_scenarios", "write"]

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import xodr
 import xosc
-from generation.logical.approach import Approach
 from generation.logical.catalogs import write_catalogs
+from generation.logical.encounter_scenario import EncounterScenario
 from generation.logical.encounters import ENCOUNTERS
 from generation.logical.geometries import GEOMETRIES
 from generation.logical.header import AUTHOR, header
+from generation.logical.maneuver_scenario import ManeuverScenario
 from generation.logical.maneuvers import MANEUVERS
-from generation.logical.plot import Plot
 from generation.logical.roads import write_roads
 from xosc.distributions import (
     Deterministic,
@@ -26,35 +26,35 @@ SCENARIOS = Path(xosc.__file__).parent / "library"
 ROADS = Path(xodr.__file__).parent / "library"
 
 
-def plots() -> Iterator[tuple[str, Plot]]:
+def maneuver_scenarios() -> Iterator[tuple[str, ManeuverScenario]]:
     """Every manoeuvre on each geometry where it makes sense, with the name of its file."""
     for name, maneuver in MANEUVERS.items():
         for where in maneuver.geometries:
             geometry = GEOMETRIES[where]
             file = f"{name}_{'highway' if geometry.is_motorway else where}"
-            yield file, Plot(file, name.replace("_", " "), maneuver, geometry)
+            yield file, ManeuverScenario(file, name.replace("_", " "), maneuver, geometry)
 
 
-def approaches(roads: Path = ROADS) -> Iterator[tuple[str, Approach]]:
+def encounter_scenarios(roads: Path = ROADS) -> Iterator[tuple[str, EncounterScenario]]:
     """Every encounter, with the name of its file; on the roads in a folder."""
     networks = {file: xodr.load(roads / f"{file}.xodr") for file in sorted({each.file for each in ENCOUNTERS.values()})}
     for name, encounter in ENCOUNTERS.items():
-        yield name, Approach(name, encounter, networks[encounter.file])
+        yield name, EncounterScenario(name, encounter, networks[encounter.file])
 
 
 def write(scenarios: Path = SCENARIOS, roads: Path = ROADS) -> list[Path]:
     """Write the files into two folders that stand to each other as those of the library do; their paths."""
     written = [*write_roads(roads, AUTHOR), *write_catalogs(scenarios)]
-    made: list[tuple[str, Plot | Approach]] = [*plots(), *approaches(roads)]
+    made: list[tuple[str, ManeuverScenario | EncounterScenario]] = [*maneuver_scenarios(), *encounter_scenarios(roads)]
     for name, scenario in made:
         path = scenarios / f"{name}.xosc"
-        file = scenario.geometry.file if isinstance(scenario, Plot) else scenario.encounter.file
+        file = scenario.geometry.file if isinstance(scenario, ManeuverScenario) else scenario.encounter.file
         xosc.write(scenario.document(path, f"../../xodr/library/{file}.xodr"), path)
         written += [path, _variation(scenario, scenarios)]
     return written
 
 
-def _variation(scenario: Plot | Approach, folder: Path) -> Path:
+def _variation(scenario: ManeuverScenario | EncounterScenario, folder: Path) -> Path:
     """One value, for a first run."""
     name, (parameter, value) = scenario.name, next(iter(scenario.defaults().items()))
     values = DeterministicSingleParameterDistribution(parameter, DistributionSet((repr(value),)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.logical.library import SCENARIOS, plots
+from generation.logical.library import SCENARIOS, maneuver_scenarios
 from generation.parameters import Space
 from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
 from recognition.maneuvers.units import Samples
@@ -87,7 +87,7 @@ def test_recorded_units_come_from_our_own_recordings_a_table_or_recordings(tmp_p
 
 
 def test_the_kind_goes_by_the_scenarios_name() -> None:
-    kinds = {kind_of(SCENARIOS / f"{name}.xosc") for name, _ in plots()}
+    kinds = {kind_of(SCENARIOS / f"{name}.xosc") for name, _ in maneuver_scenarios()}
     assert kinds == {"cut_in", "cut_out", "lane_change", "braking"}
     with pytest.raises(UsageError, match="--kind"):
         kind_of(SCENARIOS / "r157_cut_in.xosc")

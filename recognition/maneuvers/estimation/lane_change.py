@@ -19,6 +19,9 @@ EVERY = 0.2
 _SCENE = PARAMETERS["start_time"].high
 """Time (s) before and after the border is crossed in which the motion is compared, as far as it is this lane change's"""
 
+_MARGIN = 0.2
+"""Time (s) for which there has to be a lane to change to before a lane change begins: reconstructions are decimetres off"""
+
 
 class LaneChange(NamedTuple):
     """A lane change.
@@ -38,14 +41,15 @@ class LaneChange(NamedTuple):
 def lane_changes(motion: LaneMotion) -> list[LaneChange]:
     """The lane changes of a scene in the order of rows, those whose border is crossed as the rules have it."""
     changes = motion.scene.changes
-    rows, lacking = changes.row.tolist(), _lacking(motion)
+    rows, lacking, margin = changes.row.tolist(), _lacking(motion), motion.scene.rows(_MARGIN)
     found: list[LaneChange] = []
     for row, left, after in zip(rows, changes.left.tolist(), (*rows, len(motion.lateral))[1:], strict=True):
         first, last = int(motion.first[row]), min(int(motion.last[row]), after - 1)
         if found and found[-1].end > first:
             first = found[-1].end
         alone = np.flatnonzero(lacking[left][first:row])
-        change = _fitted(motion, row, first, last, first + (int(alone[-1]) + 1 if len(alone) else 0))
+        earliest = min(first + int(alone[-1]) + 1 + margin, row - 1) if len(alone) else first
+        change = _fitted(motion, row, first, last, earliest)
         if change is not None:
             found.append(change)
     return found

@@ -7,16 +7,13 @@ from typing import NamedTuple
 
 from recognition.maneuvers.events.paths import RecordedPath
 from recognition.maneuvers.parameters import PARAMETERS, Values
+from recognition.maneuvers.scenario.terms import APART, STILL
 from runner.recording import Track
 
 LONGEST = PARAMETERS["start_time"].high
 """Time (s) from the scene's start to the manoeuvre, and from its end to the scene's, at most."""
 SHORTEST = PARAMETERS["duration"].low
 """Duration (s) of a manoeuvre, at least"""
-APART = 2.0
-"""Gap (m) at the scene's start between two in one lane, at least"""
-STILL = 0.001
-"""Least speed (m/s) to divide by"""
 EGO_ACTS = ("lane_change", "cruise", "ramp", "passage")
 """Kinds of manoeuvres whose actor is the ego"""
 

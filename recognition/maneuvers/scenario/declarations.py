@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from recognition.maneuvers.events.maneuver import APART, LONGEST, STILL, Maneuver
+from recognition.maneuvers.events.maneuver import LONGEST, Maneuver
 from recognition.maneuvers.parameters import PARAMETERS
+from recognition.maneuvers.scenario import terms
 from xosc import maneuvers
+from xosc.versions import Version
 
 GAP, START_SPEED, START_TIME, END_SPEED, DURATION, FINAL_SPEED, REST_TIME = (each.name for each in PARAMETERS.values())
 RANGES = {each.name: (each.low, each.high) for each in PARAMETERS.values()}
@@ -18,6 +20,8 @@ ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"
 """When a manoeuvre begins: at the start time, or sooner where that is longer than everyone can keep a speed until then"""
+TRIGGER_GAP = "TriggerGap_m"
+"""The longest gap at which the manoeuvre begins"""
 
 _IN_TOWN = (0.0, 15.0)
 """Speeds of passages, m/s"""
@@ -33,7 +37,7 @@ def passive(maneuver: Maneuver) -> str:
     return OTHER_SPEED if maneuver.ego_acts else EGO_SPEED
 
 
-def declarations(maneuver: Maneuver) -> list[Any]:
+def declarations(maneuver: Maneuver, version: Version) -> list[Any]:
     """Declarations of the seven, with their ranges, and of what else the scenario uses."""
     declared = []
     for name, value in values(maneuver).items():
@@ -44,7 +48,11 @@ def declarations(maneuver: Maneuver) -> list[Any]:
         declared.append(maneuvers.parameter(passive(maneuver), "double", round(maneuver.speed, 3)))
     if maneuver.passage is not None and maneuver.passage.continuation is not None:
         declared.append(maneuvers.parameter(ONWARDS, "double", round(maneuver.passage.continuation.speed, 3)))
-    return [*declared, maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver)}}}")]
+    if maneuver.other is not None:
+        opening = _opening(maneuver) if maneuver.kind != "passage" else None
+        longest = terms.trigger_gap(f"${GAP}", opening, version)
+        declared.append(maneuvers.parameter(TRIGGER_GAP, "double", f"${{{longest}}}"))
+    return [*declared, maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver, version)}}}")]
 
 
 def _range(name: str, maneuver: Maneuver) -> tuple[float, float]:
@@ -57,27 +65,21 @@ def _range(name: str, maneuver: Maneuver) -> tuple[float, float]:
     return low, high
 
 
-def _begin(maneuver: Maneuver) -> str:
+def _begin(maneuver: Maneuver, version: Version) -> str:
     """The start time, no longer than everyone can keep a speed until the manoeuvre: the same as `Maneuver.delay`."""
     begin, passage = f"${START_TIME}", maneuver.passage
     if maneuver.approach < LONGEST:
-        begin = _lesser(begin, f"{maneuver.approach:.3f}")
+        begin = terms.lesser(begin, f"{maneuver.approach:.3f}", version)
     if maneuver.in_one_lane:
-        leader, follower = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
-        opening = _greater(f"(${leader} - ${follower})", f"{STILL}")
-        begin = _lesser(begin, f"{_greater(f'(${GAP} - {APART})', '0')} / {opening}")
+        begin = terms.approach(begin, f"${GAP}", _opening(maneuver), version)
     if passage is not None:
-        begin = _lesser(begin, f"{passage.begin:.3f} / (${START_SPEED} + {STILL})")
+        begin = terms.lesser(begin, f"{passage.begin:.3f} / (${START_SPEED} + {terms.STILL})", version)
         if passage.conflict is not None:
-            begin = _lesser(begin, f"({passage.conflict.reach:.3f} - ${GAP}) / (${OTHER_SPEED} + {STILL})")
+            reached = f"({passage.conflict.reach:.3f} - ${GAP}) / (${OTHER_SPEED} + {terms.STILL})"
+            begin = terms.lesser(begin, reached, version)
     return begin
 
 
-def _lesser(a: str, b: str) -> str:
-    """The lesser of two terms; versions of the standard before 1.3 have no min()."""
-    return f"({a} + {b} - sqrt(pow({a} - {b}, 2))) / 2"
-
-
-def _greater(a: str, b: str) -> str:
-    """The greater of two terms, in brackets; versions of the standard before 1.3 have no max()."""
-    return f"(({a} + {b} + sqrt(pow({a} - {b}, 2))) / 2)"
+def _opening(maneuver: Maneuver) -> str:
+    """Speed by which leader and ego move apart."""
+    return f"(${OTHER_SPEED} - ${START_SPEED})" if maneuver.ego_acts else f"(${START_SPEED} - ${EGO_SPEED})"

@@ -6,24 +6,23 @@ participants start where both come at once.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from recognition.catalogue.scenes.entities import entry
 from recognition.catalogue.scenes.scenes import EGO
 from recognition.maneuvers.events.maneuver import Maneuver
+from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.scenario import start as starting
+from recognition.maneuvers.scenario import storyboard
 from recognition.maneuvers.scenario.declarations import (
     BEGIN,
     DURATION,
-    END_SPEED,
-    FINAL_SPEED,
     GAP,
     ONWARDS,
     RANGES,
-    REST_TIME,
     START_TIME,
+    TRIGGER_GAP,
     declarations,
     values,
 )
@@ -32,18 +31,18 @@ from xodr.network import RoadNetwork
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.files import Header
-from xosc.maneuvers import Condition, Dynamics, Number
+from xosc.maneuvers import Dynamics, Number
 from xosc.versions import Version
 
 CONTROLLER = maneuvers.controller("system_under_test", {"role": "drives the ego; which system that is, is up to the simulator"})
 
+_CHANGE = "change"
+"""Name of the event in which the manoeuvre happens"""
 _GO_ON = "go_on"
 """Name of the entry by which the other one goes on"""
 _CONFLICT_POINT = maneuvers.world_position("$MeetingX", "$MeetingY")
-_REACHED = 0.5
-"""How much longer than wanted the gap (m) may be when the manoeuvre begins: it is looked at once a step."""
-_PATIENCE = 10.0
-"""Time (s) after which a scenario ends whose gap never came, beyond the time that it would have taken"""
+_THERE = 0.5
+"""Distance (m) from the conflict point within which the other one is there"""
 
 
 class Stage(NamedTuple):
@@ -69,19 +68,14 @@ def catalogue_entries(maneuver: Maneuver) -> list[Any]:
 
 def _change(maneuver: Maneuver) -> Any:
     """The actor's parameters, trigger and actions."""
-    over_time = Dynamics("linear", "time", f"${DURATION}")
-    change = [maneuvers.speed(f"${END_SPEED}", over_time)]
-    if maneuver.left is not None:
-        lanes = 1 if maneuver.left else -1
-        change.insert(0, maneuvers.lane_change(lanes, over_time._replace(shape="sinusoidal"), relative_to="$Actor"))
-    start = [replace(maneuvers.simulation_time(-1.0), delay=f"${START_TIME}")]
-    if maneuver.other is not None:
-        start.insert(0, _gap_is_there(maneuver))
-    settle = maneuvers.speed(f"${FINAL_SPEED}", over_time._replace(value=f"${REST_TIME}"))
-    events = [
-        maneuvers.event("change", change, start),
-        maneuvers.event("settle", [settle], maneuvers.element_state("event", "change", "completeState")),
-    ]
+    roles = {role: f"${each.name}" for role, each in PARAMETERS.items()}
+    lanes = 0 if maneuver.left is None else 1 if maneuver.left else -1
+    start = [storyboard.started(roles["start_time"])]
+    if maneuver.passage is not None and maneuver.other is not None:
+        start.append(maneuvers.distance("$Other", _CONFLICT_POINT, roles["gap"], "lessOrEqual"))
+    elif maneuver.other is not None:
+        start.append(storyboard.gap_reached("$Follower", "$Leader", roles["gap"]))
+    events = storyboard.events(_CHANGE, "settle", roles, "$Actor", lanes, start)
     declared = [maneuvers.parameter(name, "string", text) for name, text in _roles(maneuver, "Other").items()]
     declared += [maneuvers.parameter(name, "double", 0.0) for name in _conflict(maneuver)]
     declared += [maneuvers.parameter(name, "double", RANGES[name][0]) for name in values(maneuver)]
@@ -91,7 +85,7 @@ def _change(maneuver: Maneuver) -> Any:
 def _go_on() -> Any:
     """The other one's change of speed from where the ways meet."""
     change = maneuvers.speed(f"${ONWARDS}", Dynamics("linear", "time", f"${DURATION}"))
-    there = maneuvers.distance("$Other", _CONFLICT_POINT, _REACHED)
+    there = maneuvers.distance("$Other", _CONFLICT_POINT, _THERE)
     numbers = {"MeetingX": 0.0, "MeetingY": 0.0, ONWARDS: 0.0, DURATION: 1.0}
     declared = [maneuvers.parameter("Other", "string", "Other")]
     declared += [maneuvers.parameter(name, "double", value) for name, value in numbers.items()]
@@ -116,9 +110,7 @@ def scenario(
     actor = EGO if maneuver.ego_acts else other
     roles = _roles(maneuver, other) | {"Actor": actor}
     assigned: dict[str, Number] = {**roles, **_conflict(maneuver), **{name: f"${name}" for name in values(maneuver)}}
-    assigned[START_TIME] = f"${BEGIN}"
-    done = replace(maneuvers.element_state("event", "change", "completeState"), delay=f"${REST_TIME}")
-    limit = maneuvers.simulation_time(f"${{${START_TIME} + ${DURATION} + ${REST_TIME} + {_PATIENCE}}}")
+    assigned |= {START_TIME: f"${BEGIN}"} | ({GAP: f"${TRIGGER_GAP}"} if maneuver.other is not None else {})
     participants = {name: entry(track) for name, track in tracks.items()}
     return maneuvers.scenario(
         stage.path,
@@ -127,9 +119,9 @@ def scenario(
         entities={name: maneuvers.reference(f"{each.kind}Catalog", each.name) for name, each in participants.items()},
         init=starting.init(maneuver, network, other, followed),
         maneuvers=[(actor, maneuvers.reference("ManeuverCatalog", entry_name(maneuver), assigned)), *_others(maneuver, other)],
-        parameters=declarations(maneuver),
+        parameters=declarations(maneuver, version),
         catalogs=stage.catalogs,
-        stop=[[done], [limit]],
+        stop=storyboard.ends(_CHANGE, {role: f"${each.name}" for role, each in PARAMETERS.items()}),
         controllers={EGO: maneuvers.reference("ControllerCatalog", CONTROLLER.name)},
         version=version,
     )
@@ -147,14 +139,6 @@ def _others(maneuver: Maneuver, other: str) -> list[tuple[str, Any]]:
         DURATION: round(continuation.duration, 3),
     }
     return [(other, maneuvers.reference("ManeuverCatalog", _GO_ON, assigned))]
-
-
-def _gap_is_there(maneuver: Maneuver) -> Condition:
-    """That the gap is no longer than the one wanted: of the two in lanes, or of the other one's front to where the ways meet."""
-    wanted = f"${{${GAP} + {_REACHED}}}"
-    if maneuver.passage is not None:
-        return maneuvers.distance("$Other", _CONFLICT_POINT, wanted)
-    return maneuvers.relative_distance("$Follower", "$Leader", wanted, coordinates="lane")
 
 
 def _roles(maneuver: Maneuver, other: str) -> dict[str, str]:

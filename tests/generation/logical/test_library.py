@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import runner
-from generation.logical.library import ROADS, SCENARIOS, plots, write
+from generation.logical.library import ROADS, SCENARIOS, maneuver_scenarios, write
 from generation.parameters import Space
 from recognition.maneuvers.parameters import PARAMETERS
 
-NAMES = [name for name, _ in plots()]
+NAMES = [name for name, _ in maneuver_scenarios()]
 
 
 def test_the_checked_in_files_are_up_to_date(tmp_path: Path) -> None:

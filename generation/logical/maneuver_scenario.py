@@ -1,13 +1,13 @@
 """How a manoeuvre on a road becomes a scenario with the seven parameters.
 
-Everyone keeps its speed until the manoeuvre begins. The gap wanted then and the time until then over-determine the start, so
-the gap at the start follows: gap − (speed of the leader − speed of the ego) · time (METHOD.md §3). Where both are in one lane
-and the leader is faster, the time is cut to what leaves a gap between them at the start.
+Everyone keeps its speed until the manoeuvre begins. The gap then and the time until then over-determine the start, so the gap
+at the start follows: gap − (speed of the leader − speed of the ego) · time (`recognition.maneuvers.scenario.terms`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,31 +16,21 @@ from generation.logical.geometries import Geometry, Limits
 from generation.logical.header import header, scenario_tags
 from generation.logical.maneuvers import EGO, Maneuver
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
+from recognition.maneuvers.scenario import storyboard, terms
 from schemas.errors import UsageError
 from xosc import maneuvers
 from xosc.document import Document
-from xosc.maneuvers import Conditions, Dynamics
+from xosc.maneuvers import Condition, Conditions
 from xosc.tags import Tag
-
-SHAPE = "sinusoidal"
-"""Shape of lane changes over time."""
 
 _BOXES = 4.5
 """Distance (m) of the reference points of two catalogue cars that touch bumper to bumper"""
-_APART = 2.0
-"""Gap (m) at the start between two in one lane, at least"""
-_REACHED = 0.5
-"""How much longer than wanted the gap (m) may be when the manoeuvre begins: it is looked at once a step"""
-_ANY = 1000.0
-"""A gap (m) that nobody exceeds"""
 _EVADED = 10.0
 """Gap (m) to the vehicle in front of which the leader left its lane, when it has left"""
-_PATIENCE = 10.0
-"""Time (s) after which a scenario ends whose gap never came, beyond the time that it would have taken"""
 
 
 @dataclass(frozen=True)
-class Plot:
+class ManeuverScenario:
     """A manoeuvre on a geometry.
 
     Attributes:
@@ -119,8 +109,13 @@ class Plot:
 
     # expressions: names of parameters, and terms of them, without the ${ } around
 
+    @cached_property
+    def _roles(self) -> dict[str, str]:
+        """The actor's parameters by role."""
+        return {role: f"${declared_name(self.maneuver.actor, role)}" for role in PARAMETERS}
+
     def _role(self, role: str) -> str:
-        return f"${declared_name(self.maneuver.actor, role)}"
+        return self._roles[role]
 
     def _speed(self, name: str) -> str:
         """The speed that someone keeps until the manoeuvre begins."""
@@ -138,7 +133,7 @@ class Plot:
         """Time until the manoeuvre begins."""
         if self.maneuver.ego_lane != self.maneuver.leader_lane:
             return self._role("start_time")
-        return f"min({self._role('start_time')}, max({self._role('gap')} - {_APART}, 0) / max({self._opening}, 0.001))"
+        return terms.approach(self._role("start_time"), self._role("gap"), self._opening)
 
     @property
     def _way(self) -> str:
@@ -176,16 +171,7 @@ class Plot:
         return changes + ([(self.maneuver.beside, 0)] if self.maneuver.beside else [])
 
     def _maneuver(self, actor: str, lanes: int) -> Any:
-        over_time = Dynamics("linear", "time", self._role("duration"))
-        change = [maneuvers.speed(self._role("end_speed"), over_time)]
-        if lanes:
-            change.append(maneuvers.lane_change(lanes, over_time._replace(shape=SHAPE), relative_to=actor))
-        settle = maneuvers.speed(self._role("final_speed"), over_time._replace(value=self._role("rest_time")))
-        changed = maneuvers.element_state("event", f"{actor} changes", "completeState")
-        events = [
-            maneuvers.event(f"{actor} changes", change, self._start()),
-            maneuvers.event(f"{actor} settles", [settle], changed),
-        ]
+        events = storyboard.events(f"{actor} changes", f"{actor} settles", self._roles, actor, lanes, self._start())
         return maneuvers.maneuver(f"{actor} maneuver", events)
 
     def _turn(self) -> list[tuple[str, Any]]:
@@ -196,18 +182,12 @@ class Plot:
             raise UsageError(f"nobody can turn off {self.geometry.words}")
         return [catalogs.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
 
-    def _start(self) -> list[Any]:
-        """When the time is over and the gap reached; a gap that grows has been reached if the ego was late."""
-        gap = f"${{{self._role('gap')} + {_REACHED} + {_ANY} * max(sign({self._opening}), 0)}}"
-        return [
-            replace(maneuvers.simulation_time(0.0, "greaterOrEqual"), delay=f"${{{self._delay}}}"),
-            maneuvers.relative_distance(EGO, self.maneuver.leader, gap, "lessOrEqual", coordinates="lane"),
-        ]
+    def _start(self) -> list[Condition]:
+        """When the time is over and the gap reached."""
+        gap = f"${{{terms.trigger_gap(self._role('gap'), self._opening)}}}"
+        return [storyboard.started(f"${{{self._delay}}}"), storyboard.gap_reached(EGO, self.maneuver.leader, gap)]
 
     def _stop(self) -> Conditions:
-        """At a collision of the ego, at the scene's end, or when the gap never came."""
-        done = maneuvers.element_state("event", f"{self.maneuver.actor} changes", "completeState")
-        times = " + ".join(self._role(role) for role in ("start_time", "duration", "rest_time"))
-        limit = f"${{{times} + {_PATIENCE}}}"
+        """At a collision of the ego, or at the scene's end."""
         collisions = [[maneuvers.collision(EGO, name)] for name in self._others()]
-        return [*collisions, [replace(done, delay=self._role("rest_time"))], [maneuvers.simulation_time(limit)]]
+        return [*collisions, *storyboard.ends(f"{self.maneuver.actor} changes", self._roles)]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import runner
-from generation.logical.approach import Approach
-from generation.logical.library import SCENARIOS, approaches
+from generation.logical.encounter_scenario import EncounterScenario
+from generation.logical.library import SCENARIOS, encounter_scenarios
 from generation.parameters import Space
 from runner.recording import Track
 
-APPROACHES = dict(approaches())
+APPROACHES = dict(encounter_scenarios())
 STEP = 0.05
 
 
@@ -25,7 +25,7 @@ def tracks(name: str, given: dict[str, float], sut: str | None = None) -> dict[s
     return done.recording.locate().tracks
 
 
-def arrival(track: Track, approach: Approach) -> float:
+def arrival(track: Track, approach: EncounterScenario) -> float:
     """When a participant is nearest to where the ways meet, within its last steps by its speed, s."""
     x, y, time = (track.columns[name] for name in ("x", "y", "time"))
     apart = np.hypot(x - approach.meeting.x, y - approach.meeting.y)

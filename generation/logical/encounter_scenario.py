@@ -36,7 +36,7 @@ _START, _ARRIVAL = "Ego_SlowingStart_s", "Ego_ArrivalTime_s"
 
 
 @dataclass(frozen=True)
-class Approach:
+class EncounterScenario:
     """An encounter on a road.
 
     Attributes:

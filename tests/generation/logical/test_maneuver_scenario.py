@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import runner
-from generation.logical.library import SCENARIOS, plots
-from generation.logical.plot import Plot
+from generation.logical.library import SCENARIOS, maneuver_scenarios
+from generation.logical.maneuver_scenario import ManeuverScenario
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from runner.measures.relations import Motion, relation
 from runner.recording import Track
 
-PLOTS = dict(plots())
+PLOTS = dict(maneuver_scenarios())
 STEP = 0.05
 CLOSING, OPENING = -1.0, 1.5
 
@@ -28,7 +28,7 @@ class Run:
     kept: float
     end: float
     tracks: dict[str, Track]
-    plot: Plot
+    plot: ManeuverScenario
 
     def row(self, time: float) -> int:
         return round(time / STEP)
@@ -106,11 +106,11 @@ def test_the_lane_changes_between_start_and_end_and_at_no_other_time(name: str) 
     assert lanes[done.row(start + done.asked["duration"] / 2 + 0.1)] == after
 
 
-def leads_in_lane(plot: Plot) -> bool:
+def leads_in_lane(plot: ManeuverScenario) -> bool:
     return plot.maneuver.actor == plot.maneuver.leader and plot.maneuver.ego_lane == plot.maneuver.leader_lane
 
 
-def begins_near(plot: Plot) -> bool:
+def begins_near(plot: ManeuverScenario) -> bool:
     return plot.geometry.gaps[0] <= 20.0
 
 

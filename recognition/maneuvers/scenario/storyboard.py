@@ -1,0 +1,61 @@
+"""A manoeuvre's trigger, actions and end, from terms of its parameters: the same in catalogues and in the library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from xosc import maneuvers
+from xosc.maneuvers import Condition, Conditions, Dynamics
+
+_SHAPE = "sinusoidal"
+"""Shape of lane changes over time"""
+_PATIENCE = 10.0
+"""Time (s) after which a scenario ends whose gap never came, beyond the time that it would have taken"""
+
+
+def started(delay: str) -> Condition:
+    """That the time until the manoeuvre is over.
+
+    Args:
+        delay: the time, s; a parameter, or an expression in ${ }.
+    """
+    return replace(maneuvers.simulation_time(0.0, "greaterOrEqual"), delay=delay)
+
+
+def gap_reached(follower: str, leader: str, gap: str) -> Condition:
+    """That the gap between two is no longer than one (m), along the lane."""
+    return maneuvers.relative_distance(follower, leader, gap, "lessOrEqual", coordinates="lane")
+
+
+def events(
+    change: str, settle: str, parameters: Mapping[str, str], actor: str, lanes: int, start: Conditions | list[Condition]
+) -> list[Any]:
+    """The events of the actor: its change of speed and lane over the duration, then the change to the final speed.
+
+    Args:
+        change, settle: names of the two.
+        parameters: terms by role (`recognition.maneuvers.parameters.PARAMETERS`).
+        lanes: how many lanes to the left; 0 for none.
+        start: the trigger.
+    """
+    over_time = Dynamics("linear", "time", parameters["duration"])
+    actions = [maneuvers.speed(parameters["end_speed"], over_time)]
+    if lanes:
+        actions.append(maneuvers.lane_change(lanes, over_time._replace(shape=_SHAPE), relative_to=actor))
+    settled = maneuvers.speed(parameters["final_speed"], over_time._replace(value=parameters["rest_time"]))
+    changed = maneuvers.element_state("event", change, "completeState")
+    return [maneuvers.event(change, actions, start), maneuvers.event(settle, [settled], changed)]
+
+
+def ends(change: str, parameters: Mapping[str, str]) -> list[list[Condition]]:
+    """The scene's ends: the rest time after the change, or when the gap never came.
+
+    Args:
+        change: name of the event.
+        parameters: terms by role.
+    """
+    done = maneuvers.element_state("event", change, "completeState")
+    times = " + ".join(parameters[role] for role in ("start_time", "duration", "rest_time"))
+    return [[replace(done, delay=parameters["rest_time"])], [maneuvers.simulation_time(f"${{{times} + {_PATIENCE}}}")]]
