@@ -56,9 +56,9 @@ def encoder(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return asked
 
 
-def run(windows: Path, out: Path, seeds: int = 1, names: list[str] = NAMES) -> Evaluation:
+def run(windows: Path, out: Path, seeds: int = 1, names: list[str] = NAMES, kinds: list[str] = KINDS) -> Evaluation:
     evaluation = Evaluation(windows, out, ProtocolSettings(None, grid=GRID))
-    for _ in evaluation.run(evaluation.pending(seeds, KINDS, names)):
+    for _ in evaluation.run(evaluation.pending(seeds, kinds, names)):
         pass
     write_report(evaluation, out)
     return evaluation
@@ -80,20 +80,20 @@ def test_classes_that_lie_apart_are_recognised_and_found(windows: Path, tmp_path
 
 
 def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path, tmp_path: Path, encoder: list[int]) -> None:
-    names = ["vote-threshold", "random", "kmeans"]
-    run(windows, tmp_path / "whole", 2, names)
+    names, kinds = ["vote-threshold", "random", "kmeans"], ["open-set", "clustering", "sensitivity"]
+    run(windows, tmp_path / "whole", 2, names, kinds)
     asked = len(encoder)
     evaluation = Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, grid=GRID))
-    pending = evaluation.pending(2, KINDS, names)
+    pending = evaluation.pending(2, kinds, names)
     making = evaluation.run(pending)
     for _ in range(3):
         next(making)
     making.close()
     assert (
-        len(Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, grid=GRID)).pending(2, KINDS, names))
+        len(Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, grid=GRID)).pending(2, kinds, names))
         == len(pending) - 3
     )
-    run(windows, tmp_path / "parts", 2, names)
+    run(windows, tmp_path / "parts", 2, names, kinds)
     for name in ("report.md", "results.csv", "tables/open-set.csv"):
         assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     assert len(encoder) == 2 * asked  # features of each round and seed are made once
