@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from schemas.errors import UsageError
@@ -67,20 +68,17 @@ _CPU = Preset(
 )
 PRESETS: dict[str, Preset] = {
     "cpu": _CPU,
-    "cpu-cells": _CPU._replace(architecture=replace(_CPU.architecture, front="cells")),
-    "cpu-rows": _CPU._replace(architecture=replace(_CPU.architecture, front="cells", tokens="rows")),
     "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
 }
-"""`cpu` trains at paper scale in minutes on two cores. Its ablations: `cpu-cells` has no convolutions, `cpu-rows` has tokens of
-the grids flattened row by row besides, as published. `full` has the size of the publication and wants a GPU."""
+"""`cpu` trains at paper scale in minutes on two cores, `full` has the size of the publication and wants a GPU."""
 
 
-def preset(name: str) -> Preset:
+def preset(name: str, presets: Mapping[str, Preset] = PRESETS) -> Preset:
     """The preset of that name.
 
     Raises:
         UsageError: there is none.
     """
-    if name not in PRESETS:
-        raise UsageError(f"there is no preset {name!r}; presets: {', '.join(PRESETS)}")
-    return PRESETS[name]
+    if name not in presets:
+        raise UsageError(f"there is no preset {name!r}; presets: {', '.join(presets)}")
+    return presets[name]

@@ -58,10 +58,10 @@ def protocol(
 
     An interrupted evaluation goes on with the same command; more seeds, methods and experiments can be added later.
     """
-    from recognition.encoder.config import PRESETS
     from recognition.grids import CHANNELS, Grid
     from recognition.study.protocol import pixels
     from recognition.study.protocol.evaluation import EXPERIMENTS, Evaluation, ProtocolSettings
+    from recognition.study.protocol.presets import PRESETS
     from recognition.study.protocol.processes import run_beside
 
     _require("scale", [scale], SCALES)

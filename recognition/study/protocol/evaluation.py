@@ -14,6 +14,7 @@ from recognition.grids import Grid
 from recognition.study.ablations import CHAINED, VARIANTS
 from recognition.study.experiments import clustering, open_set, open_world, sensitivity
 from recognition.study.protocol import pixels
+from recognition.study.protocol.presets import PRESETS
 from recognition.study.protocol.rounds import Round, rounds
 from recognition.study.protocol.store import Key, Store
 from recognition.study.protocol.trials import Trial, Trials
@@ -64,7 +65,7 @@ class Evaluation:
     """
 
     def __init__(self, path: Path, out: Path, settings: ProtocolSettings) -> None:
-        chosen = None if settings.preset == pixels.PRESET else preset(settings.preset)
+        chosen = None if settings.preset == pixels.PRESET else preset(settings.preset, PRESETS)
         self.settings, self.store, self.cache = settings, Store(out), out / "cache"
         configuration = {**asdict(settings), "recordings": source_of(path)}
         self.store.check(configuration)

@@ -38,7 +38,8 @@ def test_every_command_has_help_and_tells_its_version(study: Study, command: lis
 
 
 @pytest.mark.parametrize(
-    ("option", "known"), [("preset", "cpu-rows, full, pca"), ("scale", "paper"), ("method", "trfe"), ("experiment", "probe")]
+    ("option", "known"),
+    [("preset", "cpu-cells, cpu-rows, pca"), ("scale", "paper"), ("method", "trfe"), ("experiment", "probe")],
 )
 def test_the_protocol_names_what_it_knows(study: Study, tmp_path: Path, option: str, known: str) -> None:
     plural = option if option in ("preset", "scale") else f"{option}s"
