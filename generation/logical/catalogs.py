@@ -51,10 +51,10 @@ def take_route(actor: str, file: str, course: Course) -> tuple[str, Any]:
 def write_catalogs(folder: Path) -> list[Path]:
     """Write the catalogues into folders of this folder; their paths."""
     written = []
-    for name, kind, words, entries in _catalogs():
+    for name, kind, description, entries in _catalogs():
         path = folder / DIRECTORIES[kind] / f"{name}.xosc"
         path.parent.mkdir(parents=True, exist_ok=True)
-        said = header(words, [Tag("Catalogue", kind.lower()), Tag("Entries", len(entries))])
+        said = header(description, [Tag("Catalogue", kind.lower()), Tag("Entries", len(entries))])
         written.append(path)
         xosc.write(maneuvers.catalog(path, said, name, entries), path)
     return written

@@ -71,7 +71,7 @@ class EncounterScenario:
         kinds = ["Vehicle", "Controller", "Maneuver", "Route", *(["Pedestrian", "Environment"] if walks else [])]
         return maneuvers.scenario(
             path,
-            header(self.encounter.words, self.tags),
+            header(self.encounter.description, self.tags),
             road=road,
             entities={
                 EGO: maneuvers.reference(catalogs.VEHICLE, "car"),

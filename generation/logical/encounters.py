@@ -21,7 +21,7 @@ class Encounter:
     """An ego that slows down for a junction and takes its course, and another one whose way it meets.
 
     Attributes:
-        words: what happens. situation: the same in a word or two.
+        description: what happens. situation: the same in a word or two.
         label: its class, None where it is none of the 17.
         file: name of the road's file in `xodr/library`.
         ego: the ego's course.
@@ -31,7 +31,7 @@ class Encounter:
         gap: by default, how long after the ego (before it, where negative) the other one is where their ways meet, s.
     """
 
-    words: str
+    description: str
     situation: str
     label: Label
     file: str

@@ -19,7 +19,7 @@ class Geometry:
 
     Attributes:
         file: name of the road's file in `xodr/library`.
-        words: where that is.
+        description: where that is.
         road, left, right: the road's id, and those of the two lanes as their traffic sees them.
         spot: s (m) of the leader when the manoeuvre begins; of a manoeuvre's end where `ends_there`.
         side: +1 where the lanes lead towards increasing s, −1 where against.
@@ -29,7 +29,7 @@ class Geometry:
     """
 
     file: str
-    words: str
+    description: str
     road: str
     left: int
     right: int

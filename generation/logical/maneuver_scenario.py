@@ -61,7 +61,7 @@ class ManeuverScenario:
         kinds = ("Controller", *(["Route"] if self.maneuver.turns else []), "Vehicle")
         return maneuvers.scenario(
             path,
-            header(f"{self.maneuver.words}, {self.geometry.words}", self.tags),
+            header(f"{self.maneuver.description}, {self.geometry.description}", self.tags),
             road=road,
             entities={name: maneuvers.reference(catalogs.VEHICLE, "car") for name in names},
             init={name: self._init(name) for name in names},
@@ -179,7 +179,7 @@ class ManeuverScenario:
         if not self.maneuver.turns:
             return []
         if self.geometry.turn is None:
-            raise UsageError(f"nobody can turn off {self.geometry.words}")
+            raise UsageError(f"nobody can turn off {self.geometry.description}")
         return [catalogs.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
 
     def _start(self) -> list[Condition]:

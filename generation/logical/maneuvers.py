@@ -16,7 +16,7 @@ class Maneuver:
     """A manoeuvre of an actor near the ego, or of the ego behind a leader.
 
     Attributes:
-        words: what happens.
+        description: what happens.
         actor: whose parameters the seven are.
         leader: who is ahead of the ego when it begins.
         ego_lane, leader_lane: "left" or "right" of the geometry's lanes, where the ego and the leader are at the beginning.
@@ -31,7 +31,7 @@ class Maneuver:
         pace: default speed of the slower one, as a share of the faster one's.
     """
 
-    words: str
+    description: str
     actor: str
     leader: str
     ego_lane: str

@@ -19,18 +19,18 @@ class LibraryRoad:
 
     Attributes:
         build: makes the map.
-        words: its geometry.
+        description: its geometry.
         types: classes of OpenLABEL's ontology.
     """
 
     build: Callable[[], RoadMap]
-    words: str
+    description: str
     types: tuple[str, ...]
 
     @property
     def tags(self) -> list[Tag]:
         """Its tags."""
-        return [*(Tag(each, None, ASAM) for each in self.types), Tag("RoadGeometry", self.words)]
+        return [*(Tag(each, None, ASAM) for each in self.types), Tag("RoadGeometry", self.description)]
 
 
 _MOTORWAY = ("RoadTypeMotorway", "HorizontalStraights")
