@@ -19,6 +19,7 @@ from xosc.node import TO_RIGHT, Node
 HERO = "hero"
 """Name that CARLA's agents look for."""
 
+_TO_SECONDS = len("2026-01-01T00:00:00")
 _ALONG_ROADS = ("road", "lane")
 _SLOPES = {"linear": 1.0, "sinusoidal": math.pi / 2, "cubic": 1.5}
 """Greatest rate of a shape by its mean rate."""
@@ -48,6 +49,8 @@ def change(document: Document) -> list[str]:
     remarks += [_stop(document), _hero(document)]
     for node in document.node.iter("Condition"):
         _delay(node)
+    for node in document.node.iter("TimeOfDay"):  # scenario_runner reads neither fractions nor time zones
+        node.element.set("dateTime", node.get("dateTime")[:_TO_SECONDS])
     return [remark for remark in remarks if remark]
 
 
