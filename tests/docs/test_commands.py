@@ -1,9 +1,10 @@
 """What the README, the tutorials and the pages on extending say can be typed is typed here, in the order of the page.
 
-A page is played in an empty folder that has the libraries where a clone has them. Its blocks are
+A page is played in an empty folder that has the libraries where a clone has them; a page on extending in a copy of the clone,
+where its files are found as any other's. Its blocks are
 
 - `sh`: a command a line, which ends with 0, or with what its comment says (`# exit code 1`);
-- any language whose first line is a comment with nothing but a file's name: saved under that name;
+- any language whose first line is a comment with nothing but a file's name or path: saved there;
 - `python` otherwise: run as a program;
 - `text`: printed by the block before, line by line, in any order; `…` stands for anything.
 
@@ -18,7 +19,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,11 +28,9 @@ import pytest
 from tests.commands import SCRIPTS, Command
 
 ROOT = Path(__file__).parents[2]
-PAGES = [
-    ROOT / "README.md",
-    *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
-    *sorted((ROOT / "docs" / "extending").glob("*.md")),
-]
+EXTENDING = sorted((ROOT / "docs" / "extending").glob("*.md"))
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md")), *EXTENDING]
+PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation")
 
 NOT_RUN = {
     "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
@@ -46,7 +45,7 @@ NOT_RUN = {
 
 LANGUAGES = {"sh", "python", "text", "xml", "toml", "yaml"}
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-_FILE = re.compile(r"(?:# |<!-- )([\w.-]+\.\w+)(?: -->)?")
+_FILE = re.compile(r"(?:# |<!-- )((?:[\w-]+/)*[\w.-]+\.\w+)(?: -->)?")
 _NAMED = re.compile(
     r"(?<!`)`((?:[\w.*-]+/)*[\w*-]+\.(?:xosc|xodr|html|json|jsonl|parquet|csv|png|gif|mcap|sarif|xml|md|py|yml))`"
 )
@@ -64,7 +63,7 @@ class Block(NamedTuple):
 
     @property
     def file(self) -> str | None:
-        """Name of the file that it is, if any."""
+        """Name or path of the file that it is, if any."""
         named = _FILE.fullmatch(self.text.partition("\n")[0])
         return named[1] if named else None
 
@@ -99,21 +98,32 @@ def name(page: Path) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(page: Path, tmp_path: Path) -> Path:
     """A folder with what a page may count on."""
-    for package in ("xosc", "xodr"):
-        shutil.copytree(ROOT / package / "library", tmp_path / package / "library")
+    for part in (*PRODUCT, "tests") if page in EXTENDING else ("xosc/library", "xodr/library"):
+        shutil.copytree(ROOT / part, tmp_path / part)
+    if page in EXTENDING:
+        shutil.copy(ROOT / "pyproject.toml", tmp_path)
     return tmp_path
 
 
-def run(line: str, folder: Path, command: Command) -> tuple[int, str]:
-    """Exit code and output of a command line: our own commands in this process, which has their libraries, others in a shell."""
-    name, *arguments = shlex.split(line)
-    if name not in SCRIPTS or _SHELL.search(line):
-        done = call(["bash", "-c", line], folder)
-        return done.returncode, done.stdout
-    answer = command(name, *(found for argument in arguments for found in expanded(argument, folder)))
-    return answer.code, answer.out + answer.err
+Do = Callable[[str], tuple[int, str]]
+"""Does a command line: its exit code and output."""
+
+
+@pytest.fixture
+def do(page: Path, folder: Path, command: Command) -> Do:
+    """Does command lines: our own commands in this process, which has their libraries, others and those of a copy in a shell."""
+
+    def do(line: str) -> tuple[int, str]:
+        name, *arguments = shlex.split(line)
+        if page in EXTENDING or name not in SCRIPTS or _SHELL.search(line):
+            done = call(["bash", "-c", line], folder)
+            return done.returncode, done.stdout
+        answer = command(name, *(found for argument in arguments for found in expanded(argument, folder)))
+        return answer.code, answer.out + answer.err
+
+    return do
 
 
 def expanded(argument: str, folder: Path) -> list[str]:
@@ -124,10 +134,11 @@ def expanded(argument: str, folder: Path) -> list[str]:
 
 def call(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    copied = {"PYTHONPATH": str(folder)} if (folder / "pyproject.toml").exists() else {}
     return subprocess.run(
         arguments,
         cwd=folder,
-        env=os.environ | {"PATH": path, "COLUMNS": "120"},
+        env=os.environ | {"PATH": path, "COLUMNS": "120"} | copied,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -135,14 +146,14 @@ def call(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]
     )
 
 
-def play(page: Path, folder: Path, command: Command) -> None:
+def play(page: Path, folder: Path, do: Do) -> None:
     """Do what a page says."""
     printed = ""
     for block in blocks(page):
         if block.file is not None:
             (folder / block.file).write_text(block.text, encoding="utf-8")
         elif block.language == "sh":
-            printed = "".join(answers(block, folder, command))
+            printed = "".join(answers(block, do))
         elif block.language == "python":
             done = call([sys.executable, "-c", block.text], folder)
             assert done.returncode == 0, done.stdout
@@ -152,12 +163,12 @@ def play(page: Path, folder: Path, command: Command) -> None:
             assert not missing, printed
 
 
-def answers(block: Block, folder: Path, own: Command) -> Iterator[str]:
+def answers(block: Block, do: Do) -> Iterator[str]:
     """What the commands of a block print; each has to end with the code that is announced."""
     for command in block.commands:
         if bare(command) not in NOT_RUN:
             announced = re.search(r"exit code (\d)", command)
-            code, printed = run(bare(command), folder, own)
+            code, printed = do(bare(command))
             assert code == (int(announced[1]) if announced else 0), f"{command}: {printed}"
             yield printed
 
@@ -168,14 +179,24 @@ def is_printed(line: str, printed: str) -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_page_does_what_it_says(page: Path, folder: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_does_what_it_says(page: Path, folder: Path, do: Do, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("COLUMNS", "120")
-    play(page, folder, command)
+    play(page, folder, do)
     named = {one for one in _NAMED.findall(prose(page)) if not _PLACEHOLDER.search(one)}
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
     lost = [one for one in sorted(named) if not any(Path(path).match(one) for path in there) and not list(ROOT.glob(one))]
     assert not lost
+
+
+@pytest.mark.parametrize("page", [page for page in EXTENDING if page.stem != "README"], ids=name)
+def test_a_kind_is_one_file_its_test_and_its_scenario(page: Path) -> None:
+    """Files that were there before are not touched: a page shows all that is new, and it is enough for the page to work."""
+    files = [block.file for block in blocks(page) if block.file is not None]
+    assert not [file for file in files if (ROOT / file).exists()]
+    assert len([file for file in files if file.startswith(PRODUCT)]) == 1
+    assert len([file for file in files if re.fullmatch(r"tests/.*test_\w+\.py", file)]) == 1
+    assert len([file for file in files if file.endswith(".xosc")]) <= 1
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
