@@ -54,6 +54,9 @@ _OPTIONS: dict[str, Any] = {
             help="Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
         ),
     ],
+    "strict": Annotated[
+        bool, typer.Option("--strict", help="Refuse files that break their standard instead of repairing them with a remark.")
+    ],
 }
 """By the name of the setting; the defaults are those of `RunSettings`, but where a command's own is None."""
 

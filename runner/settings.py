@@ -36,6 +36,7 @@ class RunSettings:
             `runner.measures.limits`.
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave such sets of a
             distribution out; otherwise violations are noted in the event log.
+        strict: refuse files that break their standard, where they are otherwise repaired with a remark.
 
     Raises:
         UsageError: a value is out of its range, or there is no such world, system under test or limit.
@@ -50,6 +51,7 @@ class RunSettings:
     end_after_collision: bool = False
     fail_if: tuple[str, ...] = ()
     enforce_constraints: bool = True
+    strict: bool = False
 
     def __post_init__(self) -> None:
         shortest, longest = _TIMESTEPS

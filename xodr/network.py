@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from random import Random
 
+from schemas.remarks import Remark
 from xodr.graph.links import link_table
 from xodr.graph.relative import Relations, Relative
 from xodr.graph.routes import RoadPath, Router
@@ -22,6 +23,7 @@ class RoadNetwork:
 
     Attributes:
         signals: by id. Ids are unique in a valid file; where they are not, the first signal is meant.
+        remarks: what was assumed to read the file.
     """
 
     def __init__(
@@ -31,12 +33,14 @@ class RoadNetwork:
         roads: Mapping[str, Road],
         junctions: Mapping[str, Junction],
         controllers: Mapping[str, Controller],
+        remarks: tuple[Remark, ...] = (),
     ) -> None:
         self.path = path
         self.header = header
         self.roads = dict(roads)
         self.junctions = dict(junctions)
         self.controllers = dict(controllers)
+        self.remarks = remarks
         self.signals: dict[str, Signal] = {}
         for road in self.roads.values():
             for signal in road.signals:

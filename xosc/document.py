@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from lxml import etree
 
 from schemas.errors import InvalidFile, Unsupported, UsageError
 from schemas.registry import OPENSCENARIO, detect
+from schemas.remarks import Remark, Remarks
 from schemas.storage import Stamp, stamp
 from schemas.xml import line_of, parse
 from xosc.node import OWN, Node
@@ -31,12 +32,14 @@ class Document:
         root: the element OpenSCENARIO.
         version: major and minor revision of the standard.
         kind: "scenario", "catalog" or "distribution" (of parameter values).
+        remarks: what was assumed to read the file, or to resolve it.
     """
 
     path: Path
     root: etree._Element
     version: tuple[int, int]
     kind: str
+    remarks: tuple[Remark, ...] = field(default=(), kw_only=True)
 
     @property
     def node(self) -> Node:
@@ -44,17 +47,24 @@ class Document:
         return Node(self.root, self.path)
 
 
-def load(path: str | os.PathLike[str]) -> Document:
+def load(path: str | os.PathLike[str], *, strict: bool = False) -> Document:
     """Read an OpenSCENARIO file of version 1.0 to 1.3: a scenario, a catalogue or a parameter value distribution.
 
-    Documents are cached; a file whose modification time or size has changed is read again.
+    Documents are cached; a file whose modification time or size has changed is read again. Faults that leave one sensible
+    meaning are repaired, each with a remark.
+
+    Args:
+        path: the file.
+        strict: refuse such faults.
 
     Raises:
         InvalidFile: the file can't be read, is not well-formed XML, or is not OpenSCENARIO XML.
         Unsupported: it is of another version.
     """
     name = os.fspath(path)
-    return _load(name, stamp(name))
+    document = _load(name, stamp(name))
+    Remarks(strict).add(*document.remarks)
+    return document
 
 
 def write(document: Document, path: str | os.PathLike[str]) -> None:

@@ -11,6 +11,7 @@ from lxml import etree
 
 from schemas.catalogs import referred
 from schemas.errors import InvalidFile, Unsupported
+from schemas.remarks import Remark
 from schemas.values import boolean, number
 
 SOURCE = "{urn:xosc-toolchain}source"
@@ -173,6 +174,10 @@ class Node:
     def invalid(self, message: str) -> InvalidFile:
         """An InvalidFile at this element, to be raised by the caller."""
         return InvalidFile(message, path=self.path, line=self.line, element=self.tag)
+
+    def remark(self, rule: str, message: str) -> Remark:
+        """A remark on this element: the rule that it breaks, what is wrong with it and what is assumed."""
+        return Remark(rule, message, str(self.path), self.line)
 
     def unsupported(self, message: str) -> Unsupported:
         """An Unsupported at this element, to be raised by the caller."""

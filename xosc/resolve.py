@@ -15,7 +15,7 @@ from lxml import etree
 from schemas.catalogs import Catalogs, Directory, Entry, NoEntry
 from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError, is_expression
-from schemas.remarks import Remark
+from schemas.remarks import Remarks
 from schemas.values import quoted
 from xosc.dialects.carla import is_for_carla, to_standard
 from xosc.document import Document, load
@@ -53,7 +53,6 @@ class Resolved(Document):
         logic_file: the road network (an OpenDRIVE file, as a rule); None where the scenario has none.
         scene_graph_file: the 3D model; None where the scenario has none.
         violations: parameter values that violate their constraint groups, where that was not to be an error.
-        remarks: what was assumed where the file says something otherwise than the standard.
         for_carla: whether it is written for CARLA's scenario_runner, whose triggers are others than the standard's.
     """
 
@@ -63,12 +62,15 @@ class Resolved(Document):
     logic_file: Path | None
     scene_graph_file: Path | None
     violations: tuple[ToolchainError, ...] = ()
-    remarks: tuple[Remark, ...] = ()
     for_carla: bool = False
 
 
 def resolve(
-    document: Document, parameters: Mapping[str, Argument] | None = None, *, enforce_constraints: bool = True
+    document: Document,
+    parameters: Mapping[str, Argument] | None = None,
+    *,
+    enforce_constraints: bool = True,
+    strict: bool = False,
 ) -> Resolved:
     """A copy of a scenario in which everything known at load time has been worked out.
 
@@ -82,6 +84,7 @@ def resolve(
         document: what `load` returned; it is not changed.
         parameters: values of global parameters by name.
         enforce_constraints: whether a value that violates its constraint groups is an error, or only recorded.
+        strict: refuse the faults that are otherwise repaired with a remark, those of the document among them.
 
     Raises:
         UsageError: a given parameter does not exist or is not of its type; the document is no scenario.
@@ -95,10 +98,12 @@ def resolve(
     assigned = {name: _argument(value, node) for name, value in (parameters or {}).items()}
     violations: list[ToolchainError] = []
     report = _refuse if enforce_constraints else violations.append
+    remarks = Remarks(strict)
+    remarks.add(*document.remarks)
     scopes = _bind(node, None, assigned, report)
     _Inliner(Catalogs(document.path, partial(_directory, node), load), report).inline(node, scopes, ())
     for_carla = is_for_carla(node)
-    remarks = to_standard(node)
+    remarks.add(*to_standard(node))
     return Resolved(
         path=document.path,
         root=root,
@@ -110,7 +115,7 @@ def resolve(
         logic_file=_file(node, "LogicFile"),
         scene_graph_file=_file(node, "SceneGraphFile"),
         violations=tuple(violations),
-        remarks=tuple(remarks),
+        remarks=remarks.found,
         for_carla=for_carla,
     )
 

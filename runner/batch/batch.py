@@ -34,7 +34,7 @@ def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Gene
             yield job
             continue
         try:
-            prepare(job.scenario, job.parameters, enforce_constraints=settings.enforce_constraints).ego(settings.ego)
+            prepare(job.scenario, job.parameters, settings).ego(settings.ego)
             outcome = Outcome(job, "passed", 0, status="compiled")
         except Exception as error:  # a defect of ours is an outcome too, the other files go on
             outcome = failure(job, error)

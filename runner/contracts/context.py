@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from runner.contracts.storyboard import StoryboardElement
     from runner.participants.entity import Entities, Entity
     from runner.surroundings.signals import TrafficSignals
+    from schemas.remarks import Remarks
     from xodr.network import RoadNetwork
     from xosc.node import Node
     from xosc.resolve import Resolved
@@ -32,6 +33,11 @@ class Context(Protocol):
     @property
     def network(self) -> RoadNetwork | None:
         """The road network, if the scenario names one."""
+        ...
+
+    @property
+    def remarks(self) -> Remarks:
+        """What was assumed so far; classes add to it what they repair."""
         ...
 
     @property

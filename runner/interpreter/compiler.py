@@ -22,6 +22,7 @@ from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings.signals import TrafficSignals
+from schemas.remarks import Remark, Remarks
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -83,6 +84,8 @@ class Scenario:
     """what was assumed of the file"""
     observers: tuple[Callable[[Run], None], ...] = ()
     """called at the end of each step, for conditions that watch what goes on before they are asked"""
+    remarks: tuple[Remark, ...] = ()
+    """what was assumed in the scenario's files and in its road network"""
 
     def reset(self) -> None:
         """As before a run."""
@@ -97,9 +100,10 @@ class ScenarioContext:
     Args:
         document: the resolved document.
         network: its road network, if it names one.
+        strict: refuse repairs.
     """
 
-    def __init__(self, document: Resolved, network: RoadNetwork | None) -> None:
+    def __init__(self, document: Resolved, network: RoadNetwork | None, strict: bool = False) -> None:
         self.document = document
         self.version = document.version
         self.network = network
@@ -112,6 +116,8 @@ class ScenarioContext:
         self.variable_types = {name: v.type for name, v in document.variables.items()}
         self.signals = TrafficSignals.from_xml(document.node.find("RoadNetwork", "TrafficSignals"), network)
         self.storyboard = Storyboard()
+        self.remarks = Remarks(strict)
+        self.remarks.add(*document.remarks, *(network.remarks if network is not None else ()))
         self._late: list[Callable[[], None]] = []
         self.observers: list[Callable[[Run], None]] = [self.signals.advance] if self.signals.controllers else []
 
@@ -198,18 +204,19 @@ class ScenarioContext:
         return family.find(node, str(parent.tag) if parent is not None else None).from_xml(node, self)
 
 
-def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenario:
+def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bool = False) -> Scenario:
     """Compile a resolved scenario document.
 
     Args:
         document: of kind `scenario`, with every attribute a literal.
         network: the road network of its LogicFile, or None.
+        strict: refuse what is otherwise repaired with a remark.
 
     Raises:
         InvalidFile: a reference leads nowhere, a value is out of its range.
         Unsupported: an element is not executed by this runner; named with file and line.
     """
-    context = ScenarioContext(document, network)
+    context = ScenarioContext(document, network, strict)
     read_entities(document.node.need("Entities"), context)
     _read_storyboard(document.node.need("Storyboard"), context)
     context.finish()
@@ -228,6 +235,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None) -> Scenari
         violations=document.violations,
         remarks=document.remarks,
         observers=tuple(context.observers),
+        remarks=context.remarks.found,
     )
 
 

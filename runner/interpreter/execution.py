@@ -52,7 +52,7 @@ def run(
         Unsupported: the scenario asks for something that the runner does not do.
     """
     chosen = replace(settings or RunSettings(), **changes)
-    return prepare(scenario, parameters, enforce_constraints=chosen.enforce_constraints).run(chosen)
+    return prepare(scenario, parameters, chosen).run(chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,18 +138,27 @@ def _controller_remarks(scenario: Scenario, driven: Entity | None) -> tuple[str,
 
 
 def prepare(
-    scenario: str | PathLike[str], parameters: Mapping[str, Argument] | None = None, *, enforce_constraints: bool = True
+    scenario: str | PathLike[str],
+    parameters: Mapping[str, Argument] | None = None,
+    settings: RunSettings | None = None,
+    **changes: Any,
 ) -> Prepared:
-    """Load, resolve and compile a scenario file; arguments and errors as in `run`."""
+    """Load, resolve and compile a scenario file; arguments and errors as in `run`.
+
+    Of the settings those count that say how files are read.
+    """
     import xodr
     import xosc
 
-    document = xosc.resolve(xosc.load(Path(scenario)), parameters, enforce_constraints=enforce_constraints)
+    chosen = replace(settings or RunSettings(), **changes)
+    document = xosc.resolve(
+        xosc.load(Path(scenario)), parameters, enforce_constraints=chosen.enforce_constraints, strict=chosen.strict
+    )
     road_file = document.logic_file
     if road_file is not None and not os.path.exists(road_file):  # unlike Path.exists it takes names of any length
         raise document.node.need("RoadNetwork", "LogicFile").invalid(f"the road network {road_file} does not exist")
     network = xodr.load(road_file) if road_file is not None else None
-    return Prepared(compile_scenario(document, network), dict(parameters or {}))
+    return Prepared(compile_scenario(document, network, strict=chosen.strict), dict(parameters or {}))
 
 
 def open_world(name: str) -> World:

@@ -42,7 +42,8 @@ class RunResult:
         status: `completed` (by its stop trigger), `collision` (a contact of the ego ended it) or `timeout` (the time limit).
         end_time: simulation time at the end, s.
         verdict: passed or failed, and why.
-        remarks: what is no failure, but may not be meant: the ego has left the road, or come to its end.
+        remarks: what is no failure, but may not be meant: what was assumed of the files (see `schemas.remarks`), that the ego
+            has left the road, or come to its end.
         ego: name of the ego, None where the scenario has none.
         sut: name of the system under test that drove it, `none` for none.
         settings: timestep, seed, world and time limit of the run.

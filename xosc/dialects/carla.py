@@ -74,7 +74,7 @@ def to_standard(scenario: Node) -> list[Remark]:
 
 
 def _remark(rule: str, node: Node, text: str) -> Remark:
-    return Remark(rule, str(node.path), node.line, f"{node.tag}: {text}")
+    return node.remark(rule, f"{node.tag}: {text}")
 
 
 def _negate(node: Node, *names: str) -> None:
