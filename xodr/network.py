@@ -22,8 +22,8 @@ class RoadNetwork:
     """Everything that one OpenDRIVE file describes.
 
     Attributes:
+        remarks: what was assumed where the file is faulty or asks for something that is not followed.
         signals: by id. Ids are unique in a valid file; where they are not, the first signal is meant.
-        remarks: what was assumed to read the file.
     """
 
     def __init__(

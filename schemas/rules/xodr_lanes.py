@@ -17,9 +17,11 @@ def check(document: Document) -> Iterator[Finding]:
         sections = road.findall("{*}lanes/{*}laneSection")
         if not sections:
             yield Finding(road, "the road has no lane section")
-        last = -1.0
+        last, length = -1.0, document.number(road, "length")
         for section in sections:
             s = document.number(section, "s")
+            if s is not None and length is not None and s > max(length, 0.0):
+                yield Finding(section, f"s={s:g}, but the road is only {length:g} m long")
             if s is not None and not s > last:
                 yield Finding(section, f"s={s:g} is not greater than that of the lane section before it")
             last = last if s is None else s

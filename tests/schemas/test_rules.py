@@ -275,6 +275,14 @@ FAULTS = [
         '<successor id="-2"',
         'id="-2"/>',
     ),
+    Fault(
+        OWN_ROAD + "1.4.0:road.records_ascend",
+        "road",
+        'a="3.5" b="0" c="0" d="0"/>\n          </lane>',
+        'a="3.5" b="0" c="0" d="0"/>\n<width sOffset="-1" a="3" b="0" c="0" d="0"/></lane>',
+        'sOffset="-1"',
+    ),
+    Fault(OWN_ROAD + "1.4.0:numbers_are_plausible", "road", 'a="3.5" b="0"', 'a="3.5" b="1e13"', "1e13"),
 ]
 WHOLE_FILE = {
     ASAM + "1.0.0:xml.root_tag_is_openscenario": (

@@ -10,12 +10,14 @@ from typing import TypeVar
 
 from lxml import etree
 
-from schemas.errors import ToolchainError
+from schemas.errors import InvalidFile, ToolchainError
+from schemas.remarks import Remark
 from schemas.xml import local_name, parse
 from xodr.model import Header, Junction
 from xodr.network import RoadNetwork
 from xodr.reader.elements import integer, invalid, number, text
-from xodr.reader.junctions import read_controller, read_junction
+from xodr.reader.junctions import connections, not_followed, read_controller, read_junction
+from xodr.reader.repairs import repair
 from xodr.reader.roads import read_road
 from xodr.road import Road
 
@@ -24,8 +26,11 @@ _CACHED_FILES = 64
 T = TypeVar("T")
 
 
-def load(path: str | PathLike[str]) -> RoadNetwork:
+def load(path: str | PathLike[str], *, strict: bool = False) -> RoadNetwork:
     """Read an OpenDRIVE file, or hand back the network read before from the same unchanged file.
+
+    Args:
+        strict: refuse what is otherwise repaired; the network's remarks say what was.
 
     Raises:
         InvalidFile: missing, malformed, or not OpenDRIVE; names file, line and element.
@@ -37,25 +42,36 @@ def load(path: str | PathLike[str]) -> RoadNetwork:
         key = (status.st_mtime_ns, status.st_size)
     except (OSError, ValueError):
         key = (0, 0)
-    return _load(path, key)
+    return _load(path, key, strict)
 
 
 @lru_cache(maxsize=_CACHED_FILES)
-def _load(path: Path, _version: tuple[int, int]) -> RoadNetwork:
+def _load(path: Path, _version: tuple[int, int], strict: bool) -> RoadNetwork:
     root = parse(path).getroot()
     try:
-        return _network(path, root)
+        _plain_names(root)
+        try:
+            return _network(path, root)
+        except InvalidFile:
+            remarks = () if strict else repair(root, path)
+            if not remarks:
+                raise
+            return _network(path, root, remarks)
     except ToolchainError as error:
         error.path = error.path or str(path)
         raise
 
 
-def _network(path: Path, root: etree._Element) -> RoadNetwork:
+def _plain_names(root: etree._Element) -> None:
+    """Take the namespace from the names of all elements: files have it since OpenDRIVE 1.8, or have it not."""
     if local_name(root) != "OpenDRIVE":
         raise invalid(root, "the root element of a road network is OpenDRIVE")
     if root.tag != "OpenDRIVE":
         for element in root.iter("{*}*"):
             element.tag = local_name(element)
+
+
+def _network(path: Path, root: etree._Element, remarks: tuple[Remark, ...] = ()) -> RoadNetwork:
     header = _header(root)
     roads = _by_id(root, "road", lambda element: read_road(path, element))
     if not roads:
@@ -64,7 +80,7 @@ def _network(path: Path, root: etree._Element) -> RoadNetwork:
     _check_references(root, roads, junctions)
     controllers = _by_id(root, "controller", read_controller)
     try:
-        return RoadNetwork(path, header, roads, junctions, controllers)
+        return RoadNetwork(path, header, roads, junctions, controllers, (*remarks, *not_followed(root, path)))
     except ValueError as error:
         raise invalid(root, str(error)) from None
 
@@ -84,11 +100,12 @@ def _check_references(root: etree._Element, roads: dict[str, Road], junctions: d
         kind, name = element.get("elementType"), element.get("elementId")
         if (kind == "road" and name not in roads) or (kind == "junction" and name not in junctions):
             raise invalid(element, f"the {kind} {name!r} that is linked here does not exist")
-    for element in root.iterfind("junction/connection"):
-        for attribute in ("incomingRoad", "connectingRoad", "linkedRoad"):
-            name = element.get(attribute)
-            if name is not None and name not in roads:
-                raise invalid(element, f"{attribute}={name!r} does not exist")
+    for junction in root.iterfind("junction"):
+        for element in connections(junction):
+            for attribute in ("incomingRoad", "connectingRoad", "linkedRoad"):
+                name = element.get(attribute)
+                if name is not None and name not in roads:
+                    raise invalid(element, f"{attribute}={name!r} does not exist")
 
 
 def _header(root: etree._Element) -> Header:

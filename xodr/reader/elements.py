@@ -62,12 +62,21 @@ def integer(element: etree._Element, name: str) -> int:
     return int(value)
 
 
-def ascending(elements: list[etree._Element], name: str) -> list[float]:
-    """The attribute of each element; refused where it decreases from one to the next."""
+def ascending(elements: list[etree._Element], name: str, *, distinct: bool = False) -> list[float]:
+    """The attribute of each element.
+
+    Args:
+        distinct: of the elements only one can hold at a place.
+
+    Raises:
+        InvalidFile: the attribute decreases from one to the next, or is the same for two that differ although `distinct`.
+    """
     values = [number(element, name) for element in elements]
-    for element, before, value in zip(elements[1:], values, values[1:], strict=False):
-        if value < before:
-            raise invalid(element, f"{name}={value:g} follows {before:g}, but {name} must not decrease")
+    for before, element, start, value in zip(elements, elements[1:], values, values[1:], strict=False):
+        if value < start:
+            raise invalid(element, f"{name}={value:g} follows {start:g}, but {name} must not decrease")
+        if distinct and value == start and element.attrib != before.attrib:
+            raise invalid(element, f"{name}={value:g} is that of the record before, too")
     return values
 
 
@@ -91,10 +100,10 @@ def coefficients(element: etree._Element) -> tuple[float, float, float, float]:
 
 
 def profile(elements: list[etree._Element]) -> Profile:
-    """Records with `s` as a function of s: 0 before the first; of records with the same s the last one counts."""
+    """Records with `s` as a function of s: 0 before the first."""
     if not elements:
         return ZERO
-    starts = ascending(elements, "s")
+    starts = ascending(elements, "s", distinct=True)
     pieces = {start: Cubic(start, *coefficients(element)) for start, element in zip(starts, elements, strict=True)}
     if starts[0] > 0.0:
         pieces = {0.0: Cubic(0.0, 0.0), **pieces}

@@ -82,7 +82,7 @@ def _relative(elements: list[etree._Element], start: float) -> Profile:
     """Width or border records, whose `sOffset` counts from the section's start; a lane without any has no width."""
     if not elements:
         return ZERO
-    offsets = ascending(elements, "sOffset")
+    offsets = ascending(elements, "sOffset", distinct=True)
     pieces = {
         start + offset: Cubic(start + offset, *coefficients(element)) for offset, element in zip(offsets, elements, strict=True)
     }

@@ -146,5 +146,5 @@ def _surface(road: etree._Element) -> Surface | None:
 
 
 def _lateral(elements: list[etree._Element]) -> Profile:
-    starts = ascending(elements, "t")
+    starts = ascending(elements, "t", distinct=True)
     return Profile(Cubic(t, *coefficients(element)) for t, element in zip(starts, elements, strict=True))
