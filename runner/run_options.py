@@ -57,6 +57,18 @@ _OPTIONS: dict[str, Any] = {
     "strict": Annotated[
         bool, typer.Option("--strict", help="Refuse files that break their standard instead of repairing them with a remark.")
     ],
+    "road": Annotated[
+        str | None,
+        typer.Option(metavar="auto", help="auto: make straight roads with the lanes and lengths that the positions use."),
+    ],
+    "road_path": Annotated[
+        list[str] | None,
+        typer.Option(
+            "--road-path",
+            metavar="DIR",
+            help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
+        ),
+    ],
 }
 """By the name of the setting; the defaults are those of `RunSettings`, but where a command's own is None."""
 
@@ -93,12 +105,13 @@ def _parameter(name: str, default: Any, annotation: Any) -> inspect.Parameter:
 
 
 def _default(name: str) -> Any:
-    return None if name in ("end_after_collision", "fail_if") else getattr(RunSettings, name)
+    return None if name in ("end_after_collision", "fail_if", "road_path") else getattr(RunSettings, name)
 
 
 def _settings(given: dict[str, Any]) -> RunSettings:
     """Settings from the values of options; only what a system under test drives ends by a collision."""
     if given["end_after_collision"] is None:
         given["end_after_collision"] = given["sut"] != "none"
-    given["fail_if"] = tuple(given.get("fail_if") or ())
+    for name in ("fail_if", "road_path"):
+        given[name] = tuple(given.get(name) or ())
     return RunSettings(**given)

@@ -15,6 +15,8 @@ DEFAULT_SYSTEM = "cas"
 """The system under test that drives the ego unless another one is chosen."""
 WORLDS = ("sumo", "kinematic")
 """The worlds by name: SUMO, or scripted motion without a simulator."""
+ROADS = ("auto",)
+"""What may take the place of a scenario's road network: straight roads with the lanes and lengths that its positions use."""
 _TIMESTEPS = 0.001, 1.0
 _LONGEST = 1e6
 
@@ -37,6 +39,8 @@ class RunSettings:
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave such sets of a
             distribution out; otherwise violations are noted in the event log.
         strict: refuse files that break their standard, where they are otherwise repaired with a remark.
+        road: None for the road network that the scenario names; one of `ROADS` for another.
+        road_path: folders in which road networks are looked for that are not where the scenario says (see `xosc.roads`).
 
     Raises:
         UsageError: a value is out of its range, or there is no such world, system under test or limit.
@@ -52,6 +56,8 @@ class RunSettings:
     fail_if: tuple[str, ...] = ()
     enforce_constraints: bool = True
     strict: bool = False
+    road: str | None = None
+    road_path: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shortest, longest = _TIMESTEPS
@@ -61,6 +67,8 @@ class RunSettings:
             raise UsageError(f"the time limit must be from 0 s to {_LONGEST:g} s, not {self.max_time}")
         if self.world not in WORLDS:
             raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
+        if self.road not in (None, *ROADS):
+            raise UsageError(f"the road {self.road!r} is not one of {', '.join(ROADS)}")
         for text in self.fail_if:
             Limit.parse(text)
         if isinstance(self.sut, str):
@@ -73,4 +81,5 @@ class RunSettings:
         from runner.sut import system_name
 
         values = {each.name: getattr(self, each.name) for each in fields(self)}
-        return values | {"sut": system_name(self.sut), "fail_if": list(self.fail_if)}
+        lists = {"fail_if": list(self.fail_if), "road_path": list(self.road_path)}
+        return values | lists | {"sut": system_name(self.sut)}

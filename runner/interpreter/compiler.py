@@ -80,8 +80,6 @@ class Scenario:
     """what its ego is judged by, from its stop triggers"""
     violations: tuple[ToolchainError, ...] = ()
     """parameter values outside their constraint groups, where that is allowed"""
-    remarks: tuple[Remark, ...] = ()
-    """what was assumed of the file"""
     observers: tuple[Callable[[Run], None], ...] = ()
     """called at the end of each step, for conditions that watch what goes on before they are asked"""
     remarks: tuple[Remark, ...] = ()
@@ -233,7 +231,6 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
         signals=context.signals,
         criteria=declared(document.node.need("Storyboard")),
         violations=document.violations,
-        remarks=document.remarks,
         observers=tuple(context.observers),
         remarks=context.remarks.found,
     )

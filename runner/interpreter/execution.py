@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -147,17 +146,15 @@ def prepare(
 
     Of the settings those count that say how files are read.
     """
-    import xodr
     import xosc
+    from runner.interpreter.roads import load_roads
 
     chosen = replace(settings or RunSettings(), **changes)
     document = xosc.resolve(
         xosc.load(Path(scenario)), parameters, enforce_constraints=chosen.enforce_constraints, strict=chosen.strict
     )
-    road_file = document.logic_file
-    if road_file is not None and not os.path.exists(road_file):  # unlike Path.exists it takes names of any length
-        raise document.node.need("RoadNetwork", "LogicFile").invalid(f"the road network {road_file} does not exist")
-    network = xodr.load(road_file) if road_file is not None else None
+    network, assumed = load_roads(document, chosen)
+    document = replace(document, remarks=(*document.remarks, *assumed))
     return Prepared(compile_scenario(document, network, strict=chosen.strict), dict(parameters or {}))
 
 

@@ -22,6 +22,10 @@ REVISION = (1, 7)
 """Version of the standard that is written."""
 
 
+RoadId = int | str
+"""Id of a road: numbers count up, texts are as a scenario has them."""
+
+
 @dataclass(frozen=True)
 class Cubic:
     """Cubic a + b·ds + c·ds² + d·ds³ from `s` on (lane widths, lane offset)."""
@@ -62,7 +66,7 @@ class Link:
     """Predecessor or successor of a road: a road with its contact point, or a junction."""
 
     element: str
-    id: int
+    id: RoadId
     contact: str | None = None
 
 
@@ -97,7 +101,7 @@ class Road:
     offset: t of lane 0, along the whole road.
     """
 
-    id: int
+    id: RoadId
     name: str
     start: Pose
     plan: tuple[Segment | ParamPoly3, ...]
@@ -134,8 +138,8 @@ class Road:
 class Connection:
     """A path through a junction: incoming road, connecting road (entered at its start) and lane pairs."""
 
-    incoming: int
-    connecting: int
+    incoming: RoadId
+    connecting: RoadId
     lanes: tuple[tuple[int, int], ...]
 
 
@@ -149,7 +153,7 @@ class Junction:
     id: int
     name: str
     connections: tuple[Connection, ...]
-    priorities: tuple[tuple[int, int], ...] = ()
+    priorities: tuple[tuple[RoadId, RoadId], ...] = ()
     controllers: tuple[int, ...] = ()
     direct: bool = False
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from xodr.builders.curves import Pose, line
-from xodr.builders.elements import Connection, Controller, Junction, Link, Road, RoadMap, Signal
+from xodr.builders.elements import Connection, Controller, Junction, Link, Road, RoadId, RoadMap, Signal
 from xodr.builders.lanes import connecting_road, for_traffic, require, two_way
 
 JUNCTION = 100
@@ -108,7 +108,7 @@ class _Crossing:
         return Controller(1, "East and west", main), Controller(2, "North and south", side)
 
 
-def _main_road_first(paths: list[tuple[int, int, Road]]) -> tuple[tuple[int, int], ...]:
+def _main_road_first(paths: list[tuple[int, int, Road]]) -> tuple[tuple[RoadId, RoadId], ...]:
     main = [path.id for arm, _, path in paths if arm in (EAST, WEST)]
     side = [path.id for arm, _, path in paths if arm not in (EAST, WEST)]
     return tuple((high, low) for high in main for low in side)

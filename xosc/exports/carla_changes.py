@@ -15,6 +15,7 @@ from xosc.ego import EGO_NAME
 from xosc.exports.carla_sides import change_sides
 from xosc.exports.starts import Start, actors, beside, first, starts
 from xosc.node import TO_RIGHT, Node
+from xosc.roads import find_roads
 
 HERO = "hero"
 """Name that CARLA's agents look for."""
@@ -113,7 +114,7 @@ def _left_hand(document: Document) -> bool:
 
 def _roads(document: Document) -> list[etree._Element]:
     logic = document.node.find("RoadNetwork", "LogicFile")
-    return list(parse(logic.file("filepath")).getroot().iter("road")) if logic is not None else []
+    return list(parse(find_roads(logic).path).getroot().iter("road")) if logic is not None else []
 
 
 def _speed(action: Node, known: dict[str, Start], document: Document) -> None:

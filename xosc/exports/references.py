@@ -11,6 +11,7 @@ from schemas.storage import read_bytes
 from xosc.document import Document, load
 from xosc.exports.folder import Folder
 from xosc.node import Node
+from xosc.roads import find_roads
 
 ROADS, MODELS, CATALOGS = "roads", "models", "catalogs"
 """Folders of the output."""
@@ -36,6 +37,8 @@ def take_roads(document: Document, folder: Folder) -> Draft:
         source = _literal(node, "filepath")
         if not node.get("filepath").strip() or (node.tag == "SceneGraphFile" and not source.is_file()):
             continue
+        if node.tag == "LogicFile":
+            source = find_roads(node).path
         try:
             content = read_bytes(source)
         except InvalidFile as error:

@@ -1,0 +1,94 @@
+"""The road network that a scenario runs on: its own, found where it is, or one that is made from the positions it uses."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import defaultdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import xodr
+from schemas.errors import UsageError
+from schemas.remarks import Remark
+from xodr.builders.assumed import RoadUse, assumed_roads
+from xodr.sumo_net.cache import folder as cache_folder
+from xosc.roads import RULE, find_roads
+
+if TYPE_CHECKING:
+    from runner.settings import RunSettings
+    from xodr.network import RoadNetwork
+    from xosc.node import Node
+    from xosc.resolve import Resolved
+
+_AHEAD = 1000.0
+"""How far a made road goes on beyond the last position on it, m."""
+_LANE_WIDTH = 3.5
+
+
+def load_roads(document: Resolved, settings: RunSettings) -> tuple[RoadNetwork | None, tuple[Remark, ...]]:
+    """The road network of a resolved scenario, None where it has none, and what was assumed to find it.
+
+    Raises:
+        InvalidFile: its file is nowhere, or no road network; a road is to be made for a scenario that names no lane.
+    """
+    logic = document.node.find("RoadNetwork", "LogicFile")
+    if logic is None or not logic.get("filepath").strip():
+        return None, ()
+    if settings.road == "auto":
+        return _made(document.node, logic)
+    found = find_roads(logic, settings.road_path)
+    network = xodr.load(found.path, strict=settings.strict)
+    return network, () if found.remark is None else (found.remark,)
+
+
+def _made(scenario: Node, logic: Node) -> tuple[RoadNetwork, tuple[Remark, ...]]:
+    """Roads as the scenario's positions use them, in a file of the cache folder."""
+    used = road_uses(scenario)
+    if not used:
+        raise logic.invalid("--road auto makes the roads that positions name, and no position of this scenario names one")
+    content = assumed_roads(used).to_xml()
+    path = cache_folder() / "roads" / f"{hashlib.blake2b(content, digest_size=20).hexdigest()}.xodr"
+    _keep(content, path)
+    roads = ", ".join(f"{each.road_id} ({each.right} + {each.left} lanes, {each.length:g} m)" for each in used)
+    text = f"the roads of {logic.get('filepath')!r} are not read; straight ones are assumed, not connected: {roads}"
+    return xodr.load(path), (logic.remark(RULE, text),)
+
+
+def _keep(content: bytes, path: Path) -> None:
+    from schemas.storage import keep
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        keep(content, path)
+    except OSError as error:
+        message = f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR to another one"
+        raise UsageError(message, path=path.parent) from None
+
+
+def road_uses(scenario: Node) -> list[RoadUse]:
+    """The roads that the positions of a resolved scenario name, with the lengths and lanes that they need."""
+    ends: dict[str, float] = defaultdict(float)
+    lanes: dict[str, set[int]] = defaultdict(set)
+    for position in scenario.iter("LanePosition", "RoadPosition"):
+        road = position.get("roadId")
+        ends[road] = max(ends[road], position.float("s"))
+        lanes[road].add(position.int("laneId") if position.tag == "LanePosition" else _lane_at(position.float("t")))
+    absolute = {target.int("value") for target in scenario.iter("AbsoluteTargetLane")}
+    steps = [*(target.int("value") for target in scenario.iter("RelativeTargetLane"))]
+    steps += [position.int("dLane") for position in scenario.iter("RelativeLanePosition")]
+    reach = max(map(abs, steps), default=0)
+    found = []
+    for road in ends:
+        right, left = (max((side * lane for lane in lanes[road] | absolute if side * lane > 0), default=0) for side in (-1, 1))
+        if right:
+            left, right = max(left, reach - right + 1, 0), right + reach
+        else:
+            left, right = left + reach, max(reach - left + 1, 0)
+        found.append(RoadUse(road, math.ceil(ends[road] + _AHEAD), right, left))
+    return found
+
+
+def _lane_at(t: float) -> int:
+    number = max(math.ceil(abs(t) / _LANE_WIDTH), 1)
+    return number if t > 0.0 else -number

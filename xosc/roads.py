@@ -1,0 +1,72 @@
+"""Where the road network of a scenario is: where its LogicFile says, or else where a file of that name is found.
+
+Libraries get moved about, and scenarios for CARLA name towns (`Town01`) instead of files. The one look-up for all that load.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from os import PathLike
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+from schemas.remarks import Remark
+from xosc.node import Node
+
+VARIABLE = "XOSC_ROAD_PATH"
+"""Environment variable with more folders of road networks, separated as in PATH."""
+RULE = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference"
+_SUFFIX = ".xodr"
+
+
+class RoadFile(NamedTuple):
+    """The file of a road network. remark: None where it is where the LogicFile says, or in a folder that was asked for."""
+
+    path: Path
+    remark: Remark | None
+
+
+def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> RoadFile:
+    """The road network that a LogicFile names.
+
+    A file that is not there is looked for by its name, with and without the ending .xodr: in the folders that were asked for,
+    then where it should be and in the folder of the scenario and all folders above that.
+
+    Args:
+        logic: the element LogicFile, its attributes literals.
+        folders: where else to look, before the folders in XOSC_ROAD_PATH.
+
+    Raises:
+        InvalidFile: it is nowhere; the message says what can be done.
+    """
+    named = logic.file("filepath")
+    if os.path.isfile(named):  # unlike Path.is_file it takes names of any length
+        return RoadFile(named, None)
+    names = _names(PurePosixPath(logic.get("filepath").replace("\\", "/")).name)
+    asked_for = [Path(folder) for folder in (*folders, *filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)))]
+    found = _first(asked_for, names)
+    if found is not None:
+        return RoadFile(found, None)
+    scenario = Path(os.path.abspath(logic.path)).parent
+    found = _first((named.parent, scenario, *scenario.parents), names)
+    if found is None:
+        raise logic.invalid(
+            f"the road network {named} does not exist: put it there, name its folder with --road-path (or in {VARIABLE}), "
+            "or have a road made with --road auto"
+        )
+    return RoadFile(found, logic.remark(RULE, f"the road network {named} does not exist; {found} is taken"))
+
+
+def _names(name: str) -> list[str]:
+    stem = name.removesuffix(_SUFFIX)
+    return list(dict.fromkeys((name, stem + _SUFFIX, stem)))
+
+
+def _first(folders: Iterable[Path], names: Sequence[str]) -> Path | None:
+    return next((file for file in _files(folders, names) if os.path.isfile(file)), None)
+
+
+def _files(folders: Iterable[Path], names: Sequence[str]) -> Iterator[Path]:
+    for folder in folders:
+        yield from (folder / name for name in names if name)
