@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from runner.worlds.base import World
+    from xodr.model import Signal
     from xodr.network import RoadNetwork
     from xosc.node import Node
 
 _EPSILON = 1e-9
+_AT = 2.0
+"""How far (m) from the place that it is named by a traffic light may be, as in CARLA's scenario_runner."""
 
 
 class Phase(NamedTuple):
@@ -122,16 +125,37 @@ class TrafficSignals:
     # references ----------------------------------------------------------------------------
 
     def signal(self, node: Node, attribute: str) -> str:
-        """The signal id that an attribute names.
+        """The signal id that an attribute names: by the id, or as in files for CARLA by `id=…` or the place in `pos=x,y`.
 
         Raises:
             InvalidFile: neither the road network nor a controller has such a signal.
         """
-        name = str(node.get(attribute))
+        name = str(node.get(attribute)).removeprefix("id=")
+        if name.startswith("pos="):
+            return self._at(node, name)
         controlled = (name in phase.states for controller in self.controllers.values() for phase in controller.phases)
         if self._network is not None and name not in self._network.signals and not any(controlled):
             raise node.invalid(f"{attribute}={name!r} is not a signal of the road network {self._network.path.name}")
         return name
+
+    def _at(self, node: Node, name: str) -> str:
+        """The traffic light at a place in CARLA's axes, of which y points to the right."""
+        try:
+            x, y = (float(text) for text in name.removeprefix("pos=").split(","))
+        except ValueError:
+            raise node.invalid(f"{name!r} is no place: pos=x,y is expected, in m") from None
+        lights = [signal for signal in self._network.signals.values() if signal.dynamic] if self._network is not None else []
+        away = {signal.id: self._distance(signal, x, -y) for signal in lights}
+        nearest = min(away, key=away.__getitem__, default=None)
+        if nearest is None or away[nearest] > _AT:
+            where = f"the nearest is {nearest!r}, {away[nearest]:.1f} m away" if nearest is not None else "the roads have none"
+            raise node.invalid(f"no traffic light is at {name.removeprefix('pos=')}: {where}")
+        return nearest
+
+    def _distance(self, signal: Signal, x: float, y: float) -> float:
+        assert self._network is not None
+        pose = self._network.roads[signal.road_id].pose(signal.s, signal.t)
+        return math.hypot(pose.x - x, pose.y - y)
 
     def phase(self, node: Node) -> tuple[str, str]:
         """The names of the controller and its phase that `trafficSignalControllerRef` and `phase` give."""

@@ -122,3 +122,23 @@ def test_a_group_state_is_that_of_all_signals_of_the_road_network_s_controller()
 def test_controllers_that_make_no_sense_are_refused(controller: str, message: str) -> None:
     with pytest.raises(InvalidFile, match=message):
         read(controller)
+
+
+def at_place(name: str) -> str:
+    """The signal that a name of CARLA's stands for, on the road with lights at s = 400 m and 500 m."""
+    network = xodr.load(ROADS / "signals.xodr")
+    element = etree.fromstring(f'<TrafficSignalCondition name="{name}"/>')
+    return TrafficSignals(network=network).signal(Node(element, Path("carla.xosc")), "name")
+
+
+@pytest.mark.parametrize(("name", "signal"), [("id=2", "2"), ("2", "2"), ("pos=400.5,8.5", "1"), ("pos=500, 8", "2")])
+def test_lights_are_named_as_in_files_for_carla(name: str, signal: str) -> None:
+    assert at_place(name) == signal
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"), [("pos=400,-8", "the nearest is '1'"), ("pos=here", "pos=x,y is expected"), ("id=7", "'7'")]
+)
+def test_names_of_no_light_are_refused(name: str, reason: str) -> None:
+    with pytest.raises(InvalidFile, match=reason):
+        at_place(name)

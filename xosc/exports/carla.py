@@ -1,6 +1,6 @@
 """Target `carla`: the part of OpenSCENARIO 1.0 that CARLA's scenario_runner reads, worked out, on standalone OpenDRIVE roads.
 
-Source: scenario_runner's page on its OpenSCENARIO support and its parser (September 2025). What it stops at, leaves out or
+Source: scenario_runner's page on its OpenSCENARIO support and its parser (0.9.16). What it stops at, leaves out or
 reads otherwise is refused (`_REFUSED`), unless it can be expressed in its own way (`carla_changes`); `_IGNORED` gives remarks.
 """
 
