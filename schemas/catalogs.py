@@ -17,6 +17,7 @@ from typing import NamedTuple, Protocol
 from lxml import etree
 
 from schemas.errors import ToolchainError, nearest
+from schemas.remarks import Remark, Remarks
 from schemas.storage import Stamp, stamp
 from schemas.values import quoted
 
@@ -85,11 +86,17 @@ class Entry:
         return {each.get("name") or "" for each in self.element.iterfind("ParameterDeclarations/ParameterDeclaration")}
 
 
+DIRECTORIES = "asam.net:xosc:1.0.0:reference_control.catalogs_referenced_by_directory"
+ENTRIES = "asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability"
+"""Rules that a look-up may find broken."""
+
+
 class Directory(NamedTuple):
-    """What a catalogue location says: the path, and the place in the scenario that says so, for errors."""
+    """What a catalogue location says: the path, and the place in the scenario that says so."""
 
     path: Path
-    where: str
+    file: Path
+    line: int | None
 
 
 class NoEntry(LookupError):
@@ -125,12 +132,16 @@ class Catalogs:
         scenario: the scenario's file.
         location: the directory that a location, named like VehicleCatalog, gives; None where the scenario has none.
         load: reads a catalogue's file.
+        remarks: where remarks are added on directories that are found elsewhere.
     """
 
-    def __init__(self, scenario: Path, location: Callable[[str], Directory | None], load: Load) -> None:
+    def __init__(
+        self, scenario: Path, location: Callable[[str], Directory | None], load: Load, remarks: Remarks | None = None
+    ) -> None:
         self._scenario = scenario
         self._location = location
         self._load = load
+        self._remarks = remarks or Remarks()
         self._known: dict[tuple[str, ...], _Found] = {}
 
     def find(self, holder: str, catalog: str, name: str) -> Entry:
@@ -173,10 +184,15 @@ class Catalogs:
         incomplete = False
         for directory in directories:
             try:
-                files.update(dict.fromkeys(locate(directory.path, self._scenario).files))
+                located = locate(directory.path, self._scenario)
             except (OSError, ValueError):
                 incomplete = True
-                problems.append(f"the directory {directory.path} ({directory.where}) does not exist or cannot be read")
+                place = f"{directory.file}:{directory.line}"
+                problems.append(f"the directory {directory.path} ({place}) does not exist or cannot be read")
+                continue
+            files.update(dict.fromkeys(located.files))
+            if located.assumed:
+                self._remarks.add(Remark(DIRECTORIES, located.assumed, str(directory.file), directory.line))
         results = [_catalog(self._load, file, stamp(file)) for file in files]
         problems += [f"not readable: {result}" for result in results if isinstance(result, str)]
         return _Found([result for result in results if isinstance(result, _Catalog)], problems, incomplete)

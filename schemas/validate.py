@@ -62,6 +62,21 @@ def find_violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violat
             yield Violation(_at(tree, entry.path), entry.message)
 
 
+def first_violations(tree: etree._ElementTree, schema: Schema, most: int) -> list[Violation]:
+    """The first violations as libxml2 finds and words them, which takes a thousandth of the time that explanations take.
+
+    Raises:
+        UsageError: the XSD itself cannot be used.
+    """
+    if schema.xsd_1_1:
+        return list(islice(find_violations(tree, schema), most))
+    compiled = _compiled(schema)
+    if compiled.validate(tree):
+        return []
+    entries = islice(compiled.error_log, most)  # type: ignore[call-overload]  # the stubs forget that it iterates
+    return [Violation(_at(tree, entry.path), entry.message) for entry in entries]
+
+
 @cache
 def _compiled(schema: Schema) -> etree.XMLSchema:
     try:

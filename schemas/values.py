@@ -1,6 +1,6 @@
 """The types of parameters and variables: reading their values from text, and comparing them.
 
-The one truth of these types: checks name what `typed` refuses, and so does loading.
+The one truth of these types: checks name what `typed` refuses, and so does loading, unless `meant` knows what it stands for.
 
 Source: OpenSCENARIO XML 1.3.1, ParameterType and Rule; the value ranges are those of XML Schema's types.
 """
@@ -32,7 +32,13 @@ _EQUALITY = ("equalTo", "notEqualTo")
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _INFINITY = {"INF": math.inf, "+INF": math.inf, "-INF": -math.inf}
+_OTHER_SPELLINGS = {
+    "true": "true", "false": "false",
+    "inf": "INF", "+inf": "INF", "-inf": "-INF", "infinity": "INF", "+infinity": "INF", "-infinity": "-INF",
+}  # fmt: skip
+_INTEGER = re.compile(r"[+-]?\d+", re.ASCII)
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
+_DATE = re.compile(r"\d{4}-\d\d-\d\d", re.ASCII)
 _DATE_TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|[+-]\d\d:\d\d)?", re.ASCII)
 _QUOTED_LENGTH = 80
 
@@ -52,8 +58,6 @@ def type_named(name: str) -> str:
 def typed(kind: str, text: str) -> Value:
     """The value that a text has as a `kind`; a date without a time zone is taken as UTC.
 
-    An integer may be written `2.0`, as distributions and other tools do.
-
     Raises:
         ValueError: the text is no such value, or out of the type's range.
     """
@@ -64,6 +68,28 @@ def typed(kind: str, text: str) -> Value:
     if kind == "boolean":
         return boolean(text)
     return _date_time(text.strip()) if kind == "dateTime" else _integer(kind, text)
+
+
+def meant(kind: str, text: str) -> str:
+    """The text that `typed` takes for what a text stands for: itself, or a spelling of other tools put right.
+
+    These are integers with a fraction of zeros (`2.0`), booleans and infinities in other spellings (`True`, `inf`), and dates
+    without a time, which are midnight.
+
+    Raises:
+        ValueError: the text stands for no value of this type.
+    """
+    try:
+        typed(kind, text)
+    except ValueError:
+        fixed = _OTHER_SPELLINGS.get(text.strip().lower(), text)
+        if kind in _INTEGERS and number(text).is_integer():
+            fixed = str(int(number(text)))
+        if kind == "dateTime" and _DATE.fullmatch(text.strip()):
+            fixed = f"{text.strip()}T00:00:00"
+        typed(kind, fixed)
+        return fixed
+    return text
 
 
 def number(text: str) -> float:
@@ -140,9 +166,9 @@ def _ordered(rule: str, value: Value) -> Value:
 
 
 def _integer(kind: str, text: str) -> int:
-    value = number(text)
-    if not value.is_integer():
+    if not _INTEGER.fullmatch(text.strip()):
         raise ValueError(f"{quoted(text)} is not an integer")
+    value = number(text)  # int() would take its time with a million digits
     low, high = _INTEGERS[kind]
     if not low <= value <= high:
         raise ValueError(f"{quoted(text)} is out of the range of {kind}, {low} to {high}")

@@ -10,18 +10,25 @@ from pathlib import Path
 from lxml import etree
 
 from schemas.errors import InvalidFile
+from schemas.remarks import Remark
 from schemas.storage import read_bytes
 
+_WELL_FORMED = "asam.net:xosc:1.0.0:xml.valid_xml_document"
 _BEFORE_DOCTYPE = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?(?>\s+|<\?.*?\?>|<!--.*?-->)*+<!DOCTYPE", re.DOTALL)
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_DECLARATION = re.compile(rb"<\?xml\s[^?<>]*\?>")
+_DOCTYPE = re.compile(rb"<!DOCTYPE\s[^\[<>]*(?:\[\s*\]\s*)?>")
+_COMMENT_OR_CDATA = re.compile(rb"<!--|<!\[CDATA\[")
 _HINTS_OF_THE_PARSER = re.compile(r", (?:line \d+, column \d+.*|(?:use|try) XML_PARSE_HUGE.*)$", re.DOTALL)
 
 
-def parse(path: str | PathLike[str]) -> etree._ElementTree:
+def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etree._ElementTree:
     """Parse an XML file that may come from anyone.
 
     Args:
         path: a regular file that is not too large (see `schemas.storage`), in any encoding that its declaration or byte order
             mark names.
+        remarks: where given, faults outside of the elements are repaired (see `repaired`), each with a remark added here.
 
     Raises:
         InvalidFile: the file is missing, a folder, empty, too large, not well-formed, or declares a document type
@@ -31,7 +38,14 @@ def parse(path: str | PathLike[str]) -> etree._ElementTree:
     data = read_bytes(path)
     if not data.strip():
         raise InvalidFile("the file is empty", path=path, line=1)
-    return parse_bytes(data, path)
+    try:
+        return parse_bytes(data, path)
+    except InvalidFile:
+        fixed, found = repaired(data, path)
+        if remarks is None or not found:
+            raise
+        remarks += found
+    return parse_bytes(fixed, path)
 
 
 def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
@@ -73,3 +87,59 @@ def local_name(element: etree._Element) -> str:
 
 def _doctype_refused(path: Path, line: int | None) -> InvalidFile:
     return InvalidFile("a document type (DOCTYPE) is refused, with any entities it declares", path=path, line=line)
+
+
+def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
+    """The content of a file without the faults that concern nothing in it, every line where it was, and what was done.
+
+    These are a byte-order mark that is doubled or not at the beginning, an XML declaration that is not at the beginning, a
+    DOCTYPE that declares nothing, and `--` in comments. Encodings in which these have other bytes are left alone.
+    """
+    remarks: list[Remark] = []
+
+    def note(position: int, message: str) -> None:
+        remarks.append(Remark(_WELL_FORMED, message, str(path), data.count(b"\n", 0, position) + 1))
+
+    fixed = data
+    mark = data.find(_BYTE_ORDER_MARK, len(_BYTE_ORDER_MARK) if data.startswith(_BYTE_ORDER_MARK) else 0)
+    start = data.find(b"<")
+    if 0 <= mark < start:
+        note(mark, "a byte-order mark is not at the beginning; it is left out")
+        fixed = fixed.replace(_BYTE_ORDER_MARK, b"")
+    declaration = _DECLARATION.search(fixed)
+    if declaration and fixed[: declaration.start()].removeprefix(_BYTE_ORDER_MARK):
+        note(data.find(declaration[0]), "the XML declaration is not at the beginning; it is read as if it was")
+        before = fixed[: declaration.start()].removeprefix(_BYTE_ORDER_MARK)
+        fixed = declaration[0] + before + _blank(declaration[0]) + fixed[declaration.end() :]
+    doctype = _DOCTYPE.search(fixed)
+    if doctype and _BEFORE_DOCTYPE.match(fixed):
+        note(data.find(doctype[0]), "a document type (DOCTYPE) is not allowed; it declares nothing, and is left out")
+        fixed = fixed[: doctype.start()] + _blank(doctype[0]) + fixed[doctype.end() :]
+    comments = _without_double_hyphens(fixed)
+    if comments != fixed:
+        position = next(i for i, (old, new) in enumerate(zip(fixed, comments, strict=True)) if old != new)
+        line = fixed.count(b"\n", 0, position) + 1
+        remarks.append(Remark(_WELL_FORMED, "there is '--' in a comment; it does not end the comment", str(path), line))
+    return comments, remarks
+
+
+def _without_double_hyphens(data: bytes) -> bytes:
+    """The content, of the same length, without `--` in its comments; CDATA sections as they are."""
+    parts, position = [], 0
+    while (begin := _COMMENT_OR_CDATA.search(data, position)) is not None:
+        is_comment = begin[0] == b"<!--"
+        end = data.find(b"-->" if is_comment else b"]]>", begin.end())
+        if end < 0:
+            break
+        text = data[begin.end() : end]
+        if is_comment:
+            text = text.replace(b"--", b"- ")
+            text = text[:-1] + b" " if text.endswith(b"-") else text
+        parts += [data[position : begin.end()], text]
+        position = end
+    return b"".join([*parts, data[position:]])
+
+
+def _blank(text: bytes) -> bytes:
+    """Spaces and line breaks of the same shape."""
+    return re.sub(rb"[^\r\n]", b" ", text)

@@ -16,6 +16,7 @@ from schemas.remarks import Remark, Remarks
 from schemas.storage import Stamp, stamp
 from schemas.xml import line_of, parse
 from xosc.node import OWN, Node
+from xosc.repairs import repair, revision
 
 VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3))
 """Versions of OpenSCENARIO XML that are read and written."""
@@ -93,8 +94,13 @@ def to_bytes(document: Document) -> bytes:
 
 @lru_cache(maxsize=256)
 def _load(path: str, _: Stamp) -> Document:
-    tree = parse(path)
+    remarks: list[Remark] = []
+    tree = parse(path, remarks)
     root = tree.getroot()
+    etree.strip_attributes(tree, *OWN)
+    node = Node(root, Path(path))
+    if root.tag == OPENSCENARIO:
+        remarks += revision.repair(node, VERSIONS)
     found = detect(tree)
     if found.standard != OPENSCENARIO:
         raise InvalidFile(f"this is {found.standard}, an OpenSCENARIO file is expected", path=path, line=line_of(root))
@@ -103,5 +109,5 @@ def _load(path: str, _: Stamp) -> Document:
     if found.version not in VERSIONS:
         message = f"{found} is not supported, only versions 1.0 to 1.3 of OpenSCENARIO XML are"
         raise Unsupported(message, path=path, line=line_of(root))
-    etree.strip_attributes(tree, *OWN)
-    return Document(Path(path), root, found.version, found.kind)
+    remarks += repair(node, found.version)
+    return Document(Path(path), root, found.version, found.kind, remarks=tuple(remarks))

@@ -14,8 +14,14 @@ from lxml import etree
 
 from schemas.errors import ToolchainError, nearest
 from schemas.expressions import ExpressionError, references, substitute
-from schemas.values import Value, holds, literal, operand, quoted, type_named, typed
+from schemas.remarks import Remark, Remarks
+from schemas.values import Value, holds, literal, meant, number, operand, quoted, type_named, typed
 from xosc.node import Node
+
+TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
+ASSIGNED = "xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared"
+NUMBERS = "xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value"
+"""Rules whose faults are repaired here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +55,14 @@ class Assignment:
         text: the value.
         error: makes the error, from its message, that is raised where the value does not fit.
         symbolic: whether the text may refer to parameters of the declaring scope, as a default may.
+        remark: makes the remark, from a rule and a message, that is added where the assignment is repaired; None where what
+            does not fit is an error.
     """
 
     text: str
     error: Callable[[str], ToolchainError]
     symbolic: bool = False
+    remark: Callable[[str, str], Remark] | None = None
 
 
 class Scope:
@@ -63,6 +72,7 @@ class Scope:
         declarations: the ParameterDeclaration elements.
         outer: the scope around, None where there is none.
         assigned: values that replace defaults, by parameter name.
+        remarks: where remarks on repairs are added.
 
     Raises:
         InvalidFile: a declaration is malformed, its value is not of its type, or values depend on each other in a circle.
@@ -70,19 +80,27 @@ class Scope:
     """
 
     def __init__(
-        self, declarations: Iterable[Node] = (), outer: Scope | None = None, assigned: Mapping[str, Assignment] | None = None
+        self,
+        declarations: Iterable[Node] = (),
+        outer: Scope | None = None,
+        assigned: Mapping[str, Assignment] | None = None,
+        remarks: Remarks | None = None,
     ) -> None:
+        self._remarks = remarks or Remarks()
         self._visible: dict[str, Parameter] = dict(outer._visible) if outer else {}
+        self._declared: dict[str, Node] = dict(outer._declared) if outer else {}
         self.declarations = _by_name(declarations)
+        self._declared |= self.declarations
         assigned = assigned or {}
         for name, assignment in assigned.items():
             if name not in self.declarations:
-                raise assignment.error(f"there is no parameter {quoted(name)} to assign; {nearest(name, self.declarations)}")
+                message = f"there is no parameter {quoted(name)} to assign; {nearest(name, self.declarations)}"
+                self._repair(assignment, ASSIGNED, message, "it is left out")
         for name in self.declarations:
             self._visible.pop(name, None)
         sources = {
-            name: assigned.get(name) or Assignment(declaration.get("value"), declaration.invalid, symbolic=True)
-            for name, declaration in self.declarations.items()
+            name: assigned.get(name) or Assignment(node.get("value"), node.invalid, symbolic=True, remark=node.remark)
+            for name, node in self.declarations.items()
         }
         for name in _in_order(sources):
             self._visible[name] = self._evaluate(name, sources[name])
@@ -116,7 +134,17 @@ class Scope:
                 yield declaration.invalid(f"the parameter {name} = {parameter.text} violates its constraint: {limits}")
 
     def _operand(self, name: str) -> float | int | bool | str:
+        """What an expression sees of a parameter: a text that is a number counts as one."""
         parameter = self._visible[name]
+        if isinstance(parameter.value, str):
+            try:
+                value = number(parameter.value)
+            except ValueError:
+                return parameter.value
+            declaration = self._declared[name]
+            message = f"the text {quoted(parameter.value)} of the parameter {name} is in an expression; it counts as a number"
+            self._remarks.add(declaration.remark(NUMBERS, message))
+            return value
         return operand(parameter.value, parameter.text)
 
     def _evaluate(self, name: str, source: Assignment) -> Parameter:
@@ -127,24 +155,39 @@ class Scope:
             raise declaration.invalid(f"the type of the parameter {name}: {error}") from None
         try:
             text = self.literal(source.text) if source.symbolic else source.text
-            value = typed(kind, text)
         except ExpressionError as error:
             raise source.error(f"the value of the parameter {name}: {error.message}") from None
+        try:
+            spelled = meant(kind, text)
         except ValueError as error:
-            raise source.error(f"the value of the parameter {name}: {error}") from None
-        return Parameter(name, kind, value, literal(kind, value, text))
+            self._repair(source, TYPED, f"the value of the parameter {name}: {error}", "it is kept as text")
+            kind, spelled = "string", text
+        if spelled != text and source.remark is not None:
+            message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            self._remarks.add(source.remark(TYPED, message))
+        value = typed(kind, spelled)
+        return Parameter(name, kind, value, literal(kind, value, spelled))
+
+    def _repair(self, assignment: Assignment, rule: str, fault: str, assumption: str) -> None:
+        """Tell a repair, or refuse it where the assignment is not to be repaired."""
+        if assignment.remark is None:
+            raise assignment.error(fault)
+        self._remarks.add(assignment.remark(rule, f"{fault}; {assumption}"))
 
     def _holds(self, parameter: Parameter, constraint: Node) -> bool:
         """Whether one ValueConstraint holds."""
         try:
-            limit = typed(parameter.type, self.literal(constraint.get("value")))
+            limit = typed(parameter.type, meant(parameter.type, self.literal(constraint.get("value"))))
             return holds(constraint.get("rule"), parameter.value, limit)
         except (ValueError, ExpressionError) as error:
             raise constraint.invalid(f"the constraint of the parameter {parameter.name}: {error}") from None
 
 
-def variables(declarations: Iterable[Node]) -> dict[str, Variable]:
+def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Variable]:
     """Variables by name, from VariableDeclaration elements whose attributes are literals.
+
+    Args:
+        remarks: where remarks on values that are spelled otherwise are added.
 
     Raises:
         InvalidFile: a declaration is malformed, or its value is not of its type.
@@ -154,10 +197,14 @@ def variables(declarations: Iterable[Node]) -> dict[str, Variable]:
         text = declaration.get("value")
         try:
             kind = type_named(declaration.get("variableType"))
-            value = typed(kind, text)
+            spelled = meant(kind, text)
         except ValueError as error:
             raise declaration.invalid(f"the value of the variable {name}: {error}") from None
-        found[name] = Variable(name, kind, value, literal(kind, value, text))
+        if spelled != text:
+            message = f"the value of the variable {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            remarks.add(declaration.remark(TYPED, message))
+        value = typed(kind, spelled)
+        found[name] = Variable(name, kind, value, literal(kind, value, spelled))
     return found
 
 

@@ -12,7 +12,7 @@ from typing import cast
 
 from lxml import etree
 
-from schemas.catalogs import Catalogs, Directory, Entry, NoEntry
+from schemas.catalogs import ENTRIES, EXPECTED, Catalogs, Directory, Entry, NoEntry
 from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError, is_expression
 from schemas.remarks import Remarks
@@ -100,8 +100,8 @@ def resolve(
     report = _refuse if enforce_constraints else violations.append
     remarks = Remarks(strict)
     remarks.add(*document.remarks)
-    scopes = _bind(node, None, assigned, report)
-    _Inliner(Catalogs(document.path, partial(_directory, node), load), report).inline(node, scopes, ())
+    scopes = _bind(node, None, assigned, report, remarks)
+    _Inliner(Catalogs(document.path, partial(_directory, node), load, remarks), report, remarks).inline(node, scopes, ())
     for_carla = is_for_carla(node)
     remarks.add(*to_standard(node))
     return Resolved(
@@ -110,7 +110,7 @@ def resolve(
         version=document.version,
         kind=document.kind,
         parameters=scopes[root].own,
-        variables=variables(_declared(node, "VariableDeclarations")),
+        variables=variables(_declared(node, "VariableDeclarations"), remarks),
         monitors=monitors(_declared(node, "MonitorDeclarations")),
         logic_file=_file(node, "LogicFile"),
         scene_graph_file=_file(node, "SceneGraphFile"),
@@ -124,28 +124,28 @@ def _refuse(violation: ToolchainError) -> None:
     raise violation
 
 
-def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report) -> _Scopes:
+def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report, remarks: Remarks) -> _Scopes:
     """Make every attribute of the elements of one file a literal, in place; the result has a scope for `top` at least."""
-    scopes = {top.element: _declare(top, outer, assigned, report)}
+    scopes = {top.element: _declare(top, outer, assigned, report, remarks)}
     for declarations in list(top.element.iter("ParameterDeclarations")):
         owner = declarations.getparent()
         if owner is not None and owner not in scopes:
-            scopes[owner] = _declare(Node(owner, top.path), _scope_around(owner, scopes), {}, report)
+            scopes[owner] = _declare(Node(owner, top.path), _scope_around(owner, scopes), {}, report, remarks)
     for element in cast(list[etree._Element], _symbolic(top.element)):
         if element.tag not in _DECLARING:
             _substitute(Node(element, top.path), _scope_around(element, scopes))
     return scopes
 
 
-def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report) -> Scope:
+def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report, remarks: Remarks) -> Scope:
     """The scope that an element opens; its declarations and constraints become literals."""
     declarations = _declared(owner, "ParameterDeclarations")
-    scope = Scope(declarations, outer, assigned)
+    scope = Scope(declarations, outer, assigned, remarks)
     parameters = scope.own
     for declaration in declarations:
         parameter = parameters[declaration.get("name")]
         declaration.element.set("value", parameter.text)
-        if "$" in declaration.get("parameterType"):
+        if declaration.get("parameterType") not in (parameter.type, "integer"):
             declaration.element.set("parameterType", parameter.type)
         for constraint in declaration.iter("ValueConstraint"):
             _substitute(constraint, scope)
@@ -178,9 +178,10 @@ def _scope_around(element: etree._Element, scopes: _Scopes) -> Scope:
 class _Inliner:
     """Puts catalogue entries in the place of the references to them."""
 
-    def __init__(self, catalogs: Catalogs, report: _Report) -> None:
+    def __init__(self, catalogs: Catalogs, report: _Report, remarks: Remarks) -> None:
         self._catalogs = catalogs
         self._report = report
+        self._remarks = remarks
         self._elements = 0
 
     def inline(self, top: Node, scopes: _Scopes, inside: tuple[Entry, ...]) -> None:
@@ -190,16 +191,33 @@ class _Inliner:
             entry = self._entry(Node(element, top.path), scope, inside)
             cast(etree._Element, element.getparent()).replace(element, entry)
 
-    def _find(self, reference: Node) -> Entry:
+    def _find(self, reference: Node) -> Entry | None:
+        """The entry that is referred to; None for a controller, which is not executed, that is not there."""
         holder = reference.parent
+        assert holder is not None, "references are below the top element"
+        catalog = reference.get("catalogName")
         try:
-            assert holder is not None, "references are below the top element"
-            return self._catalogs.find(holder.tag, reference.get("catalogName"), reference.get("entryName"))
+            entry = self._catalogs.find(holder.tag, catalog, reference.get("entryName"))
         except NoEntry as error:
-            raise reference.invalid(str(error)) from None
+            if EXPECTED.get(holder.tag) != ("Controller",):
+                raise reference.invalid(str(error)) from None
+            self._remarks.add(
+                reference.remark(ENTRIES, f"{error}; the controller would not be executed, an empty one is assumed")
+            )
+            return None
+        if entry.catalog != catalog:
+            name = Path(entry.path).name
+            message = (
+                f"no catalogue is called {quoted(catalog)}; {name}, called {quoted(entry.catalog)}, is taken by its file name"
+            )
+            self._remarks.add(reference.remark(ENTRIES, message))
+        self._remarks.add(*load(entry.path).remarks)
+        return entry
 
     def _entry(self, reference: Node, scope: Scope, inside: tuple[Entry, ...]) -> etree._Element:
         entry = self._find(reference)
+        if entry is None:
+            return _empty_controller(reference)
         if entry in inside:
             circle = [*inside[inside.index(entry) :], entry]
             raise reference.invalid(f"catalogue entries refer to each other in a circle: {' → '.join(map(str, circle))}")
@@ -214,9 +232,16 @@ class _Inliner:
         element.set(LINE, str(entry.element.sourceline))
         node = Node(element, Path(entry.path))
         outer = scope if entry.version < _CATALOGS_CLOSED_SINCE else None
-        scopes = _bind(node, outer, _assignments(reference), self._report)
+        scopes = _bind(node, outer, _assignments(reference), self._report, self._remarks)
         self.inline(node, scopes, (*inside, entry))
         return element
+
+
+def _empty_controller(reference: Node) -> etree._Element:
+    element = etree.Element("Controller", {"name": reference.get("entryName"), LINE: str(reference.line)})
+    etree.SubElement(element, "Properties")
+    element.tail = reference.element.tail
+    return element
 
 
 def _directory(scenario: Node, location: str) -> Directory | None:
@@ -225,7 +250,7 @@ def _directory(scenario: Node, location: str) -> Directory | None:
     if node is None:
         return None
     directory = node.need("Directory")
-    return Directory(directory.file("path"), directory.where)
+    return Directory(directory.file("path"), directory.path, directory.line)
 
 
 def _assignments(reference: Node) -> dict[str, Assignment]:
@@ -235,7 +260,7 @@ def _assignments(reference: Node) -> dict[str, Assignment]:
         name = node.get("parameterRef")
         if name in found:
             raise node.invalid(f"the parameter {quoted(name)} is assigned twice")
-        found[name] = Assignment(node.get("value"), node.invalid)
+        found[name] = Assignment(node.get("value"), node.invalid, remark=node.remark)
     return found
 
 

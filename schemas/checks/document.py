@@ -201,7 +201,7 @@ class Document:
             for directory in element.iterchildren("Directory"):
                 name = self.value(directory, "path")
                 path = self.path.parent if name is None else self.file(name)
-                return Directory(path, f"{self.path}:{line_of(directory)}")
+                return Directory(path, self.path, line_of(directory))
         return None
 
     def entry(self, reference: etree._Element) -> Entry | None:

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 
-from schemas.catalogs import locate
+from schemas.catalogs import DIRECTORIES, locate
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
 from schemas.xml import local_name
 
 
-@rule("asam.net:xosc:1.0.0:reference_control.catalogs_referenced_by_directory", level="warning", kinds=("scenario",))
+@rule(DIRECTORIES, level="warning", kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """A catalogue location must name an existing folder, relative to the scenario.
 

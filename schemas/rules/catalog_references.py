@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from schemas.catalogs import NoEntry
+from schemas.catalogs import ENTRIES, NoEntry
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
 
 
-@rule("asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability", kinds=("scenario",))
+@rule(ENTRIES, kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """A CatalogReference must name an entry of a catalogue in one of the catalogue locations.
 

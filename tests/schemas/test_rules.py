@@ -93,6 +93,20 @@ FAULTS = [
         'maxSpeed="$topSpeed"  ',
     ),
     Fault(ASAM + "1.2.0:data_type.allowed_operators", "scenario", "${$twice / 2}", "${$twice ** 2}", "**"),
+    Fault(
+        OWN + "1.0.0:parameters.declared_name_is_a_name",
+        "scenario",
+        "<MonitorDeclarations>",
+        '<MonitorDeclarations><MonitorDeclaration name="$m" value="true"/>',
+        '"$m"',
+    ),
+    Fault(
+        OWN + "1.0.0:parameters.declarations_are_unique",
+        "catalog",
+        "</ParameterDeclarations>",
+        '<ParameterDeclaration name="topSpeed" parameterType="double" value="60"/></ParameterDeclarations>',
+        '"60"',
+    ),
     Fault(OWN + "1.1.0:expressions.expression_has_a_value", "scenario", "${$twice / 2}", "${1 / ($twice - 40)}", "- 40"),
     Fault(
         ASAM + "1.0.0:parameters.parameter_declaration_parameter_type_inference",

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.values import TYPES, holds, literal, number, type_named, typed
+from schemas.values import TYPES, holds, literal, meant, number, type_named, typed
 
 RIGHT = [
     ("double", " 1.50 ", 1.5),
@@ -16,7 +16,6 @@ RIGHT = [
     ("double", "-INF", -math.inf),
     ("double", ".5e-3", 0.0005),
     ("int", "-2147483648", -(2**31)),
-    ("int", "2.0", 2),
     ("unsignedInt", "4294967295", 2**32 - 1),
     ("unsignedShort", "65535", 65535),
     ("boolean", "1", True),
@@ -32,6 +31,7 @@ WRONG = [
     ("double", "٣"),
     ("double", ""),
     ("int", "2.5"),
+    ("int", "2.0"),
     ("int", "2147483648"),
     ("int", "INF"),
     ("unsignedInt", "-1"),
@@ -103,3 +103,40 @@ def test_times_compare_across_zones():
     noon, same = typed("dateTime", "2024-05-31T12:00:00"), typed("dateTime", "2024-05-31T14:00:00+02:00")
     assert holds("equalTo", noon, same)
     assert holds("lessThan", noon, typed("dateTime", "2024-05-31T12:00:00.500Z"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "fixed"),
+    [
+        ("int", "2.0", "2"),
+        ("unsignedShort", " 7.00", "7"),
+        ("boolean", "True", "true"),
+        ("boolean", "FALSE", "false"),
+        ("double", "inf", "INF"),
+        ("double", "-Infinity", "-INF"),
+        ("dateTime", "2024-05-31", "2024-05-31T00:00:00"),
+        ("double", " 1.5", " 1.5"),
+        ("string", "True", "True"),
+    ],
+)
+def test_spellings_of_other_tools_are_known(kind, text, fixed):
+    assert meant(kind, text) == fixed
+
+
+@pytest.mark.parametrize(("kind", "text"), [pair for pair in WRONG if pair not in (
+    ("int", "2.0"), ("boolean", "True"), ("dateTime", "2024-05-31"), ("double", "infinity"))])  # fmt: skip
+def test_what_has_no_meaning_is_not_guessed(kind, text):
+    with pytest.raises(ValueError):
+        meant(kind, text)
+
+
+@given(st.sampled_from(TYPES), st.text(max_size=20))
+def test_what_is_meant_is_typed_and_what_is_typed_is_meant(kind, text):
+    try:
+        fixed = meant(kind, text)
+    except ValueError:
+        with pytest.raises(ValueError):
+            typed(kind, text)
+        return
+    typed(kind, fixed)
+    assert meant(kind, fixed) == fixed

@@ -33,17 +33,26 @@ texts = st.one_of(
 
 
 def verdict(path: Path, *rules: str) -> tuple[bool, bool]:
-    """Whether a check names a fault by one of these rules, and whether loading refuses the file."""
+    """Whether a check names a fault by one of these rules, and whether loading refuses the file when it is strict.
+
+    When it is not, it refuses or repairs what is named, and nothing else.
+    """
     named = any(problem.rule in rules and problem.level == "error" for problem in check(path))
     try:
-        xosc.resolve(xosc.load(path))
+        remarks = {remark.rule for remark in xosc.resolve(xosc.load(path)).remarks}
+        assert named == bool(remarks & set(rules)) and remarks <= set(rules)
+    except InvalidFile:
+        assert named
+    try:
+        xosc.resolve(xosc.load(path, strict=True), strict=True)
     except InvalidFile:
         return named, True
     return named, False
 
 
 def write(folder: Path, **parts: str) -> Path:
-    empty = dict.fromkeys(("parameters", "declarations", "locations", "road", "entities", "storyboard"), "")
+    empty = dict.fromkeys(("parameters", "declarations", "locations", "road", "entities"), "")
+    empty["storyboard"] = "<Init><Actions/></Init><StopTrigger/>"
     path = folder / f"{next(_NUMBERS)}.xosc"
     path.write_text(SCENARIO.format(minor=3, **empty | parts), encoding="utf-8")
     return path
@@ -115,4 +124,9 @@ def test_an_entry_of_a_catalogue(scenario, catalog, case):
     )
     reference = f'<CatalogReference catalogName="{name}" entryName="{entry}"/>'
     path = scenario(locations=locations, entities=f'<ScenarioObject name="Ego">{reference}</ScenarioObject>')
-    assert verdict(path, ENTRY) == (not found, not found)
+    assert any(problem.rule == ENTRY and problem.level == "error" for problem in check(path)) == (not found)
+    if found:
+        assert xosc.resolve(xosc.load(path)).node.find("Entities", "ScenarioObject", "Vehicle")
+    else:
+        with pytest.raises(InvalidFile):
+            xosc.resolve(xosc.load(path))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from schemas.errors import UsageError, nearest
 from schemas.expressions import ExpressionError, references
-from schemas.values import quoted, type_named, typed
+from schemas.values import meant, quoted, type_named
 from xosc.distributions.deterministic import Deterministic
 from xosc.distributions.file import ParameterValueDistribution
 from xosc.distributions.values import text
@@ -118,7 +118,7 @@ class ParameterSpace:
     def _check(self, name: str, value: str) -> None:
         """Refuse, at its place in this file, a value that is not of its parameter's type."""
         try:
-            typed(type_named(self._types[name]), value)
+            meant(type_named(self._types[name]), value)
         except ValueError as error:
             raise self._places[name].invalid(f"the value of the parameter {name}: {error}") from None
 

@@ -1,0 +1,1 @@
+"""The kinds of repairs, one module each, in the order of their names."""

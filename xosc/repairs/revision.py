@@ -1,0 +1,81 @@
+"""The revision that a document has by its content, where its header names none, or a wrong one."""
+
+from __future__ import annotations
+
+import copy
+
+from lxml import etree
+
+from schemas.registry import HEADERS, OPENSCENARIO, header_of, revision, schema_for
+from schemas.remarks import Remark
+from schemas.validate import first_violations
+from xosc.node import Node
+
+UID = "asam.net:xosc:1.0.0:xml.version_is_defined"
+_HEADER = {"author": "", "date": "1970-01-01T00:00:00", "description": ""}
+
+Version = tuple[int, int]
+
+
+def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
+    """Enter the revision of the version whose schema the document keeps, where it does not keep that of its own.
+
+    Where several do, it is the one nearest to what the header says; the newest where that says nothing.
+
+    Args:
+        root: the root, in no namespace; its header is changed or added.
+        versions: those that can be read, ascending.
+    """
+    header = header_of(root.element)
+    claimed = _claimed(header)
+    if claimed in versions and (_is_valid(root, claimed) or _keeps(root, claimed)):
+        return []
+    for version in sorted(versions, key=lambda each: _distance(each, claimed)):
+        if version != claimed and _keeps(root, version):
+            break
+    else:
+        return []
+    name = f"{version[0]}.{version[1]}"
+    if header is None:
+        header = etree.Element(HEADERS[OPENSCENARIO], _HEADER)
+        root.element.insert(0, header)
+        place, message = root, f"there is no FileHeader with a revision; the content is that of version {name}"
+    else:
+        said = f"the revision {claimed[0]}.{claimed[1]}" if claimed else "no revision"
+        place, message = Node(header, root.path), f"the header has {said}, the content is that of version {name}"
+    header.set("revMajor", str(version[0]))
+    header.set("revMinor", str(version[1]))
+    return [place.remark(UID, message)]
+
+
+def _claimed(header: etree._Element | None) -> Version | None:
+    if header is None:
+        return None
+    major, minor = revision(header.get("revMajor")), revision(header.get("revMinor"))
+    return None if major is None or minor is None else (major, minor)
+
+
+def _distance(version: Version, claimed: Version | None) -> tuple[int, int]:
+    """How far a version is from what is claimed; of two that are as far, the newer comes first."""
+    distance = abs(100 * version[0] + version[1] - 100 * claimed[0] - claimed[1]) if claimed else 0
+    return distance, -version[1]
+
+
+def _is_valid(root: Node, version: Version) -> bool:
+    schema = schema_for(OPENSCENARIO, version)
+    return schema is None or not first_violations(root.element.getroottree(), schema, 1)
+
+
+def _keeps(root: Node, version: Version) -> bool:
+    """Whether the content keeps the schema of a version, whatever the header says."""
+    schema = schema_for(OPENSCENARIO, version)
+    if schema is None:
+        return False
+    tree = copy.deepcopy(root.element.getroottree())
+    header = header_of(tree.getroot())
+    if header is None:
+        header = etree.Element(HEADERS[OPENSCENARIO])
+        tree.getroot().insert(0, header)
+    for name, value in {**_HEADER, "revMajor": str(version[0]), "revMinor": str(version[1])}.items():
+        header.set(name, value)
+    return not first_violations(tree, schema, 1)
