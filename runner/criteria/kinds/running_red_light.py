@@ -33,7 +33,7 @@ def evaluate(drive: Drive) -> Finding:
     if dark:
         reason = f"passed the light {dark[0].signal.id} at {dark[0].time:.2f} s, to which the scenario gives no state"
         return Finding(None, None, reason)
-    return Finding(True, 0.0, f"passed {len(found)} traffic lights, none of them red" if found else "came past no traffic light")
+    return Finding(True, 0.0, f"traffic lights passed: {len(found)}, none of them red" if found else "came past no traffic light")
 
 
 def _is_light(signal: Signal) -> bool:

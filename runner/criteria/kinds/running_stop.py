@@ -28,7 +28,7 @@ def evaluate(drive: Drive) -> Finding:
     ran = [crossing for crossing in found if not _stopped(drive, crossing)]
     if ran:
         return Finding(False, float(len(ran)), f"ran the stop sign {ran[0].signal.id} at {ran[0].time:.2f} s")
-    return Finding(True, 0.0, f"stopped at {len(found)} stop signs" if found else "came past no stop sign")
+    return Finding(True, 0.0, f"stop signs passed: {len(found)}, all after a stop" if found else "came past no stop sign")
 
 
 def _is_stop_sign(signal: Signal) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lxml import etree
 
 import xodr
 from runner.criteria.criterion import Contact, Drive, Finding
@@ -187,6 +188,36 @@ def test_lights_are_for_one_direction() -> None:
 
 
 @pytest.fixture
+def lit_crossing(tmp_path: Path) -> xodr.RoadNetwork:
+    """The crossing with a light behind it on road 3, which holds by reference on the connecting road 102, as in CARLA's towns."""
+    root = etree.parse(ROADS / "crossing.xodr").getroot()
+    light = (
+        's="5" t="6" id="ahead" name="" dynamic="yes" orientation="-" zOffset="4" type="1000001" subtype="-1" country="OpenDRIVE"'
+    )
+    for road, inside in (
+        ("3", f'<signal {light}><validity fromLane="0" toLane="0"/></signal>'),
+        (
+            "102",
+            '<signalReference s="20" t="0" id="ahead" orientation="+"><validity fromLane="-1" toLane="-1"/></signalReference>',
+        ),
+    ):
+        element = root.find(f"road[@id='{road}']")
+        element.append(etree.fromstring(f"<signals>{inside}</signals>"))
+    path = tmp_path / "lit.xodr"
+    path.write_bytes(etree.tostring(root))
+    return xodr.load(path)
+
+
+@pytest.mark.parametrize(("red_from", "passed"), [(0.0, False), (6.0, True)])
+def test_lights_of_a_junction_hold_where_it_is_entered(lit_crossing: xodr.RoadNetwork, red_from: float, passed: bool) -> None:
+    recorded = track(ahead(60, -60, y=1.75))
+    states = {"ahead": [(0.0, "green"), (red_from, "red")]}
+    found = judge("RunningRedLightTest", Drive(recorded, Recording([recorded], 0.1, lit_crossing), lights=states))
+    assert found.passed is passed
+    assert found.reason == ("traffic lights passed: 1, none of them red" if passed else "ran the red light ahead at 4.90 s")
+
+
+@pytest.fixture
 def stop_sign(tmp_path: Path) -> xodr.RoadNetwork:
     """The straight road with a stop sign at s = 100 m for the right lanes, and at s = 300 m for one lane only."""
     text = (ROADS / "signals.xodr").read_text()
@@ -210,7 +241,9 @@ def stopping(at: float, network: xodr.RoadNetwork, y: float = -1.75) -> Drive:
 def test_running_stop_needs_a_standstill_near_the_line(stop_sign: xodr.RoadNetwork, front: float, passed: bool) -> None:
     found = judge("RunningStopTest", stopping(96.0 + front, stop_sign))
     assert found.passed is passed
-    assert found.reason == ("stopped at 1 stop signs" if passed else "ran the stop sign stop100 at " + found.reason[-6:])
+    assert found.reason == (
+        "stop signs passed: 1, all after a stop" if passed else "ran the stop sign stop100 at " + found.reason[-6:]
+    )
 
 
 def test_a_stop_sign_of_another_lane_is_not_met(stop_sign: xodr.RoadNetwork) -> None:
