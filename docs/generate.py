@@ -36,9 +36,9 @@ MODULES = (
     "recognition.catalogue.recognisers.model",
     "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.trfe.screening",
     "recognition.recorder",
-    "recognition.maneuvers.units",
-    "generation", "generation.parameters", "generation.recorded", "generation.mcsg.search", "generation.logical",
-    "generation.loop.settings", "generation.loop.loop",
+    "recognition.maneuvers.estimation", "recognition.maneuvers.units",
+    "generation", "generation.parameters", "generation.recorded", "generation.mcsg.search", "generation.mcsg.settings",
+    "generation.logical", "generation.loop.settings", "generation.loop.loop",
 )  # fmt: skip
 """The public surface: what these modules list in `__all__`, or else define without an underscore."""
 

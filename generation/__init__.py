@@ -8,7 +8,7 @@ from schemas.packages import public
 
 if TYPE_CHECKING:
     from generation.pipeline import Generated as Generated
-    from generation.pipeline import Settings as Settings
+    from generation.pipeline import SearchSettings as SearchSettings
     from generation.pipeline import generate as generate
 
     __version__: str
@@ -17,9 +17,9 @@ else:
         __name__,
         {
             "Generated": "generation.pipeline",
-            "Settings": "generation.pipeline",
+            "SearchSettings": "generation.pipeline",
             "generate": "generation.pipeline",
         },
     )
 
-__all__ = ["Generated", "Settings", "generate"]
+__all__ = ["Generated", "SearchSettings", "generate"]

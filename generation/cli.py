@@ -19,7 +19,7 @@ from schemas.errors import UsageError
 if TYPE_CHECKING:
     from generation.outcomes.evaluator import Outcomes
     from generation.parameters import Space
-    from generation.pipeline import Generated, Settings
+    from generation.pipeline import Generated, SearchSettings
     from generation.recorded import Recorded as Units
 
 NAME = "xosc-generate"
@@ -78,9 +78,9 @@ def xosc_generate(
     parameters as a stochastic variation file, and copies of all that they need to run.
     """
     from generation.outcomes.cases import Choice
-    from generation.pipeline import Settings
+    from generation.pipeline import SearchSettings
 
-    settings = Settings(
+    settings = SearchSettings(
         RunSettings(sut=sut, timestep=timestep), method, budget, seed, density, weight, rss, jobs,
         parameters_of(pin or [], "--pin"), tuple(free or ()), Choice(most, apart), concrete,
     )  # fmt: skip
@@ -107,7 +107,7 @@ def _searches(source: Path, recorded: Path | None, kind: str | None, out: Path) 
         yield Search(each.path, each.on, out / each.path.parent.name)
 
 
-def _found(search: Search, settings: Settings, quiet: bool, catalogue: bool) -> bool:
+def _found(search: Search, settings: SearchSettings, quiet: bool, catalogue: bool) -> bool:
     """Search one scenario; whether there are edge cases. In a catalogue the next one follows where one can't be searched."""
     from generation.pipeline import generate
 
@@ -124,7 +124,7 @@ def _found(search: Search, settings: Settings, quiet: bool, catalogue: bool) -> 
     return bool(generated.files)
 
 
-def _report(scenario: Path, generated: Generated, settings: Settings) -> Iterator[str]:
+def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """What was found, in lines."""
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())

@@ -27,7 +27,7 @@ LEAST = 30
 
 
 @dataclass(frozen=True)
-class Settings:
+class SearchSettings:
     """What to search for, and how.
 
     Attributes:
@@ -82,7 +82,7 @@ def generate(
     scenario: Path,
     recorded: Callable[[Space], Recorded],
     out: Path,
-    settings: Settings,
+    settings: SearchSettings,
     progress: Callable[[int], None] = lambda runs: None,
     found: Floats | None = None,
 ) -> Generated:
@@ -127,7 +127,7 @@ def _prior(real: Recorded, name: str, scenario: Path) -> Realism:
     return Realism.fitted(name, real.theta, real.recordings)
 
 
-def _runs_file(scenario: Path, space: Space, out: Path, settings: Settings) -> Path:
+def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings) -> Path:
     """The file of the runs, another one for everything that decides what a run gives.
 
     Raises:
@@ -142,11 +142,11 @@ def _runs_file(scenario: Path, space: Space, out: Path, settings: Settings) -> P
     return out / f"{scenario.stem}_runs_{digest(repr(deciding).encode())}.jsonl"
 
 
-def _evaluator(scenario: Path, space: Space, settings: Settings, run: RunSettings) -> Evaluator:
+def _evaluator(scenario: Path, space: Space, settings: SearchSettings, run: RunSettings) -> Evaluator:
     return Evaluator(scenario, space, run=run, rss=settings.rss, processes=settings.processes)
 
 
-def _write(scenario: Path, space: Space, out: Path, settings: Settings, cases: Cases, density: Density) -> list[Path]:
+def _write(scenario: Path, space: Space, out: Path, settings: SearchSettings, cases: Cases, density: Density) -> list[Path]:
     run = settings.run
     evidence = Evidence(system_name(run.sut), settings.method, settings.rss, settings.seed, settings.budget, run.timestep)
     writer = Writer(scenario, space, out)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from generation.outcomes.cases import Choice
-from generation.pipeline import Settings as Search
+from generation.pipeline import SearchSettings
 from runner.settings import RunSettings
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
@@ -47,10 +47,10 @@ class LoopSettings:
         own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes")}
         return {name: str(value) for name, value in (self.run.as_json() | own).items()}
 
-    def search(self, number: int) -> Search:
+    def search(self, number: int) -> SearchSettings:
         """The settings of the searches of a round, whose number counts from 1."""
         seed = self.seed + 1000 * (number - 1)
-        return Search(
+        return SearchSettings(
             run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes,
             choice=Choice(self.most), concrete=True,
         )  # fmt: skip

@@ -62,7 +62,7 @@ class Outcomes:
 
 
 @dataclass(eq=False)
-class Runs:
+class Simulator:
     """Runs scenarios in lasting processes. A context manager.
 
     The outcomes are the same whatever the number of processes; a run that fails, or takes its process down, says so in them.
@@ -111,8 +111,8 @@ class Runs:
 
 
 @dataclass(eq=False)
-class Evaluator(Runs):
-    """Runs a logical scenario at points of its parameter space; settings as those of `Runs`.
+class Evaluator(Simulator):
+    """Runs a logical scenario at points of its parameter space; settings as those of `Simulator`.
 
     Args:
         scenario: the file.

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from generation.loop.tasks.failures import Failures, failures
-from generation.pipeline import Settings, generate
+from generation.pipeline import SearchSettings, generate
 from generation.recorded import kind_of, of_recordings, of_samples
 from runner.settings import RunSettings
 from xodr.array_types import FloatArray
@@ -40,7 +40,7 @@ def compared(
     samples = of_recordings(recorded, kind or kind_of(scenario))
 
     def search(seed: int, found: FloatArray | None = None, before: FloatArray | None = None) -> Failures:
-        settings = Settings(RunSettings(sut=sut), budget=budget, seed=seed, processes=processes)
+        settings = SearchSettings(RunSettings(sut=sut), budget=budget, seed=seed, processes=processes)
         with TemporaryDirectory() as out:
             made = generate(scenario, partial(of_samples, samples), Path(out), settings, found=found)
         return failures(made.space, made.history, before)

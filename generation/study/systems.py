@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.outcomes.cases import CAREFUL
-from generation.outcomes.evaluator import Outcomes, Runs
+from generation.outcomes.evaluator import Outcomes, Simulator
 from runner.batch.jobs import Job, Outcome
 from runner.settings import RunSettings
 
@@ -141,7 +141,7 @@ def compare(
     """
     outcomes: dict[str, Outcomes] = {}
     for system in dict.fromkeys((*systems, CAREFUL)):
-        with Runs(run=RunSettings(sut=system, timestep=timestep), processes=processes) as runs:
+        with Simulator(run=RunSettings(sut=system, timestep=timestep), processes=processes) as runs:
             progress(system)
             outcomes[system] = runs.of(cases)
     return Comparison(list(cases), outcomes)

@@ -9,13 +9,13 @@ import pytest
 
 from generation.logical.library import SCENARIOS
 from generation.parameters import Space
-from generation.pipeline import LEAST, Settings, generate
+from generation.pipeline import LEAST, SearchSettings, generate
 from generation.recorded import Recorded
 from runner.settings import RunSettings
 from schemas.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-QUICK = Settings(method="random", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))
+QUICK = SearchSettings(method="random", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))
 
 
 def drawn(n: int) -> Recorded:

@@ -40,11 +40,11 @@ def command(
     After an interruption the same command continues; more seeds and methods can be added later.
     """
     from generation.recorded import kind_of, of_recordings, of_samples
-    from generation.study.comparison.study import Settings, Study
+    from generation.study.comparison.study import Study, StudySettings
 
     names = _methods(methods)
     samples = of_recordings(recorded, kind or kind_of(scenario))
-    settings = Settings(sut, budget, density, timestep=timestep, pinned=parameters_of(pin or []))
+    settings = StudySettings(sut, budget, density, timestep=timestep, pinned=parameters_of(pin or []))
     with (
         interruptible(NAME, "the same command continues"),
         Study(scenario, lambda space: of_samples(samples, space), out, settings, jobs) as study,

@@ -10,7 +10,7 @@ import numpy as np
 from generation.outcomes.cases import Choice, best
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.problem import Episodes, joined
-from generation.study.comparison.study import Settings, Study
+from generation.study.comparison.study import Study, StudySettings
 from generation.study.methods import TRAJECTORIES
 from runner.batch.jobs import Job
 from schemas.errors import InvalidFile, UsageError
@@ -35,7 +35,7 @@ def opened(folder: Path, library: Path, recorded: Path | None = None) -> Study:
         values = json.loads(path.read_bytes())
         scenario = library / values.pop("scenario")
         del values["inputs"]
-        settings = Settings(**values)
+        settings = StudySettings(**values)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InvalidFile(f"this is no study's configuration: {error}", path=path) from None
     samples = of_recordings(recorded, kind_of(scenario))

@@ -34,7 +34,7 @@ from schemas.errors import UsageError
 
 
 @dataclass(frozen=True)
-class Settings:
+class StudySettings:
     """What makes results comparable: only results of the same settings share a folder.
 
     Attributes:
@@ -88,7 +88,7 @@ class Study:
         scenario: Path,
         recorded: Callable[[Space], Recorded],
         out: Path,
-        settings: Settings,
+        settings: StudySettings,
         processes: int = 2,
         evaluators: Callable[[str, Path, Space], Evaluate] | None = None,
     ) -> None:

@@ -13,8 +13,7 @@ import xosc
 from generation.outcomes.cases import Choice
 from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Space
-from generation.pipeline import Settings as Generate
-from generation.pipeline import generate
+from generation.pipeline import SearchSettings, generate
 from generation.recorded import Recorded
 from generation.search.problem import History, Problem
 from generation.study.comparison import trajectories
@@ -22,7 +21,7 @@ from generation.study.comparison.edge_cases import edge_cases, opened
 from generation.study.comparison.figures import write_figures
 from generation.study.comparison.measures import avoided, curves, last_third, measure, taken
 from generation.study.comparison.report import write_report
-from generation.study.comparison.study import Key, Settings, Study
+from generation.study.comparison.study import Key, Study, StudySettings
 from generation.study.knots.motion import Setting, maneuvers_of
 from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
@@ -42,7 +41,7 @@ def study(out: Path, evaluate: Callable[[Floats], Outcomes] | None = None, budge
         own = evaluate or Kinematic()
         return own if scenario == SCENARIO else lambda knots: own(maneuvers_of(knots, Setting(30.0, 3.75)).theta)
 
-    return Study(SCENARIO, recorded, out, Settings(budget=budget), evaluators=evaluators)
+    return Study(SCENARIO, recorded, out, StudySettings(budget=budget), evaluators=evaluators)
 
 
 @pytest.fixture(scope="module")
@@ -116,13 +115,13 @@ def test_searches_of_trajectories_are_told_by_both_kinds_of_parameters(tmp_path:
     assert float(rows["recorded, by their knots"][1]) > 0.9
     assert float(rows["No-Maneuver"][5]) == pytest.approx(measure(last_third(told), found.problem).edge_cases, abs=6e-4)
     with pytest.raises(UsageError, match="no search method 'no-maneuver'"):
-        generate(SCENARIO, recorded, tmp_path / "files", Generate(method="no-maneuver"))
+        generate(SCENARIO, recorded, tmp_path / "files", SearchSettings(method="no-maneuver"))
 
 
 def test_there_are_trajectories_beside_all_seven_parameters_only(tmp_path: Path) -> None:
     part = Study(
         SCENARIO, lambda space: Recorded(driven(60)[:, :6], np.arange(60).astype(str)), tmp_path,
-        Settings(pinned={"CutIn_RestTime_s": "2"}), evaluators=lambda sut, scenario, space: Kinematic(),
+        StudySettings(pinned={"CutIn_RestTime_s": "2"}), evaluators=lambda sut, scenario, space: Kinematic(),
     )  # fmt: skip
     with pytest.raises(UsageError, match="all seven parameters of cut_in_highway only"):
         list(part.run([Key("no-maneuver", 0)]))
