@@ -8,6 +8,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 import typer
@@ -56,12 +57,19 @@ def test_every_package_that_names_what_is_public_is_in_the_reference() -> None:
 
 
 def options() -> dict[str, set[str]]:
-    """Names of the options of every command."""
-    commands = {name: typer.main.get_command(app) for name, app in generate.apps()}
-    return {
-        name: {"--help"} | {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
-        for name, command in commands.items()
-    }
+    """Names of the options of every command and subcommand; what `xosc-recognize` takes by itself is for `catalogue`."""
+    found: dict[str, set[str]] = {}
+    for name, app in generate.apps():
+        command = typer.main.get_command(app)
+        found[name] = _options(command)
+        for inner, subcommand in getattr(command, "commands", {}).items():
+            found[f"{name} {inner}"] = _options(subcommand)
+    found["xosc-recognize"] |= found["xosc-recognize catalogue"]
+    return found
+
+
+def _options(command: Any) -> set[str]:
+    return {"--help"} | {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
 
 
 def test_pages_name_options_that_there_are() -> None:
