@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.batch.batch import Also
-    from runner.batch.jobs import Outcome
+    from runner.batch.jobs import Job, Outcome
     from runner.outputs.terminal import Table
 
 _EPILOG = (
@@ -35,10 +35,20 @@ app = new_app()
 @with_run_settings()
 def xosc_run(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Scenarios, and distributions: every parameter set is run.")
+        list[str],
+        typer.Argument(metavar="PATH...", help="Scenarios, and distributions: every parameter set is run; folders, globs."),
     ],
     settings: RunSettings,
     param: Param = None,
+    only: Annotated[
+        str | None, typer.Option(metavar="NUMBERS", help="Run these parameter sets of variation files only, as 3,7-9, from 0.")
+    ] = None,
+    sample: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Run N parameter sets of each variation file, drawn by --seed.")
+    ] = None,
+    repeat: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Run everything N times, with seeds that count up from --seed.")
+    ] = None,
     out: Annotated[Path | None, out_folder("Folder for trajectories, event log and result of each run.")] = None,
     osi: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
@@ -64,6 +74,7 @@ def xosc_run(
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
     from runner.batch.batch import rehearse_batch, run_batch
     from runner.batch.jobs import jobs_of
+    from runner.batch.selection import Selection, runnable, spans
     from runner.outputs.terminal import Table
 
     if out is None and (resume or plot):
@@ -71,19 +82,22 @@ def xosc_run(
     if junit is not None:
         junit.parent.mkdir(parents=True, exist_ok=True)
         junit.open("a").close()  # what can't be written is better known before the runs than after them
-    source = jobs_of(files, parameters_of(param or []), settings.enforce_constraints)
+    selection = Selection(spans(only) if only is not None else (), sample, settings.seed, None if dry_run else repeat)
+    source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection)
+    table = Table(verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0)
+    chosen: Iterable[Job | Outcome] = source
     if osi is not None:
         from runner.exports.osi import alone
 
-        source = alone(source, osi)
+        chosen = alone(source, osi)
     also = list(_also(osi, replay, gui, out))
     if dry_run:
-        outcomes = rehearse_batch(source, settings)
+        outcomes = rehearse_batch(chosen, settings)
     else:
-        outcomes = run_batch(source, settings, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
+        outcomes = run_batch(chosen, settings, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
     kept: list[Outcome] | None = [] if junit is not None else None
     try:
-        code = _follow(outcomes, Table(verbose=verbose, quiet=quiet), kept)
+        code = _follow(outcomes, table, kept)
     finally:
         if junit is not None and kept is not None:
             from runner.outputs.report import write_junit

@@ -6,7 +6,9 @@ import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,19 +28,42 @@ Also = Callable[["RunResult"], None]
 
 
 def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Generator[Outcome]:
-    """Load, resolve and compile what is to be run, without running it."""
+    """Load, resolve and compile what is to be run, without running it; one outcome a file, the gravest of its sets."""
+    for _, group in groupby(jobs, key=lambda job: job.job.source if isinstance(job, Outcome) else job.source):
+        yield _rehearsed(group, settings)
+
+
+def _rehearsed(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Outcome:
+    """What becomes of the jobs of one file."""
+    first, count, failures, remarks = None, 0, list[Outcome](), dict[str, None]()
+    for job in jobs:
+        count += 1
+        outcome = job if isinstance(job, Outcome) else _compiled(job, settings)
+        first = first or outcome.job
+        if outcome.state == "error":
+            failures.append(replace(outcome, trace="" if failures else outcome.trace))
+        elif outcome.message:
+            remarks[outcome.message] = None
+    assert first is not None
+    varied = first.source != first.scenario
+    name = first.name.rpartition("~")[0] or first.name if varied else first.name
+    job = Job(name, first.source, first.scenario)
+    if not failures:
+        return Outcome(job, "loaded", 0, "; ".join([f"{count} parameter sets"] * varied + [*remarks]), status="compiled")
+    gravest = max(failures, key=lambda outcome: outcome.exit_code)
+    share = f"{len(failures)} of {count} parameter sets: " if count > 1 else ""
+    return replace(gravest, job=job, message=share + gravest.message)
+
+
+def _compiled(job: Job, settings: RunSettings) -> Outcome:
     from runner.interpreter.execution import prepare
 
-    for job in jobs:
-        if isinstance(job, Outcome):
-            yield job
-            continue
-        try:
-            prepare(job.scenario, job.parameters, settings).ego(settings.ego)
-            outcome = Outcome(job, "passed", 0, status="compiled")
-        except Exception as error:  # a defect of ours is an outcome too, the other files go on
-            outcome = failure(job, error)
-        yield outcome
+    try:
+        prepared = prepare(job.scenario, job.parameters, settings)
+        prepared.ego(settings.ego)
+    except Exception as error:  # a defect of ours is an outcome too, the other files go on
+        return failure(job, error)
+    return Outcome(job, "loaded", 0, "; ".join(map(str, prepared.scenario.remarks)), status="compiled")
 
 
 def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
@@ -56,7 +81,8 @@ def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Se
     from runner.interpreter.execution import run
 
     try:
-        result = run(job.scenario, settings, parameters=job.parameters)
+        own = settings if job.seed is None else replace(settings, seed=job.seed)
+        result = run(job.scenario, own, parameters=job.parameters)
         result.name = job.name
         measures = _write(result, out / job.name, plot) if out is not None else {}
         for act in also:

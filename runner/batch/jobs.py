@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from schemas.errors import InvalidFile, Unsupported, UsageError, describe
+from runner.batch.selection import Selection
+from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError, describe
+
+if TYPE_CHECKING:
+    from xosc.distributions import ParameterSpace
 
 _LONGEST = 100
 """Characters of a job's name that come from its file's name."""
@@ -24,12 +28,21 @@ class Job:
         source: the file that the user named (a scenario, or a parameter value distribution).
         scenario: the scenario file.
         parameters: values of its parameters.
+        seed: where it is repeated with seeds of its own; None for that of the batch.
+        label: its name for people, with the values that vary between the runs of its file.
     """
 
     name: str
     source: Path
     scenario: Path
     parameters: dict[str, str] = field(default_factory=dict)
+    seed: int | None = None
+    label: str = field(default="", compare=False)
+
+    @property
+    def title(self) -> str:
+        """The label, or else the name."""
+        return self.label or self.name
 
 
 @dataclass(frozen=True)
@@ -37,7 +50,7 @@ class Outcome:
     """How one run of a batch ended.
 
     Args:
-        state: `passed`, `failed` (its verdict) or `error` (a defect of the file or the run).
+        state: `passed`, `failed` (its verdict), `error` (a defect of the file or the run), or `loaded` (by a rehearsal).
         exit_code: what the command line would answer for this run alone.
         message: reasons of a failed verdict and remarks on the run, or the error.
         status, end_time, measures: of the run, where there was one (measures only with an output folder).
@@ -56,46 +69,97 @@ class Outcome:
     criteria: list[dict[str, Any]] = field(default_factory=list)
 
 
-def jobs_of(paths: Iterable[Path], parameters: dict[str, str], enforce_constraints: bool) -> Iterator[Job | Outcome]:
+def jobs_of(
+    paths: Iterable[Path], parameters: dict[str, str], enforce_constraints: bool, selection: Selection | None = None
+) -> Jobs:
     """The runs that files stand for, lazily: one for a scenario, one for each parameter set of a distribution.
 
     Args:
         paths: scenarios and distributions; one that can't be read gives an outcome in its place.
         parameters: values given by the user, for parameters that a distribution leaves alone.
         enforce_constraints: leave out parameter sets that violate the scenario's constraint groups.
+        selection: which sets, and how often; by default each once.
     """
-    stems: Counter[str] = Counter()
-    for path in paths:
-        stem = _folder_name(path)
-        key = stem.casefold()  # some file systems do not tell upper from lower case
-        stems[key] += 1
-        if stems[key] > 1:
-            stem = f"{stem}~{stems[key]}"
+    return Jobs(list(paths), parameters, enforce_constraints, selection or Selection())
+
+
+class Jobs:
+    """The jobs of files, and how many these are; see `jobs_of`."""
+
+    def __init__(self, paths: list[Path], parameters: dict[str, str], enforce_constraints: bool, selection: Selection) -> None:
+        self._files = list(zip(names_of(paths), paths, strict=True))
+        self._parameters, self._enforce, self._selection = parameters, enforce_constraints, selection
+        self._spaces: dict[Path, ParameterSpace] = {}
+
+    def __iter__(self) -> Iterator[Job | Outcome]:
+        for name, path in self._files:
+            try:
+                yield from self._of(path, name)
+            except Exception as error:  # a defect of ours is an outcome too, the other files go on
+                if isinstance(error, UsageError) and error.path is None:
+                    error.path = str(path)
+                yield failure(Job(name, path, path, dict(self._parameters)), error)
+
+    @property
+    def total(self) -> int:
+        """How many there are at most: sets that constraints exclude are counted. The files are read for it."""
+        return sum(self._count(path) for _, path in self._files)
+
+    def _count(self, path: Path) -> int:
         try:
-            yield from _jobs_of(path, stem, parameters, enforce_constraints)
-        except Exception as error:  # a defect of ours is an outcome too, the other files go on
-            yield failure(Job(stem, path, path, dict(parameters)), error)
+            return self._selection.count(self._space(path))
+        except ToolchainError:
+            return 1  # the outcome in its place
+
+    def _space(self, path: Path) -> ParameterSpace:
+        import xosc
+        from xosc.distributions import ParameterSpace
+
+        if path not in self._spaces:
+            kind = xosc.load(path).kind
+            if kind not in ("scenario", "distribution"):
+                raise InvalidFile(f"this is a {kind}, nothing in it can be run", path=path)
+            self._spaces[path] = ParameterSpace(path)
+        return self._spaces[path]
+
+    def _of(self, path: Path, name: str) -> Iterator[Job]:
+        """The jobs of a file, with names that begin with its own."""
+        space = self._space(path)
+        varying = space.varying
+        for index, values in self._selection.sets(space, self._enforce):
+            for parameter in self._parameters.keys() & values.keys():
+                raise UsageError(f"the parameter {parameter!r} can't be given, this file sets it", path=path)
+            own = name if space.distribution is None else f"{name}~{index:06d}"
+            told = ", ".join(f"{each}={value}" for each, value in values.items() if each in varying)
+            for seed in self._selection.seeds:
+                one = own if seed is None else f"{own}~seed{seed}"
+                yield Job(one, path, space.scenario, {**self._parameters, **values}, seed, f"{one} {told}".rstrip())
+        self._spaces.pop(path, None)
 
 
-def _folder_name(path: Path) -> str:
-    """A file's name as a folder's name that is safe everywhere, and is none of the batch's own files, which have dots."""
-    stem = "".join(c if c.isalnum() or c in "-_+=" else "_" for c in path.stem)
-    return stem[:_LONGEST]
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """A name for each file: unique, safe as a folder's name, and with the folders that tell files of one name apart."""
+    files = {path.absolute(): _folder_name(path.stem)[:_LONGEST] for path in paths}
+    for depth in range(1, max((len(path.parts) for path in files), default=0)):
+        alike = {name for name, count in Counter(map(str.casefold, files.values())).items() if count > 1}
+        files |= {path: _qualified(path, depth) for path, name in files.items() if name.casefold() in alike}
+    taken: Counter[str] = Counter()
+    names = []
+    for path in paths:
+        name = files[path.absolute()]
+        taken[name.casefold()] += 1  # some file systems do not tell upper from lower case
+        names.append(name if taken[name.casefold()] == 1 else f"{name}~{taken[name.casefold()]}")  # the same file again
+    return names
 
 
-def _jobs_of(path: Path, stem: str, parameters: dict[str, str], enforce_constraints: bool) -> Iterator[Job]:
-    import xosc
+def _qualified(path: Path, depth: int) -> str:
+    """A file's name with those of so many folders that it is in."""
+    return "-".join(_folder_name(part) for part in path.with_suffix("").parts[-depth - 1 :])[-_LONGEST:]
 
-    kind = xosc.load(path).kind
-    if kind == "scenario":
-        yield Job(stem, path, path, dict(parameters))
-    elif kind == "distribution":
-        for index, (scenario, values) in enumerate(xosc.variations(path, enforce_constraints=enforce_constraints)):
-            for name in parameters.keys() & values.keys():
-                raise UsageError(f"the parameter {name!r} can't be given, this file sets it", path=path)
-            yield Job(f"{stem}~{index:06d}", path, Path(scenario), {**parameters, **values})
-    else:
-        raise InvalidFile(f"this is a {kind}, nothing in it can be run", path=path)
+
+def _folder_name(text: str) -> str:
+    """A name that is safe everywhere as a folder's name, and is none of the batch's own files, which have dots."""
+    return "".join(c if c.isalnum() or c in "-_+=" else "_" for c in text)
 
 
 def failure(job: Job, error: Exception) -> Outcome:

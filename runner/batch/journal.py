@@ -23,7 +23,7 @@ def enter(out: Path, outcome: Outcome) -> None:
     """Write down a finished run; several processes may do so at a time."""
     job = outcome.job
     entry = {key: value for key, value in asdict(outcome).items() if key != "trace"}
-    entry["job"] = {"name": job.name, "source": str(job.source), "scenario": str(job.scenario), "parameters": job.parameters}
+    entry["job"] = asdict(job) | {"source": str(job.source), "scenario": str(job.scenario)}
     line = json.dumps(finite(entry), allow_nan=False) + "\n"
     file = os.open(out / _JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     try:
@@ -106,7 +106,7 @@ def _outcomes(whole: bytes, journal: Path) -> dict[str, Outcome]:
         try:
             entry = json.loads(line)
             job = entry.pop("job")
-            restored = Job(job["name"], Path(job["source"]), Path(job["scenario"]), job["parameters"])
+            restored = Job(**{**job, "source": Path(job["source"]), "scenario": Path(job["scenario"])})
             done[restored.name] = Outcome(restored, **entry)
         except (ValueError, TypeError, KeyError, AttributeError):
             raise UsageError("this line is not of a batch's journal", path=journal, line=number) from None

@@ -99,10 +99,11 @@ def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
             errors=counts["error"],
         )
         for outcome in members:
-            case = etree.SubElement(suite, "testcase", classname=_printable(Path(source).stem), name=outcome.job.name)
+            case = etree.SubElement(suite, "testcase", classname=_printable(Path(source).stem))
+            case.set("name", _printable(outcome.job.title))
             case.set("time", f"{outcome.end_time or 0.0:.3f}")
             _add_criteria(case, outcome.criteria)
-            if outcome.state != "passed":
+            if outcome.state in ("failed", "error"):
                 tag = "failure" if outcome.state == "failed" else "error"
                 detail = etree.SubElement(case, tag, message=_printable(outcome.message))
                 detail.text = _printable(outcome.message)

@@ -22,10 +22,10 @@ SHARES = tuple(f"rss_risk_{name.replace('-', '_')}" for name in PARAMETERS)
 def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
     """Write the table, sorted by name: same runs, same content, whoever did them in whatever order.
 
-    Columns: name, file (that the user named), scenario, parameters (a map of texts), state (`passed`, `failed`, `error`),
-    verdict (null where there was no run), exit_code, status, end_time (s), message, and the criticality measures: each extreme
-    with `_time` (s) and `_other`, and the shares of RSS violations; null where they are not defined. Units as in
-    `runner.measures.criticality`.
+    Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null unless runs were repeated), state
+    (`passed`, `failed`, `error`), verdict (null where there was no run), exit_code, status, end_time (s), message, and the
+    criticality measures: each extreme with `_time` (s) and `_other`, and the shares of RSS violations; null where they are not
+    defined. Units as in `runner.measures.criticality`.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -41,6 +41,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
         "file": _text(job.source),
         "scenario": _text(job.scenario),
         "parameters": [(name, _text(value)) for name, value in sorted(job.parameters.items())],
+        "seed": job.seed,
         "state": outcome.state,
         "verdict": outcome.state if outcome.state != "error" else None,
         "exit_code": outcome.exit_code,
@@ -63,7 +64,15 @@ def _schema() -> pa.Schema:
     import pyarrow as pa
 
     text, number = pa.string(), pa.float64()
-    fields = {"name": text, "file": text, "scenario": text, "parameters": pa.map_(text, text), "state": text, "verdict": text}
+    fields = {
+        "name": text,
+        "file": text,
+        "scenario": text,
+        "parameters": pa.map_(text, text),
+        "seed": pa.int64(),
+        "state": text,
+        "verdict": text,
+    }
     fields |= {"exit_code": pa.int64(), "status": text, "end_time": number, "message": text}
     for name in EXTREMES:
         fields |= {name: number, f"{name}_time": number, f"{name}_other": text}

@@ -25,7 +25,13 @@ INTERRUPTED, PIPE_CLOSED = 130, 141
 def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> typer.Typer:
     """An app that leaves errors to its caller, and prints plain text; with a name and a group where it has subcommands."""
     return typer.Typer(
-        name=name, cls=group, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=False
+        name=name,
+        cls=group,
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        no_args_is_help=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
 
 

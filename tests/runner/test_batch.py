@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from runner.batch.batch import rehearse_batch, run_batch
-from runner.batch.jobs import Job, Outcome, jobs_of
+from runner.batch.jobs import Job, Outcome, jobs_of, names_of
 from runner.settings import RunSettings
 from schemas.errors import UsageError
 from tests.runner.files import SLOW_SYSTEM, distribution, place, scenario
@@ -114,7 +114,7 @@ def test_a_parameter_that_the_distribution_sets_can_not_be_given(tmp_path: Path,
 def test_rehearsing_compiles_and_does_not_run(tmp_path: Path) -> None:
     unsupported = scenario(tmp_path, "unsupported", init='<Private entityRef="Nobody"/>')
     outcomes = list(rehearse_batch(jobs_of([scenario(tmp_path), unsupported], {}, True), QUICK))
-    assert [(o.status, o.exit_code) for o in outcomes] == [("compiled", 0), ("", 3)]
+    assert [(o.state, o.status, o.exit_code) for o in outcomes] == [("loaded", "compiled", 0), ("error", "", 3)]
 
 
 # laziness -----------------------------------------------------------------------------------
@@ -173,6 +173,12 @@ def test_names_are_unique(tmp_path: Path) -> None:
     paths.append(distribution(tmp_path / "a", "x_", {"Gap": (10, 20, 10)}, of="x"))
     found = names(batch(paths))
     assert len({name.casefold() for name in found}) == len(found) == 7
+    assert found[:5] == ["a-x", "b-x", "c-X", "x_2", "a-x~2"]
+
+
+def test_names_that_collide_have_as_many_folders_as_tell_them_apart() -> None:
+    paths = [Path(name) for name in ("/one/a/x.xosc", "/two/a/x.xosc", "/two/b/x.xosc", "/two/y.xosc")]
+    assert names_of(paths) == ["one-a-x", "two-a-x", "b-x", "y"]
 
 
 # the output folder --------------------------------------------------------------------------

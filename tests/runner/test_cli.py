@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import json
+import os
+import re
+import struct
 import subprocess
 import sys
+import termios
 from functools import partial
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from lxml import etree
 
 from schemas.packages import version
 from tests.commands import Command
-from tests.runner.files import car, distribution, place, scenario, story
+from tests.runner.files import HEADER, car, distribution, place, scenario, story
 
 
 @pytest.fixture
@@ -100,9 +107,25 @@ def test_3_invalid_file(xosc_run: Command, tmp_path: Path, text: str) -> None:
     assert answer.err.count("\n") == 1
 
 
-def test_3_no_such_file_and_a_folder(xosc_run: Command, tmp_path: Path) -> None:
-    assert xosc_run(tmp_path / "*.xosc")[::2] == (3, f"xosc-run: {tmp_path / '*.xosc'}: no such file\n")
-    assert xosc_run(tmp_path)[::2] == (3, f"xosc-run: {tmp_path}: this is a folder, a file is expected\n")
+def test_no_such_file_and_a_folder_or_glob_without_scenarios(xosc_run: Command, tmp_path: Path) -> None:
+    assert xosc_run(tmp_path / "absent.xosc")[::2] == (3, f"xosc-run: {tmp_path / 'absent.xosc'}: no such file\n")
+    (tmp_path / "cars.xosc").write_text(f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>')
+    for nothing in (tmp_path, tmp_path / "*.xosc"):
+        answer = xosc_run(nothing)
+        assert answer[::2] == (2, f"xosc-run: '{nothing}' stands for no scenario or variation file\n")
+
+
+def test_folders_and_globs_stand_for_what_can_be_run_in_them(xosc_run: Command, tmp_path: Path) -> None:
+    for name in ("a/one", "a/b/two", "c/three"):
+        scenario(tmp_path / Path(name).parent, Path(name).name, stop=0.1)
+    (tmp_path / "a" / "cars.xosc").write_text(f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>')
+    (tmp_path / "a" / "broken.xosc").write_text("<OpenSCENARIO>")
+
+    def shown(*arguments: object) -> list[str]:
+        return [line.split()[1] for line in xosc_run(*arguments).out.splitlines() if line.startswith(("PASSED", "ERROR "))]
+
+    assert shown(tmp_path / "a") == ["two", "broken", "one"]
+    assert shown(tmp_path / "*" / "*e.xosc", tmp_path / "a" / "one.xosc") == ["one", "three"]
 
 
 def test_4_not_supported(xosc_run: Command, tmp_path: Path) -> None:
@@ -139,8 +162,10 @@ def test_of_several_runs_the_gravest_counts_and_none_is_left_out(xosc_run: Comma
     assert xosc_run(passing, failing).code == 1
     answer = xosc_run(failing, tmp_path / "absent.xosc", passing)
     assert answer.code == 3
-    assert [line.split()[0] for line in answer.out.splitlines()] == ["verdict", "FAILED", "ERROR", "PASSED", "3"]
-    assert "3 runs: 1 passed, 1 failed, 1 error" in answer.out
+    assert [line.split()[0] for line in answer.out.splitlines()] == [
+        "verdict", "FAILED", "ERROR", "PASSED", "ERROR,", "absent", "FAILED,", "collision", "3",
+    ]  # fmt: skip
+    assert "3 runs: 1 error, 1 failed, 1 passed" in answer.out
     assert xosc_run(failing, passing, tmp_path / "absent.xosc", "--ego", "Nobody").code == 3
 
 
@@ -169,16 +194,34 @@ def test_constraints_can_be_left_aside(xosc_run: Command, tmp_path: Path, passin
     assert xosc_run(passing, "-p", "Gap=50").code == 3
     assert xosc_run(passing, "-p", "Gap=50", "--no-constraints").code == 0
     variation = distribution(tmp_path, "variation", {"Gap": (6, 12, 2)}, of="passing")
-    assert xosc_run(variation, "--dry-run").out.count("PASSED") == 2
-    assert xosc_run(variation, "--dry-run", "--no-constraints").out.count("PASSED") == 4
+    assert "2 parameter sets" in xosc_run(variation, "--dry-run").out
+    assert "4 parameter sets" in xosc_run(variation, "--dry-run", "--no-constraints").out
+    names = [line.split()[1] for line in xosc_run(variation).out.splitlines() if "~" in line][:2]
+    assert names == ["variation~000000", "variation~000001"]
+    excluded = xosc_run(variation, "--only", "1,3")
+    assert excluded.code == 3 and "Gap = 12" in excluded.err and "variation~000001 Gap=8" in excluded.out
 
 
 def test_a_dry_run_compiles_and_writes_nothing(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
     bad = scenario(tmp_path, "bad", stories=story("Nobody", []))
     answer = xosc_run(passing, bad, "--dry-run", "--out", tmp_path / "out")
     assert answer.code == 3
-    assert "not run (--dry-run)" in answer.out
+    assert [line.split()[:2] for line in answer.out.splitlines()[:2]] == [["LOADED", "passing"], ["ERROR", "bad"]]
+    assert "not run (--dry-run)" in answer.out and "PASSED" not in answer.out
+    assert answer.out.splitlines()[-1] == "2 files: 1 error, 1 loaded"
     assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_of_a_variation_file_is_one_line(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+    good = distribution(tmp_path, "good", {"Gap": (20, 60, 10)}, of="passing")
+    answer = xosc_run(good, "--dry-run")
+    assert answer.out.split() == ["LOADED", "good", "not", "run", "(--dry-run):", "5", "parameter", "sets"]
+    scenario(tmp_path, "short", init=place("Ego", 100, 20) + place("Lead", "${100 + sqrt($Gap - 20)}", 20))
+    partly = distribution(tmp_path, "partly", {"Gap": (0, 40, 10)}, of="short")
+    answer = xosc_run(partly, passing, "--dry-run", "--junit", tmp_path / "junit.xml")
+    assert answer.code == 3
+    assert answer.err.startswith("xosc-run: 2 of 5 parameter sets: ") and answer.err.count("\n") == 1
+    assert etree.parse(tmp_path / "junit.xml").xpath("count(//testcase)") == 2
 
 
 def test_quiet_prints_failures_and_errors_only(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
@@ -213,7 +256,7 @@ def test_junit_is_written_for_runs_and_dry_runs(xosc_run: Command, tmp_path: Pat
 
 
 def test_file_names_are_shown_without_control_characters(xosc_run: Command, tmp_path: Path) -> None:
-    answer = xosc_run(tmp_path / "a\n\x1b[31mb.xosc")
+    answer = xosc_run(tmp_path / "a\n\x1b31mb.xosc")
     assert answer.code == 3
     assert "\x1b" not in answer.out + answer.err
     assert answer.err.count("\n") == 1
@@ -223,8 +266,100 @@ def test_version_and_help(xosc_run: Command) -> None:
     assert xosc_run("--version") == (0, f"xosc-run {version()}\n", "")
     answer = xosc_run("--help")
     assert answer.code == 0
+    assert xosc_run("-h") == answer
     for option in ("--param", "--sut", "--ego", "--timestep", "--seed", "--max-time", "--out", "--junit", "--jobs", "--dry-run"):
         assert option in answer.out
+
+
+# what is run, and what is told of it ----------------------------------------------------------
+
+
+def test_numbers_choose_parameter_sets(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+    variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing")
+    answer = xosc_run(variation, "--only", "4, 0-1,17", "--out", tmp_path / "out")
+    assert answer.code == 0
+    shown = [line[8:].rpartition("0.20 s")[0].strip() for line in answer.out.splitlines() if line.startswith("PASSED")]
+    assert shown == [
+        "variation~000000 Gap=20, Ego_Speed=10",
+        "variation~000001 Gap=20, Ego_Speed=11",
+        "variation~000004 Gap=30, Ego_Speed=11",
+        "variation~000017 Gap=70, Ego_Speed=12",
+    ]
+    assert (tmp_path / "out" / "variation~000017" / "result.json").is_file()
+    assert xosc_run(variation, "--only", "18")[::2] == (
+        2,
+        f"xosc-run: {variation}: there is no variation 18, the last of 18 is 17\n",
+    )
+
+
+@pytest.mark.parametrize("text", ["", "a", "3-1", "1,,2", "-1", "1-", "1.5"])
+def test_what_is_no_number_of_a_parameter_set_is_refused(text: str, xosc_run: Command, passing: Path) -> None:
+    answer = xosc_run(passing, f"--only={text}")
+    assert answer.code == 2 and "such as 3,7-9" in answer.err
+
+
+def test_a_sample_of_a_space_of_any_size_is_the_same_for_a_seed(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+    ranges = {"Gap": (20.0, 120.0, 0.0001), "Ego_Speed": (10.0, 11.0, 0.001)}
+    huge = distribution(tmp_path, "huge", ranges, of="passing")
+
+    def chosen(*options: str) -> list[str]:
+        answer = xosc_run(huge, "--sut", "none", "--sample", "5", "--max-time", "0.05", *options)
+        return [line.split()[1] for line in answer.out.splitlines() if line.startswith("PASSED")]
+
+    assert len(set(chosen())) == 5
+    assert chosen() == chosen() == sorted(chosen())
+    assert chosen("--seed", "1") != chosen()
+    assert xosc_run(huge, "--sample", "5", "--only", "1").code == 2
+    few = distribution(tmp_path, "few", {"Gap": (20, 60, 10)}, of="passing")
+    assert "5 runs: 5 passed" in xosc_run(few, "--sample", "9").out
+
+
+def test_runs_are_repeated_with_seeds_that_count_up(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+    answer = xosc_run(passing, "--repeat", "3", "--seed", "7", "--out", tmp_path / "out")
+    names = [f"passing~seed{seed}" for seed in (7, 8, 9)]
+    assert [line.split()[1] for line in answer.out.splitlines() if line.startswith("PASSED")] == names
+    results = [json.loads((tmp_path / "out" / name / "result.json").read_text()) for name in names]
+    assert [result["settings"]["seed"] for result in results] == [7, 8, 9]
+    again = xosc_run(passing, "--repeat", "3", "--seed", "7", "--out", tmp_path / "out", "--resume")
+    assert again == answer
+    table = pq.read_table(tmp_path / "out" / "runs.parquet").to_pylist()
+    assert [row["seed"] for row in table] == [7, 8, 9]
+
+
+def test_the_summary_names_failures_by_cause(xosc_run: Command, tmp_path: Path) -> None:
+    scenario(tmp_path, "near", init=place("Ego", 100, 20) + place("Lead", "${100 + $Gap}", 10), stop=1.0)
+    variation = distribution(tmp_path, "variation", {"Gap": (3, 33, 3)}, of="near")
+    answer = xosc_run(variation, tmp_path / "absent.xosc", "--sut", "none")
+    summary = answer.out.splitlines()[13:]
+    assert summary == [
+        "ERROR, 1 run: no such file",
+        "    absent",
+        "FAILED, 5 runs: collision with Lead at … s",
+        *(f"    variation~00000{number} Gap={3 + 3 * number}" for number in range(5)),
+        "12 runs: 1 error, 5 failed, 6 passed",
+    ]
+
+
+def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(tmp_path: Path, passing: Path) -> None:
+    variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing")
+    command = [sys.executable, "-m", "runner.cli", "--world", "kinematic", str(variation), "--only", "0-3"]
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
+    environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+    process = subprocess.Popen(command, stdout=theirs, stderr=theirs, env=environment)
+    os.close(theirs)
+    shown = b""
+    with contextlib.suppress(OSError):  # the other end is closed
+        while part := os.read(ours, 65536):
+            shown += part
+    os.close(ours)
+    assert process.wait(60) == 0
+    text = shown.decode()
+    assert re.search(r"\r\x1b\[K1 of 4 runs, about \d+ s left", text)
+    assert "4 of 4 runs" in text
+    row = re.search(r"PASSED  \x1b\[0m(.*?)0\.20 s", text)
+    assert row is not None and "variation~000000 Gap=20, Ego_Speed=10" in row[1]
+    assert len(row[1]) == 120 - 60 + 5  # the column, and what "0.20 s" leaves of the next one
 
 
 # as a process -------------------------------------------------------------------------------

@@ -79,6 +79,16 @@ class ParameterSpace:
                 raise place.invalid(message)
         self._constrained = _constrained(self._declarations)
 
+    @property
+    def varying(self) -> set[str]:
+        """Names of the parameters that may differ between variations."""
+        if self.distribution is None:
+            return set()
+        definition = self.distribution.definition
+        several = definition.distributions if isinstance(definition, Deterministic) else ()
+        single = {name for each in several if each.size == 1 for name in each.parameter_names}
+        return self._places.keys() - single
+
     def variation(self, index: int) -> Variation:
         """The variation at an index from 0; the last listed distribution varies fastest."""
         if not 0 <= index < self.size:
@@ -137,10 +147,12 @@ class Variations(Iterator[Variation]):
     """The variations of a space in order, made one by one.
 
     Attributes:
+        index: number in the space of the last one.
         excluded: how many have been left out so far because they violate the scenario's constraints.
     """
 
     def __init__(self, space: ParameterSpace, enforce_constraints: bool = True) -> None:
+        self.index = -1
         self.excluded = 0
         self._space = space
         self._enforce = enforce_constraints
@@ -151,6 +163,7 @@ class Variations(Iterator[Variation]):
             if self._next >= self._space.size:
                 raise StopIteration
             variation = self._space.variation(self._next)
+            self.index = self._next
             self._next += 1
             if not self._enforce or self._space.admits(variation[1]):
                 return variation
