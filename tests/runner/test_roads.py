@@ -130,3 +130,16 @@ def test_made_roads_have_the_lanes_that_are_used(lane: int, targets: list[str], 
     document = xosc.resolve(xosc.load(path))
     assert road_uses(document.node) == [RoadUse("1", 1035, right, left)]
     assert runner.run(path, FAST, road="auto").status == "completed"
+
+
+def test_what_is_repaired_in_a_road_file_is_told_by_the_run_and_refused_where_strict(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    road = tmp_path / "straight.xodr"
+    text = road.read_text()
+    link = '<link><successor elementType="road" elementId="99" contactPoint="start"/></link>'
+    road.write_text(text.replace("<planView>", f"{link}<planView>", 1))
+    (remark,) = runner.run(path, FAST).remarks
+    assert "the road '99' does not exist; the link is left out" in remark
+    assert remark.startswith(f"{road}:")
+    with pytest.raises(InvalidFile, match="'99'"):
+        runner.run(path, FAST, strict=True)

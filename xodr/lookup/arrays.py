@@ -124,7 +124,8 @@ def parts(road: Road) -> list[Part]:
 def _knots(road: Road) -> list[float]:
     """s between which a cubic is as good as the road's line."""
     fine = [0.0]
-    for high in (*(s for s in road.line.knots() if 0.0 < s < road.length), road.length):
+    inside = {s for s in road.line.knots() if 0.0 < s < road.length}  # they go back where geometries overlap
+    for high in (*sorted(inside), road.length):
         low = fine[-1]
         bend = max(abs(road.curvature(s)) for s in (low, 0.5 * (low + high), _inside(high))) * (high - low)
         count = max(1, math.ceil(bend / _FINE))

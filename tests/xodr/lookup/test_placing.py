@@ -101,3 +101,12 @@ def test_no_positions_have_no_places(network: RoadNetwork) -> None:
 def test_positions_that_are_none_are_refused(network: RoadNetwork) -> None:
     with pytest.raises(RoadError, match="no place in the world"):
         placing.place(network, [0.0, math.nan], [0.0, 1.0])
+
+
+def test_positions_on_geometries_that_overlap_have_a_place(files) -> None:
+    geometry = "".join(
+        f'<geometry s="{s}" x="{s}" y="0" hdg="0" length="{length}"><arc curvature="0.001"/></geometry>'
+        for s, length in ((0, 60), (0, 60), (40, 60))
+    )
+    places = placing.place(files.load(files.road(geometry=geometry)), [20.0, 80.0], [-1.0, -1.0])
+    assert list(places.road_id) == ["1", "1"]
