@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from runner.contracts.run import Run
     from runner.contracts.storyboard import StoryboardElement
     from schemas.errors import ToolchainError
-    from schemas.remarks import Remark
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
 
@@ -54,6 +53,7 @@ WRAPPERS = {
 }
 """Elements that only group the action inside them; an action may look at `Node.parent` for their attributes."""
 
+_VALID = "asam.net:xosc:1.0.0:xml.valid_schema"
 _PRIORITIES = ("overwrite", "override", "parallel", "skip")
 
 
@@ -168,11 +168,11 @@ class ScenarioContext:
     # families -------------------------------------------------------------------------------
 
     def actions(self, node: Node) -> list[Action]:
-        """The actions inside an Action, PrivateAction or GlobalAction element."""
+        """The actions inside an Action, PrivateAction or GlobalAction element; one with nothing inside does nothing."""
         found: list[Action] = []
         pending = node.children()
         if not pending:
-            raise node.invalid("an action is expected inside")
+            self.remarks.add(node.remark(_VALID, "an action is expected inside; without one it does nothing"))
         for child in pending:
             found += self.actions(child) if child.tag in WRAPPERS else [self._build(registry.action, child)]
         return found

@@ -10,6 +10,7 @@ import pytest
 import runner
 from runner.sut import Control
 from runner.sut.base import Observation
+from schemas.errors import InvalidFile
 from tests.conformance.support import at, changed, events, track
 
 SCENARIO = Path(__file__).parent / "carla" / "dialect.xosc"
@@ -147,6 +148,18 @@ def test_an_act_stops_when_one_condition_holds(tmp_path: Path) -> None:
         </Act>"""
     result = run(changed(SCENARIO, tmp_path, ("<StopTrigger/>\n      </Act>", trigger)))
     assert result.end_time == pytest.approx(3.05, abs=0.06), "2 s after the act has begun"
+
+
+@pytest.mark.parametrize("empty", ['<Action name="Wait"/>', '<Action name="Wait"><PrivateAction/></Action>'])
+def test_an_empty_action_does_nothing_and_is_a_remark(tmp_path: Path, empty: str) -> None:
+    text = SCENARIO.read_text()
+    begin = text.index('<Action name="Wait">')
+    action = text[begin : text.index("</Action>", begin) + len("</Action>")]
+    scenario = changed(SCENARIO, tmp_path, (action, empty))
+    result = run(scenario)
+    assert result.end_time == pytest.approx(starts_of(result)["Wait"]) and "it does nothing" in result.remarks[-1]
+    with pytest.raises(InvalidFile, match="an action is expected inside"):
+        run(changed(SCENARIO, tmp_path, (action, empty), STANDARD), strict=True)
 
 
 def test_a_compiled_scenario_gives_the_same_run_twice() -> None:

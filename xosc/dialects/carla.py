@@ -59,7 +59,7 @@ def to_standard(scenario: Node) -> list[Remark]:
         text = (
             "written for CARLA's scenario_runner, so its triggers, priorities and speed steps are read as there (docs/carla.md)"
         )
-        remarks.append(_remark(_RULE, header, text))
+        remarks.append(header.remark(_RULE, text))
     if flagged:
         header = scenario.need("FileHeader")
         for tag, change in _CHANGES.items():
@@ -67,14 +67,10 @@ def to_standard(scenario: Node) -> list[Remark]:
                 change(node)
         header.element.set("description", header.get("description").removeprefix(_FLAG))
         text = f"the description begins with {_FLAG!r}: y points to the right and headings count clockwise, as in CARLA"
-        remarks.append(_remark(_FLAG_RULE, header, text))
+        remarks.append(header.remark(_FLAG_RULE, text))
     for node in scenario.iter("LateralDistanceAction"):
         remarks += _lateral_distance(node, flagged)
     return remarks
-
-
-def _remark(rule: str, node: Node, text: str) -> Remark:
-    return node.remark(rule, f"{node.tag}: {text}")
 
 
 def _negate(node: Node, *names: str) -> None:
@@ -144,4 +140,4 @@ def _lateral_distance(action: Node, flagged: bool) -> list[Remark]:
     if distance >= 0.0:
         return []
     action.element.set("distance", repr(-distance))
-    return [_remark(_DISTANCE_RULE, action, f"distance={distance:g} is negative: {-distance:g} m to the left of the reference")]
+    return [action.remark(_DISTANCE_RULE, f"distance={distance:g} is negative: {-distance:g} m to the left of the reference")]
