@@ -130,6 +130,15 @@ def references(text: str) -> set[str]:
     return set(_parse(text).parameters) if is_expression(text) else set()
 
 
+def is_wellformed(text: str) -> bool:
+    """Whether an attribute's value is a literal, a reference, or an expression that can be parsed."""
+    try:
+        references(text)
+    except ExpressionError:
+        return False
+    return True
+
+
 def functions(text: str) -> set[str]:
     """Names of the functions that an expression calls.
 

@@ -13,14 +13,16 @@ from graphlib import CycleError, TopologicalSorter
 from lxml import etree
 
 from schemas.errors import ToolchainError, nearest
-from schemas.expressions import ExpressionError, references, substitute
+from schemas.expressions import ExpressionError, is_wellformed, references, substitute
 from schemas.remarks import Remark, Remarks
 from schemas.values import Value, holds, literal, meant, number, operand, quoted, type_named, typed
 from xosc.node import Node
+from xosc.repairs.joined_texts import parts
 
 TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
 ASSIGNED = "xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared"
 NUMBERS = "xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value"
+OPERATORS = "asam.net:xosc:1.2.0:data_type.allowed_operators"
 """Rules whose faults are repaired here."""
 
 
@@ -110,8 +112,12 @@ class Scope:
         """The parameters declared here, by name, as in the file."""
         return {name: self._visible[name] for name in self.declarations}
 
-    def literal(self, text: str) -> str:
+    def literal(self, text: str, place: Node | None = None) -> str:
         """An attribute's value with parameters and expressions replaced by what they stand for.
+
+        Args:
+            text: the value.
+            place: where it stands; texts that are put together in it are repaired with a remark there.
 
         Raises:
             ExpressionError: it refers to an unknown parameter, or has no value.
@@ -119,7 +125,18 @@ class Scope:
         if "$" not in text:
             return text
         parameter = self._visible.get(text[1:]) if text.startswith("$") else None
-        return parameter.text if parameter else substitute(text, self._operand)
+        if parameter:
+            return parameter.text
+        try:
+            return substitute(text, self._operand)
+        except ExpressionError as error:
+            found = parts(text) if place is not None else []
+            if place is None or not found:
+                raise
+            joined = "".join(map(self.literal, found))
+            rule = NUMBERS if is_wellformed(text) else OPERATORS
+            self._remarks.add(place.remark(rule, f"{error.message}; the texts are joined: {quoted(joined)}"))
+            return joined
 
     def violations(self) -> Iterator[ToolchainError]:
         """An error for each parameter declared here whose constraints don't hold.
@@ -154,7 +171,7 @@ class Scope:
         except (ExpressionError, ValueError) as error:
             raise declaration.invalid(f"the type of the parameter {name}: {error}") from None
         try:
-            text = self.literal(source.text) if source.symbolic else source.text
+            text = self.literal(source.text, declaration if source.remark else None) if source.symbolic else source.text
         except ExpressionError as error:
             raise source.error(f"the value of the parameter {name}: {error.message}") from None
         try:
@@ -237,7 +254,9 @@ def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
     sorter: TopologicalSorter[str] = TopologicalSorter()
     for name, source in sources.items():
         try:
-            used = references(source.text) if source.symbolic else set()
+            used = (
+                {name for part in parts(source.text) or [source.text] for name in references(part)} if source.symbolic else set()
+            )
             sorter.add(name, *sorted(used & sources.keys()))
         except ExpressionError as error:
             raise source.error(f"the value of the parameter {name}: {error.message}") from None

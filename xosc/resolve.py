@@ -162,7 +162,7 @@ def _substitute(node: Node, scope: Scope) -> None:
             node.element.set(name, text.removeprefix("$"))
             continue
         try:
-            node.element.set(name, scope.literal(text))
+            node.element.set(name, scope.literal(text, node))
         except ExpressionError as error:
             raise node.invalid(f"{name}={quoted(text)}: {error.message}") from None
 

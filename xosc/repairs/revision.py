@@ -11,7 +11,9 @@ from schemas.remarks import Remark
 from schemas.validate import first_violations
 from xosc.node import Node
 
-UID = "asam.net:xosc:1.0.0:xml.version_is_defined"
+_PRESENT, _DEFINED, _VALID = (
+    f"asam.net:xosc:1.0.0:xml.{name}" for name in ("fileheader_is_present", "version_is_defined", "valid_schema")
+)
 _HEADER = {"author": "", "date": "1970-01-01T00:00:00", "description": ""}
 
 Version = tuple[int, int]
@@ -39,13 +41,14 @@ def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
     if header is None:
         header = etree.Element(HEADERS[OPENSCENARIO], _HEADER)
         root.element.insert(0, header)
-        place, message = root, f"there is no FileHeader with a revision; the content is that of version {name}"
+        remark = root.remark(_PRESENT, f"there is no FileHeader; the content is that of version {name}")
     else:
         said = f"the revision {claimed[0]}.{claimed[1]}" if claimed else "no revision"
-        place, message = Node(header, root.path), f"the header has {said}, the content is that of version {name}"
+        rule = _VALID if claimed else _DEFINED
+        remark = Node(header, root.path).remark(rule, f"the header has {said}, the content is that of version {name}")
     header.set("revMajor", str(version[0]))
     header.set("revMinor", str(version[1]))
-    return [place.remark(UID, message)]
+    return [remark]
 
 
 def _claimed(header: etree._Element | None) -> Version | None:
