@@ -15,8 +15,8 @@ import numpy as np
 
 import xosc
 from recognition.maneuvers.parameters import PARAMETERS, Parameter
-from recognition.trfe.samples import Floats
 from schemas.errors import UsageError, nearest
+from xodr.array_types import FloatArray
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope
 
@@ -44,32 +44,32 @@ class Space:
         return tuple(each.name for each in self.parameters)
 
     @property
-    def low(self) -> Floats:
+    def low(self) -> FloatArray:
         """Least values (d,)."""
         return np.array([each.low for each in self.parameters])
 
     @property
-    def high(self) -> Floats:
+    def high(self) -> FloatArray:
         """Greatest values (d,)."""
         return np.array([each.high for each in self.parameters])
 
-    def clip(self, theta: Floats) -> Floats:
+    def clip(self, theta: FloatArray) -> FloatArray:
         """The nearest points of the box."""
         return np.clip(theta, self.low, self.high)
 
-    def unit(self, theta: Floats) -> Floats:
+    def unit(self, theta: FloatArray) -> FloatArray:
         """Points in the unit cube, 0 for least and 1 for greatest values."""
         return (np.asarray(theta) - self.low) / (self.high - self.low)
 
-    def scaled(self, unit: Floats) -> Floats:
+    def scaled(self, unit: FloatArray) -> FloatArray:
         """Points of the box from those of the unit cube: the inverse of `unit`."""
         return self.low + np.asarray(unit) * (self.high - self.low)
 
-    def draw(self, n: int, rng: np.random.Generator) -> Floats:
+    def draw(self, n: int, rng: np.random.Generator) -> FloatArray:
         """Uniform points (n, d)."""
         return rng.uniform(self.low, self.high, (n, len(self.parameters)))
 
-    def values(self, row: Sequence[float] | Floats) -> dict[str, str]:
+    def values(self, row: Sequence[float] | FloatArray) -> dict[str, str]:
         """A point (d,) as the scenario's parameters take it, rounded to `DIGITS`."""
         if len(row) != len(self.parameters):
             raise UsageError(f"{len(row)} values for {len(self.parameters)} parameters")

@@ -16,11 +16,11 @@ from generation.search.method import method
 from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
 from generation.variations import Evidence, Writer
-from recognition.trfe.samples import Floats
 from runner.settings import RunSettings
 from runner.sut import system_name
 from schemas.errors import UsageError
 from schemas.storage import digest
+from xodr.array_types import FloatArray
 
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""
@@ -84,7 +84,7 @@ def generate(
     out: Path,
     settings: SearchSettings,
     progress: Callable[[int], None] = lambda runs: None,
-    found: Floats | None = None,
+    found: FloatArray | None = None,
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 

@@ -15,8 +15,8 @@ from generation.logical.maneuvers import EGO, MANEUVERS
 from generation.parameters import Space
 from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import KINDS, OWN, Samples, extract
-from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray
 from xosc.node import Node
 from xosc.tags import PREFIX
 
@@ -34,9 +34,9 @@ class Recorded(NamedTuple):
             for; None where that is not known.
     """
 
-    theta: Floats
+    theta: FloatArray
     recordings: NDArray[np.str_]
-    errors: Floats | None = None
+    errors: FloatArray | None = None
 
     def within(self, space: Space) -> Recorded:
         """Those inside the box."""
@@ -128,7 +128,7 @@ def of_catalogue(path: Path) -> Iterator[Scenario]:
     there is nobody besides the ego, there is nothing to search for.
     """
     for folder in (path, *sorted(each for each in path.iterdir() if each.is_dir())):
-        kinds: dict[tuple[str, ...], list[tuple[Path, Floats, str]]] = {}
+        kinds: dict[tuple[str, ...], list[tuple[Path, FloatArray, str]]] = {}
         for file in sorted(folder.glob("*.xosc")):
             found = _declared(file)
             if found is not None:
@@ -141,7 +141,7 @@ def of_catalogue(path: Path) -> Iterator[Scenario]:
             yield Scenario(files[_middle(theta)], names, Recorded(theta, np.array(recordings, np.str_)))
 
 
-def _declared(file: Path) -> tuple[tuple[str, ...], Floats, str] | None:
+def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
     """Names and values of a scenario's searchable parameters, and the recording that it is from; None without any.
 
     The same for a scenario without anybody besides the ego.
@@ -163,7 +163,7 @@ def _recording(root: Node) -> str | None:
     return next((each.get("value") for each in listed if each.get("name") == _RECORDING), None)
 
 
-def _middle(theta: Floats) -> int:
+def _middle(theta: FloatArray) -> int:
     """The row nearest to the columns' medians, in units of their spread."""
     spread = theta.std(axis=0)
     scaled = (theta - np.median(theta, axis=0)) / np.where(spread > 0.0, spread, 1.0)

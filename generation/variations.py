@@ -16,7 +16,7 @@ import xosc
 from generation.density.base import Density
 from generation.outcomes.cases import Cases
 from generation.parameters import Space
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 from xosc.distributions import (
     Deterministic,
     DeterministicMultiParameterDistribution,
@@ -130,7 +130,7 @@ class Writer:
         document = self._variation(Stochastic(_RUNS, single, float(seed)), words)
         return self._write(f"{self._stem}_density", document, [])
 
-    def _values(self, row: Floats) -> dict[str, str]:
+    def _values(self, row: FloatArray) -> dict[str, str]:
         return {**self._space.pinned, **self._space.values(row)}
 
     def _variation(self, definition: Deterministic | Stochastic, words: str) -> Document:
@@ -152,7 +152,7 @@ class Writer:
         return path
 
 
-def _histogram(values: Floats, low: float, high: float) -> Histogram:
+def _histogram(values: FloatArray, low: float, high: float) -> Histogram:
     counts, edges = np.histogram(values, _BINS, (low, high))
     bins = zip(edges[:-1].tolist(), edges[1:].tolist(), counts.tolist(), strict=True)
     return Histogram(tuple(HistogramBin(Range(round(a, 6), round(b, 6)), float(count)) for a, b, count in bins))

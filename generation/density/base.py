@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 
 FOLDS = 5
 """Of a cross-validation."""
@@ -41,15 +41,15 @@ class Density(ABC):
         return self
 
     @abstractmethod
-    def _learn(self, theta: Floats, groups: Whole) -> None:
+    def _learn(self, theta: FloatArray, groups: IntArray) -> None:
         """Learn from rows (n, d), n > d, of recordings that are numbered from 0."""
 
     @abstractmethod
-    def log_density(self, theta: Floats) -> Floats:
+    def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
 
     @abstractmethod
-    def sample(self, n: int, generator: np.random.Generator) -> Floats:
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
 
 
@@ -61,11 +61,11 @@ class Whitening:
         mean: μ (d,). factor: L (d, d), lower triangular.
     """
 
-    mean: Floats
-    factor: Floats
+    mean: FloatArray
+    factor: FloatArray
 
     @classmethod
-    def of(cls, theta: Floats) -> Whitening:
+    def of(cls, theta: FloatArray) -> Whitening:
         """That of samples (n, d), with the unbiased covariance.
 
         Raises:
@@ -89,20 +89,20 @@ class Whitening:
         """log |dz/dθ|, to be added to log-densities of z."""
         return -float(np.log(np.diag(self.factor)).sum())
 
-    def forward(self, theta: Floats) -> Floats:
+    def forward(self, theta: FloatArray) -> FloatArray:
         """z (n, d) of θ (n, d)."""
         from scipy.linalg import solve_triangular
 
-        whitened: Floats = solve_triangular(self.factor, (theta - self.mean).T, lower=True).T
+        whitened: FloatArray = solve_triangular(self.factor, (theta - self.mean).T, lower=True).T
         return whitened
 
-    def back(self, white: Floats) -> Floats:
+    def back(self, white: FloatArray) -> FloatArray:
         """θ (n, d) of z (n, d)."""
-        restored: Floats = self.mean + white @ self.factor.T
+        restored: FloatArray = self.mean + white @ self.factor.T
         return restored
 
 
-def samples(theta: ArrayLike) -> Floats:
+def samples(theta: ArrayLike) -> FloatArray:
     """Rows as a table of floats.
 
     Raises:
@@ -118,7 +118,7 @@ def samples(theta: ArrayLike) -> Floats:
     return rows
 
 
-def folds(groups: NDArray[Any], most: int = FOLDS) -> Iterator[tuple[Whole, Whole]]:
+def folds(groups: NDArray[Any], most: int = FOLDS) -> Iterator[tuple[IntArray, IntArray]]:
     """Rows to fit and rows to test, so that every row is tested once, and never beside a fitted row of its own group.
 
     Groups are dealt out by their size to the fold that has fewest rows; there are no more folds than groups.

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from generation.density.base import Density, folds
 from generation.density.model import model
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 _Found = TypeVar("_Found")
-_Work = Callable[[str, Floats, NDArray[Any]], _Found]
+_Work = Callable[[str, FloatArray, NDArray[Any]], _Found]
 
 
 def _once(work: _Work[_Found]) -> _Work[_Found]:
@@ -23,7 +23,7 @@ def _once(work: _Work[_Found]) -> _Work[_Found]:
     found: dict[Hashable, _Found] = {}
 
     @wraps(work)
-    def remembering(name: str, theta: Floats, recordings: NDArray[Any]) -> _Found:
+    def remembering(name: str, theta: FloatArray, recordings: NDArray[Any]) -> _Found:
         content = hashlib.blake2b(theta.tobytes() + repr(recordings.tolist()).encode()).digest()
         key = name, theta.shape, content
         if key not in found:
@@ -34,13 +34,13 @@ def _once(work: _Work[_Found]) -> _Work[_Found]:
 
 
 @_once
-def fitted(name: str, theta: Floats, recordings: NDArray[Any]) -> Density:
+def fitted(name: str, theta: FloatArray, recordings: NDArray[Any]) -> Density:
     """The model fitted on rows (n, d) of recordings (n,), the same object each time: not to be fitted anew."""
     return model(name).fit(theta, recordings)
 
 
 @_once
-def held_out(name: str, theta: Floats, recordings: NDArray[Any]) -> Floats:
+def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArray:
     """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,); read-only."""
     found = np.empty(len(theta))
     for rows, tested in folds(recordings):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from generation.logical.courses import Course, Crossing
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray
 from xodr.network import RoadNetwork
 
 _STEP, _REACH = 0.1, 120.0
@@ -16,7 +16,7 @@ _STEP, _REACH = 0.1, 120.0
 _SAME = 1.0
 """Ways that come closer than this meet, m."""
 
-Points = NDArray[np.float64]
+Points = FloatArray
 
 
 class Meeting(NamedTuple):

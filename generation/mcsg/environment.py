@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from generation.density.base import Whitening
 from generation.parameters import Space
 from generation.search.problem import Problem
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 
 class Moves(NamedTuple):
@@ -23,16 +23,16 @@ class Moves(NamedTuple):
         deviation: the edits (d,) that are one standard deviation of the real parameters.
     """
 
-    rows: Floats
-    deviation: Floats
+    rows: FloatArray
+    deviation: FloatArray
 
 
-def single(space: Space, real: Floats) -> Moves:
+def single(space: Space, real: FloatArray) -> Moves:
     """Edits that change one parameter each, by shares of its range."""
     return Moves(np.eye(len(space.parameters)), space.unit(real).std(axis=0))
 
 
-def coordinated(space: Space, real: Floats) -> Moves:
+def coordinated(space: Space, real: FloatArray) -> Moves:
     """Edits in standard deviations of real parameters (n, d), which the later parameters follow.
 
     With LLᵀ the covariance of the real ones in the unit cube, an edit δ of parameter j adds δ times column j of L: the parameter
@@ -55,7 +55,7 @@ class Edits:
         step: number of the parameter that is edited next; d at the end.
     """
 
-    def __init__(self, space: Space, theta: Floats, moves: Moves) -> None:
+    def __init__(self, space: Space, theta: FloatArray, moves: Moves) -> None:
         self.theta, self.step = np.array(theta, dtype=np.float64), 0
         self._space, self._rows = space, moves.rows
 
@@ -71,7 +71,7 @@ class Edits:
         turn[:, self.step : self.step + 1] = 1.0
         return np.hstack([self._space.unit(self.theta), turn]).astype(np.float32)
 
-    def edit(self, change: Floats) -> None:
+    def edit(self, change: FloatArray) -> None:
         """Edit the next parameter by the amounts (n,); nothing leaves the box."""
         unit = self._space.unit(self.theta) + change[:, None] * self._rows[self.step]
         changed = self._rows[self.step] != 0.0

@@ -15,7 +15,7 @@ from generation.mcsg.starts import EliteStarts, Starts
 from generation.parameters import Space
 from generation.search.problem import Calls, History, Problem
 from recognition.training.seeding import seeded
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 _NARROWEST = 0.02
 """Least range of edits in the second stage, as a share of that in the first."""
@@ -28,7 +28,7 @@ def search(
     budget: int,
     seed: int,
     settings: McsgSettings = McsgSettings(),  # noqa: B008 - frozen
-    edits: Callable[[Space, Floats], Moves] = coordinated,
+    edits: Callable[[Space, FloatArray], Moves] = coordinated,
     starts: Callable[[Problem, McsgSettings], Starts] = EliteStarts,
 ) -> History:
     """Spend the budget in three equal stages: coarse bins, fine bins around the best edits, and these with Gaussian noise.
@@ -61,7 +61,7 @@ class _Learner:
         self._problem, self._budget, self._settings = problem, budget, settings
         self._generator = np.random.default_rng(seed)
         self._moves, self._starts, self._baseline = moves, starts, _Baseline(settings.momentum)
-        self.edits: list[Floats] = []
+        self.edits: list[FloatArray] = []
         reach = torch.from_numpy(settings.reach * moves.deviation).float()
         self._policy = Policy(Bins(-reach, reach, settings.bins[0]), torch.from_numpy(settings.spread * moves.deviation).float())
         self._optimiser = torch.optim.Adam(self._policy.parameters(), settings.rate)
@@ -87,7 +87,7 @@ class _Learner:
         self._policy.rebin(Bins(low - missing, high + missing, self._settings.bins[1]))
         self._optimiser = torch.optim.Adam(self._policy.parameters(), self._settings.rate)
 
-    def _learn(self, log_probability: Tensor, rewards: Floats) -> None:
+    def _learn(self, log_probability: Tensor, rewards: FloatArray) -> None:
         """One step of REINFORCE (R. J. Williams, Machine Learning 8, 1992) with standardised advantages."""
         advantage = torch.from_numpy(self._baseline.advantage(rewards)).float()
         loss = -(advantage * log_probability).mean()
@@ -97,7 +97,7 @@ class _Learner:
         self._optimiser.step()
 
 
-def rollout(policy: Policy, edits: Edits, noise: bool) -> tuple[Tensor, Floats]:
+def rollout(policy: Policy, edits: Edits, noise: bool) -> tuple[Tensor, FloatArray]:
     """Edit all parameters, each by a bin that the policy draws.
 
     Args:
@@ -127,7 +127,7 @@ class _Baseline:
     def __init__(self, momentum: float) -> None:
         self._momentum, self._mean = momentum, np.nan
 
-    def advantage(self, rewards: Floats) -> Floats:
+    def advantage(self, rewards: FloatArray) -> FloatArray:
         """Rewards (n,) above the average of those before, in units of their deviation from it; the average moves on."""
         mean = float(rewards.mean())
         before = mean if np.isnan(self._mean) else self._mean

@@ -9,7 +9,7 @@ import numpy as np
 from generation.mcsg.settings import McsgSettings
 from generation.outcomes.cases import Choice, diverse
 from generation.search.problem import Episodes, Problem
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 
 class Starts(Protocol):
@@ -18,7 +18,7 @@ class Starts(Protocol):
     def add(self, episodes: Episodes) -> None:
         """Take note of episodes."""
 
-    def draw(self, n: int, spent: float, generator: np.random.Generator) -> Floats:
+    def draw(self, n: int, spent: float, generator: np.random.Generator) -> FloatArray:
         """Starts (n, d), when that share of the budget is spent."""
 
 
@@ -41,7 +41,7 @@ class EliteStarts:
         self._critical = np.concatenate([self._critical, reward.criticality(episodes.outcomes)])
         self._excess = np.concatenate([self._excess, reward.realism.excess(episodes.theta)])
 
-    def draw(self, n: int, spent: float, generator: np.random.Generator) -> Floats:
+    def draw(self, n: int, spent: float, generator: np.random.Generator) -> FloatArray:
         """Starts (n, d), when that share of the budget is spent."""
         if len(self._theta) < self._settings.batch:
             return uniform_rows(self._problem.starts, n, generator)
@@ -52,6 +52,6 @@ class EliteStarts:
         return uniform_rows(elite, n, generator)
 
 
-def uniform_rows(rows: Floats, n: int, generator: np.random.Generator) -> Floats:
+def uniform_rows(rows: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
     """Rows (n, d) drawn with replacement, each as likely as the others."""
     return rows[generator.integers(len(rows), size=n)]

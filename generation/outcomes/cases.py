@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from generation.density.base import Density
 from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Space
 from generation.search.problem import Episodes, Evaluate
-from recognition.trfe.samples import Floats, Whole
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 COLLISION, VIOLATION = "collision", "violation of RSS distances"
 AVOIDED, UNKNOWN = "avoids a collision", "unknown: the run failed"
@@ -44,17 +43,17 @@ class Cases:
         careful: what came of the careful and competent driver of UN R157 there.
     """
 
-    theta: Floats
+    theta: FloatArray
     outcomes: Outcomes
-    rewards: Floats
-    log_likelihood: Floats
+    rewards: FloatArray
+    log_likelihood: FloatArray
     careful: Outcomes
 
     def __len__(self) -> int:
         return len(self.rewards)
 
     @property
-    def avoidable(self) -> NDArray[np.bool_]:
+    def avoidable(self) -> BoolArray:
         """The collisions (n,) that the careful driver is known to avoid."""
         return self.outcomes.collision & self.careful.survived
 
@@ -69,7 +68,7 @@ class Cases:
         }
 
 
-def critical(outcomes: Outcomes) -> NDArray[np.bool_]:
+def critical(outcomes: Outcomes) -> BoolArray:
     """Episodes (n,) with a collision or a violation of RSS distances."""
     return outcomes.executed & (outcomes.collision | (outcomes.r_risk > 0.0))
 
@@ -80,7 +79,7 @@ def choose(
     density: Density,
     careful: Evaluate,
     choice: Choice = Choice(),  # noqa: B008 - frozen
-    found: Floats | None = None,
+    found: FloatArray | None = None,
 ) -> Cases:
     """The critical episodes with the greatest rewards, of equal ones the likeliest, that are far enough from each other.
 
@@ -96,7 +95,9 @@ def choose(
     return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], careful(theta))
 
 
-def best(space: Space, episodes: Episodes, log_likelihood: Floats, choice: Choice, found: Floats | None = None) -> Whole:
+def best(
+    space: Space, episodes: Episodes, log_likelihood: FloatArray, choice: Choice, found: FloatArray | None = None
+) -> IntArray:
     """Indices of the episodes that `choose` chooses, given their log-densities (n,)."""
     order = np.lexsort((-log_likelihood, -episodes.rewards))
     order = order[critical(episodes.outcomes)[order]]
@@ -105,12 +106,12 @@ def best(space: Space, episodes: Episodes, log_likelihood: Floats, choice: Choic
     return order[diverse(space.unit(episodes.theta[order]), choice)]
 
 
-def apart(unit: Floats, others: Floats, least: float) -> NDArray[np.bool_]:
+def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:
     """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d), root mean square over the columns."""
     return (cdist(unit, others) >= least * np.sqrt(unit.shape[1])).all(axis=1)
 
 
-def diverse(unit: Floats, choice: Choice) -> Whole:
+def diverse(unit: FloatArray, choice: Choice) -> IntArray:
     """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `choice.apart` to those before."""
     kept: list[int] = []
     for index in range(len(unit)):
@@ -122,7 +123,7 @@ def diverse(unit: Floats, choice: Choice) -> Whole:
     return np.array(kept, np.int64)
 
 
-def _told(values: Floats) -> list[float]:
+def _told(values: FloatArray) -> list[float]:
     """Rounded to what says anything."""
     found: list[float] = np.round(values, 6).tolist()
     return found

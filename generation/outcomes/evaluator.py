@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.trfe.samples import Floats
 from runner.batch.jobs import Job, Outcome, failure
 from runner.batch.pool import Pool
 from runner.measures.rss import parameter_set
 from runner.settings import RunSettings
+from xodr.array_types import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from generation.parameters import Space
@@ -40,10 +40,10 @@ class Outcomes:
         error: what went wrong; empty where nothing did.
     """
 
-    collision: NDArray[np.bool_]
-    r_risk: Floats
-    min_ttc: Floats
-    end_time: Floats
+    collision: BoolArray
+    r_risk: FloatArray
+    min_ttc: FloatArray
+    end_time: FloatArray
     status: NDArray[np.str_]
     error: NDArray[np.str_]
 
@@ -51,12 +51,12 @@ class Outcomes:
         return len(self.status)
 
     @property
-    def executed(self) -> NDArray[np.bool_]:
+    def executed(self) -> BoolArray:
         """The episodes that took place."""
         return self.status != "error"
 
     @property
-    def survived(self) -> NDArray[np.bool_]:
+    def survived(self) -> BoolArray:
         """The episodes that took place and have no collision."""
         return self.executed & ~self.collision
 
@@ -122,7 +122,7 @@ class Evaluator(Simulator):
     scenario: Path
     space: Space
 
-    def __call__(self, theta: Floats) -> Outcomes:
+    def __call__(self, theta: FloatArray) -> Outcomes:
         """The outcomes at points (n, d), in their order."""
         values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
         return self.of(Job(str(number), self.scenario, self.scenario, each) for number, each in enumerate(values))

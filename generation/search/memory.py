@@ -15,8 +15,8 @@ import numpy as np
 
 from generation.outcomes.evaluator import Outcomes
 from generation.search.problem import Evaluate
-from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile
+from xodr.array_types import FloatArray
 
 _KINDS = {"collision": bool, "status": str, "error": str}
 
@@ -37,7 +37,7 @@ class Memory:
         self._known = _read(path)
         self._asked = 0
 
-    def __call__(self, theta: Floats) -> Outcomes:
+    def __call__(self, theta: FloatArray) -> Outcomes:
         """Outcomes of points (n, d).
 
         Raises:
@@ -59,7 +59,7 @@ class Memory:
             }
         )
 
-    def _ask(self, theta: Floats) -> list[dict[str, Any]]:
+    def _ask(self, theta: FloatArray) -> list[dict[str, Any]]:
         outcomes = self._evaluate(theta)
         columns = {each.name: getattr(outcomes, each.name).tolist() for each in fields(Outcomes)}
         fresh = [

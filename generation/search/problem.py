@@ -13,21 +13,21 @@ import numpy as np
 from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Space
 from generation.search.reward import Reward
-from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile
+from xodr.array_types import FloatArray
 
 BATCH = 50
 """Points asked for at a time, wherever a method has no number of its own."""
-Evaluate = Callable[[Floats], Outcomes]
+Evaluate = Callable[[FloatArray], Outcomes]
 """Outcomes of the points (n, d), in their order; `generation.outcomes.evaluator.Evaluator` is one."""
 
 
 class Episodes(NamedTuple):
     """Points (n, d), what came of them, and their rewards (n,)."""
 
-    theta: Floats
+    theta: FloatArray
     outcomes: Outcomes
-    rewards: Floats
+    rewards: FloatArray
 
 
 class History(Episodes):
@@ -70,11 +70,11 @@ class Problem:
     space: Space
     evaluate: Evaluate
     reward: Reward
-    real: Floats
-    found: Floats | None = None
+    real: FloatArray
+    found: FloatArray | None = None
 
     @property
-    def starts(self) -> Floats:
+    def starts(self) -> FloatArray:
         """What the first episodes of a search start from (k, d): what was found before, else real scenarios."""
         return self.real if self.found is None else self.found
 
@@ -95,7 +95,7 @@ class Calls:
         self.problem, self.left = problem, budget
         self._parts: list[Episodes] = []
 
-    def __call__(self, theta: Floats) -> Episodes:
+    def __call__(self, theta: FloatArray) -> Episodes:
         """Evaluate the points (n, d), brought into the box; only the first ones, where the budget ends before them."""
         theta = self.problem.space.clip(np.asarray(theta, dtype=np.float64)[: self.left])
         outcomes = self.problem.evaluate(theta)
@@ -113,7 +113,7 @@ class Calls:
 def counted(evaluate: Evaluate, progress: Callable[[int], None]) -> Evaluate:
     """Evaluate, and tell the progress the number of points each time."""
 
-    def evaluating(theta: Floats) -> Outcomes:
+    def evaluating(theta: FloatArray) -> Outcomes:
         outcomes = evaluate(theta)
         progress(len(theta))
         return outcomes

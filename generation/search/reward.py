@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from generation.density.base import Density
 from generation.density.fitting import fitted, held_out
 from generation.outcomes.evaluator import Outcomes
-from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
+from xodr.array_types import BoolArray, FloatArray
 
 COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
 """Rewards of a collision, of a scenario without any risk, and of R_risk = 1 in addition to that."""
-Criticality = Callable[[Outcomes], Floats]
+Criticality = Callable[[Outcomes], FloatArray]
 """Reward (n,) without realism."""
 
 
-def additive(outcomes: Outcomes) -> Floats:
+def additive(outcomes: Outcomes) -> FloatArray:
     """−0.1 + 0.2·R_risk, and 0.25 for a collision on top: of two collisions the one that was dangerous all along counts more.
 
     An episode that failed counts as one without any risk.
@@ -44,7 +44,7 @@ class Realism:
     scale: float
 
     @classmethod
-    def fitted(cls, name: str, theta: Floats, recordings: NDArray[np.str_]) -> Realism:
+    def fitted(cls, name: str, theta: FloatArray, recordings: NDArray[np.str_]) -> Realism:
         """By a density that is fitted on recorded parameters (n, d).
 
         Args:
@@ -57,7 +57,7 @@ class Realism:
         return cls.of(fitted(name, theta, recordings), held_out(name, theta, recordings))
 
     @classmethod
-    def of(cls, density: Density, held_out: Floats) -> Realism:
+    def of(cls, density: Density, held_out: FloatArray) -> Realism:
         """With the limits that held-out log-densities (n,) of the training samples set.
 
         Raises:
@@ -68,16 +68,16 @@ class Realism:
             raise UsageError("held-out likelihoods of the samples do not differ: they set no scale for realism")
         return cls(density, float(limit), float(high - low))
 
-    def judged(self, theta: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Log-densities (n,) of rows (n, d), and which of them are plausible: NLL ≤ Q99, so that they have no excess."""
         found = self.density.log_density(theta)
         return found, -found <= self.limit
 
-    def excess(self, theta: Floats) -> Floats:
+    def excess(self, theta: FloatArray) -> FloatArray:
         """max((NLL − Q99) / IQR, 0) of rows (n, d): (n,)."""
         return np.maximum((-self.density.log_density(theta) - self.limit) / self.scale, 0.0)
 
-    def penalty(self, theta: Floats) -> Floats:
+    def penalty(self, theta: FloatArray) -> FloatArray:
         """Of rows (n, d): (n,) in 0 … 1."""
         return np.minimum(self.excess(theta), 1.0)
 
@@ -96,7 +96,7 @@ class Reward:
     weight: float = 0.2
     criticality: Criticality = additive
 
-    def __call__(self, theta: Floats, outcomes: Outcomes) -> Floats:
+    def __call__(self, theta: FloatArray, outcomes: Outcomes) -> FloatArray:
         """Rewards (n,) of rows (n, d) and what came of them."""
         critical = self.criticality(outcomes)
         return critical - self.weight * self.realism.penalty(theta) if self.weight else critical

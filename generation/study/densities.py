@@ -12,10 +12,10 @@ from generation.density.base import folds
 from generation.density.fitting import held_out
 from generation.density.model import models
 from recognition.study.report.tables import Table, spread
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 
-def comparison(theta: Floats, recordings: NDArray[Any], names: Sequence[str] | None = None) -> Table:
+def comparison(theta: FloatArray, recordings: NDArray[Any], names: Sequence[str] | None = None) -> Table:
     """Table of the models' held-out log-likelihoods, best first.
 
     Args:

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from generation.outcomes.cases import CAREFUL
 from generation.outcomes.evaluator import Outcomes, Simulator
 from runner.batch.jobs import Job, Outcome
 from runner.settings import RunSettings
+from xodr.array_types import BoolArray
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -57,7 +57,7 @@ class Comparison:
     cases: list[Job | Outcome]
     outcomes: dict[str, Outcomes]
 
-    def avoidable(self, system: str) -> NDArray[np.bool_]:
+    def avoidable(self, system: str) -> BoolArray:
         """Collisions (n,) of a system that the careful and competent driver does not have."""
         return self.outcomes[system].collision & self.outcomes[CAREFUL].survived
 

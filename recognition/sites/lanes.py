@@ -18,9 +18,6 @@ from xodr.model import LaneLink
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
-Floats = FloatArray
-Whole = IntArray
-
 NOWHERE = -1
 """Index in place of a strip where a row is on none."""
 

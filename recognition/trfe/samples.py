@@ -6,10 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
-
-Floats = FloatArray
-Whole = IntArray
+from xodr.array_types import IntArray
 
 Features = NDArray[np.float32]
 

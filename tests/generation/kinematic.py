@@ -12,8 +12,8 @@ import numpy as np
 from generation.outcomes.evaluator import Outcomes
 from generation.parameters import Space
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.trfe.samples import Floats
 from runner.measures.rss import lateral_distance, longitudinal_distance, parameter_set
+from xodr.array_types import FloatArray
 
 STEP, LENGTH, WIDTH, LANE, EGO, SENSOR, BRAKE = 0.1, 4.5, 1.8, 3.5, 30.0, 10.0, 8.0
 SPACE = Space(tuple(PARAMETERS.values()))
@@ -25,7 +25,7 @@ class Kinematic:
 
     calls: int = 0
 
-    def __call__(self, theta: Floats) -> Outcomes:
+    def __call__(self, theta: FloatArray) -> Outcomes:
         self.calls += len(theta)
         gap, v0, t0, v1, duration, v2, rest = theta.T
         n, rss = len(theta), parameter_set("ad-rss")
@@ -60,7 +60,7 @@ class Kinematic:
         )
 
 
-def driven(n: int, seed: int = 0) -> Floats:
+def driven(n: int, seed: int = 0) -> FloatArray:
     """Parameters (n, 7) as traffic has them: the three speeds depend on one another, gaps on the speed."""
     generator = np.random.default_rng(seed)
     start = generator.normal(29.0, 3.5, n)

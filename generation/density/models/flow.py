@@ -12,8 +12,8 @@ from torch import Tensor, nn
 
 from generation.density.base import Density, Whitening, folds
 from recognition.training.seeding import seeded
-from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 
 DENSITY = {"class": "Flow", "title": "normalizing flow (RealNVP)"}
 
@@ -50,7 +50,7 @@ class Flow(Density):
     def __init__(self, couplings: Couplings = Couplings(), seed: int = 0) -> None:
         self.couplings, self.seed = couplings, seed
 
-    def _learn(self, theta: Floats, groups: Whole) -> None:
+    def _learn(self, theta: FloatArray, groups: IntArray) -> None:
         if theta.shape[1] < 2:
             raise UsageError("a flow of couplings needs two parameters at least")
         self._whitening = Whitening.of(theta)
@@ -60,13 +60,13 @@ class Flow(Density):
             self._network = _RealNVP(theta.shape[1], self.couplings).double()
             _train(self._network, white[fitted], white[held], self.couplings)
 
-    def log_density(self, theta: Floats) -> Floats:
+    def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
         with torch.no_grad():
-            density: Floats = self._network.log_density(torch.from_numpy(self._whitening.forward(theta))).numpy()
+            density: FloatArray = self._network.log_density(torch.from_numpy(self._whitening.forward(theta))).numpy()
         return density + self._whitening.log_jacobian
 
-    def sample(self, n: int, generator: np.random.Generator) -> Floats:
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
         noise = torch.from_numpy(generator.standard_normal((n, len(self._whitening.mean))))
         with torch.no_grad():

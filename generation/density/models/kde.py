@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Density, Whitening, folds
-from recognition.trfe.samples import Floats, Whole
+from xodr.array_types import FloatArray, IntArray
 
 DENSITY = {"class": "KDE", "title": "KDE, full covariance"}
 FACTORS = np.geomspace(0.2, 2.0, 19)
@@ -35,26 +35,26 @@ class KDE(Density):
     def __init__(self, factor: float | None = None) -> None:
         self.factor = factor
 
-    def _learn(self, theta: Floats, groups: Whole) -> None:
+    def _learn(self, theta: FloatArray, groups: IntArray) -> None:
         factor = self.factor if self.factor is not None else _best_factor(theta, groups)
         self._whitening = Whitening.of(theta)
         self._centres = self._whitening.forward(theta)
         self.bandwidth = factor * scott(*theta.shape)
 
-    def log_density(self, theta: Floats) -> Floats:
+    def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
         white = self._whitening.forward(theta)
         chunks = np.array_split(white, max(1, -(-len(white) * len(self._centres) // _CHUNK)))
         parts = [_log_kernels(chunk, self._centres, np.array([self.bandwidth]))[0] for chunk in chunks]
         return np.concatenate(parts) + self._whitening.log_jacobian
 
-    def sample(self, n: int, generator: np.random.Generator) -> Floats:
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d): a sample each, moved by its kernel."""
         chosen = self._centres[generator.integers(len(self._centres), size=n)]
         return self._whitening.back(chosen + self.bandwidth * generator.standard_normal(chosen.shape))
 
 
-def _best_factor(theta: Floats, groups: Whole) -> float:
+def _best_factor(theta: FloatArray, groups: IntArray) -> float:
     total = np.zeros(len(FACTORS))
     for fitted, tested in folds(groups):
         whitening = Whitening.of(theta[fitted])
@@ -64,7 +64,7 @@ def _best_factor(theta: Floats, groups: Whole) -> float:
     return float(FACTORS[total.argmax()])
 
 
-def _log_kernels(white: Floats, centres: Floats, bandwidths: Floats) -> Floats:
+def _log_kernels(white: FloatArray, centres: FloatArray, bandwidths: FloatArray) -> FloatArray:
     """log of the mean of round Gaussian kernels around the centres, at white (n, d), for each bandwidth: (bandwidths, n)."""
     from scipy.spatial.distance import cdist
 

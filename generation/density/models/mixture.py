@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Density, Whitening
-from recognition.trfe.samples import Floats, Whole
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray, IntArray
 
 DENSITY = {"class": "Mixture", "title": "Gaussian mixture (BIC)"}
 _MOST = 8
@@ -27,7 +27,7 @@ class Mixture(Density):
     def __init__(self, components: int | None = None, seed: int = 0) -> None:
         self.components, self.seed = components, seed
 
-    def _learn(self, theta: Floats, groups: Whole) -> None:
+    def _learn(self, theta: FloatArray, groups: IntArray) -> None:
         from sklearn.mixture import GaussianMixture
         from threadpoolctl import threadpool_limits
 
@@ -41,12 +41,12 @@ class Mixture(Density):
         with threadpool_limits(1):  # matrices this small lose far more by handing out work than more threads bring
             self._model = min((model.fit(white) for model in models), key=lambda model: model.bic(white))
 
-    def log_density(self, theta: Floats) -> Floats:
+    def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
-        density: Floats = self._model.score_samples(self._whitening.forward(theta)) + self._whitening.log_jacobian
+        density: FloatArray = self._model.score_samples(self._whitening.forward(theta)) + self._whitening.log_jacobian
         return density
 
-    def sample(self, n: int, generator: np.random.Generator) -> Floats:
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
         drawn = generator.choice(len(self._model.weights_), size=n, p=self._model.weights_)
         factors = np.linalg.cholesky(self._model.covariances_)[drawn]

@@ -9,7 +9,7 @@ import numpy as np
 from generation.outcomes.cases import Choice, apart, critical, diverse
 from generation.parameters import Space
 from generation.search.problem import Episodes
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 _ALIKE = Choice().apart
 """Failures that are nearer to each other than this are one; as for edge cases"""
@@ -24,12 +24,12 @@ class Failures(NamedTuple):
         new: how many collisions are unlike all failures that were known before.
     """
 
-    theta: Floats
+    theta: FloatArray
     collisions: int
     new: int
 
 
-def failures(space: Space, episodes: Episodes, before: Floats | None = None) -> Failures:
+def failures(space: Space, episodes: Episodes, before: FloatArray | None = None) -> Failures:
     """The failures among episodes.
 
     Args:

@@ -14,8 +14,8 @@ from generation.loop.stages.findings import CarefulDriver, CaseVerdict, EdgeCase
 from generation.loop.tasks.failures import failures
 from generation.loop.tasks.targets import Target
 from generation.pipeline import Generated, generate
-from recognition.trfe.samples import Floats
 from schemas.errors import ToolchainError
+from xodr.array_types import FloatArray
 
 _DIGITS = 6
 """Decimal places that say anything"""
@@ -24,7 +24,7 @@ _SHOWN = 300
 
 
 def search(
-    target: Target, number: int, out: Path, settings: LoopSettings, known: Floats | None, progress: Callable[[int], None]
+    target: Target, number: int, out: Path, settings: LoopSettings, known: FloatArray | None, progress: Callable[[int], None]
 ) -> Searched:
     """Search for edge cases and write them into a folder of the output folder.
 
@@ -64,7 +64,7 @@ def search(
     )
 
 
-def found_by(rounds: Iterable[Searched]) -> Floats | None:
+def found_by(rounds: Iterable[Searched]) -> FloatArray | None:
     """The failures of earlier rounds of one target, one a row; None where there are none."""
     rows = [row for each in rounds for row in each.failed]
     return np.array(rows) if rows else None
@@ -96,7 +96,7 @@ def road_of(scenario: Path, out: Path) -> str | None:
     return path.relative_to(out.resolve()).as_posix() if path.is_relative_to(out.resolve()) else None
 
 
-def _thinned(theta: Floats) -> Floats:
+def _thinned(theta: FloatArray) -> FloatArray:
     """Evenly chosen rows, no more than can be seen, rounded to what can be seen."""
     rows = np.linspace(0, len(theta) - 1, min(len(theta), _SHOWN)).astype(int)
     return theta[rows].round(4)

@@ -9,7 +9,7 @@ from generation.outcomes.evaluator import Outcomes
 from generation.search.problem import History, Problem
 from generation.search.reward import COLLISION, RISK, SAFE
 from generation.study.strategies.rewarded import rewarded
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 METHOD = {"title": "exclusive reward", "meaning": "MCSG where a collision pays the same whatever R_risk", "realistic": True}
 
@@ -19,6 +19,6 @@ def search(problem: Problem, budget: int, seed: int) -> History:
     return rewarded(mcsg, problem, budget, seed, criticality=exclusive)
 
 
-def exclusive(outcomes: Outcomes) -> Floats:
+def exclusive(outcomes: Outcomes) -> FloatArray:
     """0.25 with a collision, otherwise −0.1 + 0.2·R_risk: (n,)."""
     return np.where(outcomes.collision, COLLISION, SAFE + RISK * outcomes.r_risk)

@@ -16,7 +16,7 @@ from torch.nn import functional
 from generation.search.problem import Calls, History, Problem
 from generation.study.strategies.perceptron import perceptron
 from recognition.training.seeding import seeded
-from recognition.trfe.samples import Floats, Whole
+from xodr.array_types import FloatArray, IntArray
 
 METHOD = {"title": "RLTester", "meaning": "deep Q-network, one step of one parameter at a time, least TTC", "realistic": False}
 
@@ -80,16 +80,16 @@ class _Agent:
         self._network = perceptron(d, self._actions)
         self._target = deepcopy(self._network)
         self._optimiser = torch.optim.Adam(self._network.parameters(), settings.rate)
-        self._memory: list[tuple[Floats, Whole, Floats, Floats]] = []
+        self._memory: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
 
-    def act(self, state: Floats, explored: float, generator: np.random.Generator) -> Whole:
+    def act(self, state: FloatArray, explored: float, generator: np.random.Generator) -> IntArray:
         """Actions (n,): 2j moves parameter j down, 2j + 1 up."""
         with torch.no_grad():
             best = self._network(torch.from_numpy(state).float()).argmax(dim=1).numpy()
         drawn = generator.integers(self._actions, size=len(state))
         return np.where(generator.random(len(state)) < explored, drawn, best)
 
-    def keep(self, state: Floats, action: Whole, reward: Floats, after: Floats) -> None:
+    def keep(self, state: FloatArray, action: IntArray, reward: FloatArray, after: FloatArray) -> None:
         """Remember transitions."""
         self._memory.append((state, action, reward, after))
 

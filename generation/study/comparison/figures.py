@@ -8,6 +8,8 @@ from statistics import fmean, stdev
 
 import matplotlib as mpl
 
+from xodr.array_types import FloatArray
+
 mpl.use("Agg")
 
 import numpy as np
@@ -21,7 +23,6 @@ from generation.study.comparison.study import Key, Study
 from generation.study.methods import ABLATIONS, METHODS
 from recognition.maneuvers.estimation.reconstruction import reconstruct
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.trfe.samples import Floats
 
 REAL, GENERATED, HARMLESS = "#2e7d32", "#c62828", "#f4a6a0"
 _COLOURS = mpl.colormaps["tab20"]
@@ -110,7 +111,7 @@ def _methods(study: Study, keys: list[Key]) -> Figure:
     centre, spread = real.mean(axis=0), real.std(axis=0)
     axes_of = np.linalg.svd((real - centre) / spread, full_matrices=False)[2][:2].T
 
-    def flat(theta: Floats) -> Floats:
+    def flat(theta: FloatArray) -> FloatArray:
         return ((study.space.unit(theta) - centre) / spread) @ axes_of
 
     names = [name for name in METHODS if any(key.method == name for key in keys)]
@@ -136,7 +137,7 @@ def _panels(number: int, abreast: int, size: tuple[float, float], shared: bool =
     return canvas, panels[:number]
 
 
-def _scatter(axes: Axes, real: Floats, generated: Floats, collision: np.ndarray) -> None:
+def _scatter(axes: Axes, real: FloatArray, generated: FloatArray, collision: np.ndarray) -> None:
     generator = np.random.default_rng(0)
     for points, colour, label in (
         (real, REAL, "recorded"),

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from generation.outcomes.cases import Choice, diverse
 from generation.outcomes.evaluator import Outcomes
 from generation.search.problem import Episodes, Evaluate, History, Problem
-from recognition.trfe.samples import Floats
+from xodr.array_types import BoolArray, FloatArray
 
 JUDGED = 100
 """Collisions that the careful driver is given, at most."""
@@ -49,7 +48,7 @@ def last_third(history: History) -> Episodes:
     return taken(history, np.arange(len(history.theta)) >= len(history.theta) * 2 // 3)
 
 
-def taken(episodes: Episodes, chosen: NDArray[np.bool_]) -> Episodes:
+def taken(episodes: Episodes, chosen: BoolArray) -> Episodes:
     """Some episodes, by a mask (n,)."""
     outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
     return Episodes(episodes.theta[chosen], outcomes, episodes.rewards[chosen])
@@ -87,7 +86,7 @@ def avoided(history: History, careful: Evaluate) -> float | None:
     return float(judged.survived.sum() / judged.executed.sum()) if judged.executed.any() else None
 
 
-def curves(history: History, window: int = 150) -> dict[str, Floats]:
+def curves(history: History, window: int = 150) -> dict[str, FloatArray]:
     """Means (n,) of R_risk, collisions and rewards over the last `window` episodes at each episode."""
     columns = {"r_risk": history.outcomes.r_risk, "collisions": history.outcomes.collision, "reward": history.rewards}
     total = {name: np.concatenate([[0.0], np.cumsum(values)]) for name, values in columns.items()}
@@ -96,7 +95,7 @@ def curves(history: History, window: int = 150) -> dict[str, Floats]:
     return {name: (sums[ends] - sums[starts]) / (ends - starts) for name, sums in total.items()}
 
 
-def _distance(unit: Floats) -> float:
+def _distance(unit: FloatArray) -> float:
     """Mean distance of two rows, of evenly chosen ones where there are many."""
     from scipy.spatial.distance import pdist
 

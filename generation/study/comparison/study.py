@@ -28,9 +28,9 @@ from generation.study.knots.scenario import setting_of, write
 from generation.study.methods import METHODS, TRAJECTORIES
 from recognition.study.protocol.store import Key as Place
 from recognition.study.protocol.store import Store
-from recognition.trfe.samples import Floats
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class Study:
         found: float | None = self.store.read(_place(key))["avoidable"]
         return found
 
-    def _posed(self, scenario: Path, space: Space, real: Floats) -> Problem:
+    def _posed(self, scenario: Path, space: Space, real: FloatArray) -> Problem:
         """The problem of a scenario, given its recorded parameters."""
         realism = Realism.fitted(self.settings.density, real, self.recorded.recordings)
         reward = Reward(realism, self.settings.weight)

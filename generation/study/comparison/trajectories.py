@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from generation.search.reward import Realism
 from generation.study.comparison.measures import last_third
@@ -11,9 +10,8 @@ from generation.study.comparison.study import Key, Study
 from generation.study.knots.motion import Nearest, knots_of, maneuvers_of
 from generation.study.methods import METHODS, TRAJECTORIES
 from recognition.study.report.tables import Table, spread
-from recognition.trfe.samples import Floats
+from xodr.array_types import BoolArray, FloatArray
 
-Mask = NDArray[np.bool_]
 Figures = tuple[float, ...]
 
 _NEAR = 0.99
@@ -68,16 +66,16 @@ class _Judge:
         nearest = maneuvers_of(last.theta, setting)
         return self._figures(last.theta, nearest.theta, last.outcomes.collision, self._near(nearest))
 
-    def _near(self, nearest: Nearest) -> Mask:
+    def _near(self, nearest: Nearest) -> BoolArray:
         return (nearest.lateral <= self._limits[0]) & (nearest.longitudinal <= self._limits[1])
 
-    def _figures(self, knots: Floats, theta: Floats, collision: Mask, near: Mask) -> Figures:
+    def _figures(self, knots: FloatArray, theta: FloatArray, collision: BoolArray, near: BoolArray) -> Figures:
         sides = (self._side.problem, knots), (self._study.problem, theta)
         found = [_likelihoods(problem.reward.realism, rows, collision) for problem, rows in sides]
         return (*found[0], *found[1], float(near.mean()))
 
 
-def _likelihoods(realism: Realism, theta: Floats, collision: Mask) -> Figures:
+def _likelihoods(realism: Realism, theta: FloatArray, collision: BoolArray) -> Figures:
     """Mean log-density, share of the plausible, and of the plausible collisions."""
     log_likelihood, plausible = realism.judged(theta)
     return float(log_likelihood.mean()), float(plausible.mean()), float((plausible & collision).mean())

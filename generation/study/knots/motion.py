@@ -11,7 +11,7 @@ from generation.parameters import Space
 from recognition.maneuvers.estimation.reconstruction import progress, reconstruct
 from recognition.maneuvers.estimation.speeds import distance_model, fit_speeds
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 NUMBER = 6
 """Of knots: the fewest by which recorded cut-ins are told within the published errors of reconstruction."""
@@ -46,12 +46,12 @@ class Nearest(NamedTuple):
         lateral, longitudinal: root mean squares (n,) of what is left, m.
     """
 
-    theta: Floats
-    lateral: Floats
-    longitudinal: Floats
+    theta: FloatArray
+    lateral: FloatArray
+    longitudinal: FloatArray
 
 
-def knots_of(theta: Floats, setting: Setting) -> Floats:
+def knots_of(theta: FloatArray, setting: Setting) -> FloatArray:
     """Knots (n, 1 + 6 + 4) of manoeuvres (n, 7): the scene's time (s), ways ahead (m), ways aside (m) but the first and last.
 
     Those two are the middles of the lanes in every manoeuvre.
@@ -65,7 +65,7 @@ def knots_of(theta: Floats, setting: Setting) -> Floats:
     return np.column_stack([total, ahead, setting.aside + moved[:, 1, 1:-1]])
 
 
-def box(space: Space, setting: Setting) -> tuple[Floats, Floats]:
+def box(space: Space, setting: Setting) -> tuple[FloatArray, FloatArray]:
     """Least and greatest knots (11,) that the manoeuvres of a box of the seven parameters have, to the centimetre."""
     corners = np.array(list(product(*zip(space.low, space.high, strict=True))))
     inside = space.draw(_DRAWS, np.random.default_rng(0))
@@ -73,7 +73,7 @@ def box(space: Space, setting: Setting) -> tuple[Floats, Floats]:
     return knots.min(axis=0).round(2), knots.max(axis=0).round(2)
 
 
-def maneuvers_of(knots: Floats, setting: Setting) -> Nearest:
+def maneuvers_of(knots: FloatArray, setting: Setting) -> Nearest:
     """The manoeuvres that come nearest to trajectories (n, 11).
 
     Least squares across the lane give their times, then along it their speeds and gap.
@@ -83,7 +83,7 @@ def maneuvers_of(knots: Floats, setting: Setting) -> Nearest:
     return Nearest(theta, left[:, 0], left[:, 1])
 
 
-def _nearest(row: Floats, setting: Setting) -> tuple[Floats, tuple[float, float]]:
+def _nearest(row: FloatArray, setting: Setting) -> tuple[FloatArray, tuple[float, float]]:
     """The seven parameters nearest to one trajectory, and the root mean squares that are left across and along the lane."""
     total, ahead, beside = _curves(row, setting.aside, np.linspace(0.0, 1.0, _SAMPLES))
     time, way = np.linspace(0.0, total, _SAMPLES), ahead + setting.ego_speed * np.linspace(0.0, total, _SAMPLES)
@@ -102,7 +102,7 @@ def _nearest(row: Floats, setting: Setting) -> tuple[Floats, tuple[float, float]
     return theta, (float(np.sqrt(off[best])), float(np.sqrt(longitudinal)))
 
 
-def _times(total: float) -> tuple[Floats, Floats]:
+def _times(total: float) -> tuple[FloatArray, FloatArray]:
     """Beginnings and durations (m,) that the parameters allow in a scene of that time, s."""
     before, lasts, after = (PARAMETERS[role] for role in ("start_time", "duration", "rest_time"))
     starts = np.arange(before.low, before.high + 1e-9, _EVERY)
@@ -113,15 +113,15 @@ def _times(total: float) -> tuple[Floats, Floats]:
     return start[possible], duration[possible]
 
 
-def _curves(row: Floats, aside: float, shares: Floats) -> tuple[float, Floats, Floats]:
+def _curves(row: FloatArray, aside: float, shares: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """The scene's time, and ways ahead and aside at shares of it."""
     along = weights(shares)
     return float(row[0]), along @ row[1 : NUMBER + 1], along @ np.array([aside, *row[NUMBER + 1 :], 0.0])
 
 
-def weights(shares: Floats) -> Floats:
+def weights(shares: FloatArray) -> FloatArray:
     """What each knot weighs at shares (n,) of the time: (n, knots)."""
     from scipy.interpolate import CubicSpline
 
-    found: Floats = CubicSpline(_SHARES, np.eye(NUMBER), bc_type="natural")(shares)
+    found: FloatArray = CubicSpline(_SHARES, np.eye(NUMBER), bc_type="natural")(shares)
     return found

@@ -17,8 +17,8 @@ from generation.parameters import Space
 from generation.study.knots.motion import NUMBER, Setting, box, knots_of, weights
 from generation.variations import AUTHOR
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
-from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.exports import standard
@@ -117,7 +117,7 @@ def _vertices(setting: Setting) -> list[tuple[str, Any]]:
     ]
 
 
-def _sum(row: Floats, names: tuple[str, ...]) -> str:
+def _sum(row: FloatArray, names: tuple[str, ...]) -> str:
     """Weighted parameters, to be added."""
     return "".join(
         f" {'-' if weight < 0.0 else '+'} {abs(weight):.6g} * ${name}" for weight, name in zip(row, names, strict=True)

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 from generation.search.problem import Calls, Episodes, History, Problem
 from generation.study.strategies.optional import need
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 POPULATION = 50
 
 
-def evolve(problem: Problem, budget: int, seed: int, start: Floats, fitness: Callable[[Episodes], Floats]) -> History:
+def evolve(problem: Problem, budget: int, seed: int, start: FloatArray, fitness: Callable[[Episodes], FloatArray]) -> History:
     """Maximise the fitness (n,) of episodes: pymoo's GA with its tournament, simulated binary crossover, polynomial mutation.
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 from generation.mcsg.settings import McsgSettings
 from generation.mcsg.starts import uniform_rows
 from generation.search.problem import Episodes, Problem
-from recognition.trfe.samples import Floats
+from xodr.array_types import FloatArray
 
 
 class RealStarts:
@@ -19,6 +19,6 @@ class RealStarts:
     def add(self, episodes: Episodes) -> None:
         """Episodes change nothing."""
 
-    def draw(self, n: int, spent: float, generator: np.random.Generator) -> Floats:
+    def draw(self, n: int, spent: float, generator: np.random.Generator) -> FloatArray:
         """Starts (n, d)."""
         return uniform_rows(self._starts, n, generator)

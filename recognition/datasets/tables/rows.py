@@ -12,9 +12,6 @@ from recognition.datasets.source import Exclusion, Gap, Report
 from recognition.datasets.tables.table import Table
 from xodr.array_types import FloatArray, IntArray
 
-Floats = FloatArray
-Whole = IntArray
-
 _LATE = 1.5
 """Steps after which a row comes late: frames are missing before it."""
 

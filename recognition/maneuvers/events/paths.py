@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from recognition.catalogue.scenes.scenes import Scope, needed
 from recognition.maneuvers.estimation.speeds import EVERY, distance_model, fit_speeds
 from runner.recording import Track
-from xodr.array_types import FloatArray
+from xodr.array_types import FloatArray, IntArray
 from xosc import maneuvers
 
 SMOOTHING = 0.5
@@ -60,7 +59,7 @@ class RecordedPath:
         return maneuvers.trajectory(name, time, x, y, h=h)
 
 
-def _spaced(x: FloatArray, y: FloatArray) -> NDArray[np.int64]:
+def _spaced(x: FloatArray, y: FloatArray) -> IntArray:
     """The first row, and each that is `_SPACING` away from the one taken before it."""
     taken = [0]
     for row, (here, there) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):

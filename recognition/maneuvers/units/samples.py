@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from recognition.maneuvers.parameters import PARAMETERS
 from schemas.errors import InvalidFile
-from xodr.array_types import FloatArray
+from xodr.array_types import FloatArray, IntArray
 
 DIGITS = 2
 """Decimal digits of numbers in files: recordings tell centimetres."""
@@ -47,7 +47,7 @@ class Samples:
     ego_speeds: FloatArray
     errors: FloatArray
 
-    def where(self, chosen: NDArray[np.int64]) -> Samples:
+    def where(self, chosen: IntArray) -> Samples:
         """Some of them, by index."""
         return Samples(**{name: values[chosen] for name, values in vars(self).items()})
 

@@ -19,8 +19,8 @@ from generation.density.models.gaussian import Gaussian
 from generation.density.models.independent import Independent
 from generation.density.models.kde import KDE, scott
 from generation.density.models.mixture import Mixture
-from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray
 
 MEAN = np.array([30.0, 25.0, 2.0])
 COVARIANCE = np.array([[25.0, 12.0, 0.5], [12.0, 16.0, 0.2], [0.5, 0.2, 0.25]])
@@ -29,7 +29,7 @@ EVERY = [KDE, Independent, Gaussian, Mixture, lambda: Flow(QUICK)]
 TITLES = ["kde", "independent", "gaussian", "mixture", "flow"]
 
 
-def normal(n: int, seed: int = 0) -> Floats:
+def normal(n: int, seed: int = 0) -> FloatArray:
     return np.random.default_rng(seed).multivariate_normal(MEAN, COVARIANCE, size=n)
 
 
@@ -136,7 +136,7 @@ def test_folds_test_every_row_once_and_divide_no_group(groups: list[int]) -> Non
     ids=["constant", "dependent", "nan", "flat", "few"],
 )
 @pytest.mark.parametrize("make", [KDE, Gaussian, Mixture, Flow])
-def test_samples_that_hold_no_density_are_refused(make: type[Density], rows: Floats, words: str) -> None:
+def test_samples_that_hold_no_density_are_refused(make: type[Density], rows: FloatArray, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         make().fit(rows)
 

@@ -24,9 +24,9 @@ from generation.search.memory import Memory
 from generation.search.problem import Calls, History, Problem
 from generation.search.reward import Realism, Reward, additive
 from recognition.maneuvers.parameters import Parameter
-from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import SPACE, Kinematic, driven
+from xodr.array_types import FloatArray
 
 
 def outcomes(collision: list[bool], r_risk: list[float]) -> Outcomes:
@@ -138,7 +138,7 @@ def test_any_number_of_parameters_can_be_searched(d: int) -> None:
     space = Space(tuple(Parameter(f"Other_P{number}", 0.0, 10.0) for number in range(d)))
     real = space.draw(60, np.random.default_rng(0))
 
-    def evaluate(theta: Floats) -> Outcomes:
+    def evaluate(theta: FloatArray) -> Outcomes:
         near = np.abs(theta - 7.0).max(axis=1)
         return outcomes((near < 1.0).tolist(), np.clip(1.0 - near / 10.0, 0.0, 1.0).tolist())
 
@@ -153,7 +153,7 @@ def test_an_interrupted_search_goes_on_to_the_same_end(problem: Problem, tmp_pat
     whole = search(problem, 240, 1)
 
     class Interrupted(Kinematic):
-        def __call__(self, theta: Floats) -> Outcomes:
+        def __call__(self, theta: FloatArray) -> Outcomes:
             if self.calls >= 100:
                 raise KeyboardInterrupt
             return super().__call__(theta)

@@ -23,9 +23,9 @@ from generation.study.comparison.measures import avoided, curves, last_third, me
 from generation.study.comparison.report import write_report
 from generation.study.comparison.study import Key, Study, StudySettings
 from generation.study.knots.motion import Setting, maneuvers_of
-from recognition.trfe.samples import Floats
 from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import Kinematic, driven
+from xodr.array_types import FloatArray
 
 SCENARIO = Path(xosc.__file__).with_name("library") / "cut_in_highway.xosc"
 METHODS = ["mcsg", "kde", "random", "no-elite"]
@@ -36,8 +36,8 @@ def recorded(space: Space) -> Recorded:
     return Recorded(driven(200), np.array([f"r{number % 10}" for number in range(200)]), errors)
 
 
-def study(out: Path, evaluate: Callable[[Floats], Outcomes] | None = None, budget: int = 90) -> Study:
-    def evaluators(sut: str, scenario: Path, space: Space) -> Callable[[Floats], Outcomes]:
+def study(out: Path, evaluate: Callable[[FloatArray], Outcomes] | None = None, budget: int = 90) -> Study:
+    def evaluators(sut: str, scenario: Path, space: Space) -> Callable[[FloatArray], Outcomes]:
         own = evaluate or Kinematic()
         return own if scenario == SCENARIO else lambda knots: own(maneuvers_of(knots, Setting(30.0, 3.75)).theta)
 
@@ -53,7 +53,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 def test_an_interrupted_study_goes_on_and_ends_as_if_it_had_not_been(done: Study, tmp_path: Path) -> None:
     class Interrupted(Kinematic):
-        def __call__(self, theta: Floats) -> Outcomes:
+        def __call__(self, theta: FloatArray) -> Outcomes:
             if self.calls > 100:
                 raise KeyboardInterrupt
             return super().__call__(theta)

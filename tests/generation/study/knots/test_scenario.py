@@ -13,14 +13,14 @@ from generation.logical.library import SCENARIOS
 from generation.parameters import Space
 from generation.study.knots.motion import Setting, knots_of
 from generation.study.knots.scenario import setting_of, write
-from recognition.trfe.samples import Floats
 from schemas.errors import UsageError
+from xodr.array_types import FloatArray
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 MANEUVER = np.array([30.0, 29.0, 2.0, 31.0, 4.0, 31.0, 3.0])
 
 
-def apart(result: runner.RunResult) -> tuple[Floats, Floats]:
+def apart(result: runner.RunResult) -> tuple[FloatArray, FloatArray]:
     """How far the actor is from the ego along and across the road, every half a second for 8 s."""
     columns = {name: result.trajectories[name].to_numpy(zero_copy_only=False) for name in ("entity", "x", "y")}
     ego, actor = (columns["entity"] == name for name in ("Ego", "CutIn"))
