@@ -12,6 +12,7 @@ import math
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -272,7 +273,7 @@ class _Parser:
         if len(nodes) == 1:
             return nodes[0]
         combine = any if word == "or" else all
-        return lambda lookup: combine([_boolean(node(lookup), word) for node in nodes])
+        return lambda lookup: combine([_boolean(node(lookup), word, node) for node in nodes])
 
     def _sum(self) -> _Node:
         return self._chain(("+", "-"), lambda: self._chain(("*", "/", "%"), self._unary))
@@ -286,9 +287,9 @@ class _Parser:
             return first
 
         def node(lookup: Lookup) -> Value:
-            value = _number(first(lookup), rest[0][0])
+            value = _number(first(lookup), rest[0][0], first)
             for symbol, apply, right in rest:
-                value = _finite(apply(value, _number(right(lookup), symbol)), symbol)
+                value = _finite(apply(value, _number(right(lookup), symbol, right)), symbol)
             return value
 
         return node
@@ -305,9 +306,9 @@ class _Parser:
             value = operand(lookup)
             for prefix in reversed(prefixes):
                 if prefix == "not":
-                    value = not _boolean(value, prefix)
+                    value = not _boolean(value, prefix, operand)
                 else:
-                    value = _number(value, prefix) * (-1 if prefix == "-" else 1)
+                    value = _number(value, prefix, operand) * (-1 if prefix == "-" else 1)
             return value
 
         return node
@@ -327,7 +328,7 @@ class _Parser:
             return lambda lookup: number
         if kind == "parameter":
             self.parameters.add(text)
-            return lambda lookup: lookup(text)
+            return _Parameter(text)
         return self._named(text)
 
     def _named(self, name: str) -> _Node:
@@ -347,7 +348,7 @@ class _Parser:
             raise ExpressionError(f"{name} takes {arity} argument{'s'[: arity - 1]}, not {len(arguments)}")
 
         def node(lookup: Lookup) -> Value:
-            values = [_number(argument(lookup), name) for argument in arguments]
+            values = [_number(argument(lookup), name, argument) for argument in arguments]
             try:
                 return _finite(apply(*values), name)
             except (ValueError, OverflowError):
@@ -363,17 +364,31 @@ def _literal_number(text: str) -> _Number:
     return int(value) if text.isdigit() and value < _EXACT_INTEGERS else value
 
 
-def _number(value: Value, operator: str) -> _Number:
+@dataclass(frozen=True, slots=True)
+class _Parameter:
+    """The node of a parameter, which errors name."""
+
+    name: str
+
+    def __call__(self, lookup: Lookup) -> Value:
+        return lookup(self.name)
+
+
+def _shown(value: Value, node: _Node) -> str:
+    return f"{literal(value)!r}{f', the value of ${node.name}' if isinstance(node, _Parameter) else ''}"
+
+
+def _number(value: Value, operator: str, node: _Node) -> _Number:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ExpressionError(f"{operator!r} needs a number, not {literal(value)!r}")
+        raise ExpressionError(f"{operator!r} needs a number, not {_shown(value, node)}")
     if not -_LARGEST <= value <= _LARGEST:
         raise ExpressionError(f"{operator!r} needs a finite number")
     return value
 
 
-def _boolean(value: Value, operator: str) -> bool:
+def _boolean(value: Value, operator: str, node: _Node) -> bool:
     if not isinstance(value, bool):
-        raise ExpressionError(f"{operator!r} needs true or false, not {literal(value)!r}")
+        raise ExpressionError(f"{operator!r} needs true or false, not {_shown(value, node)}")
     return value
 
 

@@ -63,7 +63,7 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
         prepared.ego(settings.ego)
     except Exception as error:  # a defect of ours is an outcome too, the other files go on
         return failure(job, error)
-    return Outcome(job, "loaded", 0, "; ".join(map(str, prepared.scenario.remarks)), status="compiled")
+    return Outcome(job, "loaded", 0, one_line("; ".join(map(str, prepared.scenario.remarks))), status="compiled")
 
 
 def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
