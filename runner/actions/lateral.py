@@ -34,7 +34,8 @@ class LaneChangeAction(PrivateAction):
     """Brings an entity to a lane, and to an offset from that lane's centre.
 
     A relative target counts lanes from the one that the reference is on, positive to the reference's left, the
-    centre lane not counted. The entity's speed is that along its slanting path.
+    centre lane not counted; where `from_own`, as in scenarios for CARLA, from the entity's own lane whatever the reference.
+    The entity's speed is that along its slanting path.
     """
 
     domains: ClassVar[tuple[str, ...]] = (LATERAL,)
@@ -44,6 +45,7 @@ class LaneChangeAction(PrivateAction):
     reference: Entity | None
     value: int
     offset: float
+    from_own: bool = False
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> LaneChangeAction:
@@ -54,11 +56,12 @@ class LaneChangeAction(PrivateAction):
         value = target.int("value")
         if reference is None and value == 0:
             raise target.invalid("value='0' is the centre lane, which has no width to drive on")
-        return cls(node, dynamics, reference, value, node.finite("targetLaneOffset", 0.0))
+        from_own = reference is not None and context.document.for_carla
+        return cls(node, dynamics, reference, value, node.finite("targetLaneOffset", 0.0), from_own)
 
     def references(self) -> Iterable[Entity]:
         """The entity that lanes are counted from."""
-        return (self.reference,) if self.reference is not None else ()
+        return (self.reference,) if self.reference is not None and not self.from_own else ()
 
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Express the entity's place in the target lane, and begin to move there."""
@@ -78,11 +81,12 @@ class LaneChangeAction(PrivateAction):
         assert road is not None
         there = road.lane_ids(actor.s)
         lane: int | None = self.value
-        if self.reference is not None:
-            point, direction = _place(self.reference, run, self.node)
+        reference = actor if self.from_own else self.reference
+        if reference is not None:
+            point, direction = _place(reference, run, self.node)
             lane = road.lane_beside(actor.s, point.lane_id, self.value * direction) if point.lane_id in there else None
         if lane is None or lane not in there:
-            target = f"{self.value}" if self.reference is None else f"{self.value:+d} from that of {self.reference.name}"
+            target = f"{self.value}" if reference is None else f"{self.value:+d} from that of {reference.name}"
             raise self.node.invalid(
                 f"{actor.name} can't change to lane {target}: road {road.id} at s = {actor.s:.1f} m has the lanes "
                 f"{', '.join(map(str, there))}"

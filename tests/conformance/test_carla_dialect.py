@@ -150,6 +150,18 @@ def test_an_act_stops_when_one_condition_holds(tmp_path: Path) -> None:
     assert result.end_time == pytest.approx(3.05, abs=0.06), "2 s after the act has begun"
 
 
+@pytest.mark.parametrize(("flag", "lane"), [(True, -1), (False, -2)])
+def test_lane_changes_count_from_the_actor_s_own_lane(tmp_path: Path, flag: bool, lane: int) -> None:
+    there = '<LanePosition roadId="1" laneId="-2" s="150"/>'
+    action = """<PrivateAction><LateralAction><LaneChangeAction>
+        <LaneChangeActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/><LaneChangeTarget>
+        <RelativeTargetLane entityRef="hero" value="{value}"/></LaneChangeTarget></LaneChangeAction></LateralAction>
+        </PrivateAction></Private></Actions>"""
+    change = ("</Private>\n      </Actions>", action.format(value=1 if flag else -1))
+    result = run(changed(SCENARIO, tmp_path, (PLACE, there), change, *([] if flag else [STANDARD])), max_time=0.5)
+    assert int(track(result, "adversary")["lane_id"][-1]) == lane
+
+
 @pytest.mark.parametrize("empty", ['<Action name="Wait"/>', '<Action name="Wait"><PrivateAction/></Action>'])
 def test_an_empty_action_does_nothing_and_is_a_remark(tmp_path: Path, empty: str) -> None:
     text = SCENARIO.read_text()

@@ -56,9 +56,7 @@ def to_standard(scenario: Node) -> list[Remark]:
     flagged, remarks = _is_flagged(scenario), []
     if is_for_carla(scenario):
         header = scenario.need("FileHeader")
-        text = (
-            "written for CARLA's scenario_runner, so its triggers, priorities and speed steps are read as there (docs/carla.md)"
-        )
+        text = "written for CARLA's scenario_runner: triggers, priorities, speed steps and lane changes are read as there"
         remarks.append(header.remark(_RULE, text))
     if flagged:
         header = scenario.need("FileHeader")
