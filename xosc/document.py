@@ -16,7 +16,7 @@ from schemas.remarks import Remark, Remarks
 from schemas.storage import Stamp, stamp
 from schemas.xml import line_of, parse
 from xosc.node import OWN, Node
-from xosc.repairs import repair, revision
+from xosc.repairs import repair
 
 VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3))
 """Versions of OpenSCENARIO XML that are read and written."""
@@ -100,7 +100,7 @@ def _load(path: str, _: Stamp) -> Document:
     etree.strip_attributes(tree, *OWN)
     node = Node(root, Path(path))
     if root.tag == OPENSCENARIO:
-        remarks += revision.repair(node, VERSIONS)
+        remarks += repair(node, VERSIONS)
     found = detect(tree)
     if found.standard != OPENSCENARIO:
         raise InvalidFile(f"this is {found.standard}, an OpenSCENARIO file is expected", path=path, line=line_of(root))
@@ -109,5 +109,4 @@ def _load(path: str, _: Stamp) -> Document:
     if found.version not in VERSIONS:
         message = f"{found} is not supported, only versions 1.0 to 1.3 of OpenSCENARIO XML are"
         raise Unsupported(message, path=path, line=line_of(root))
-    remarks += repair(node, found.version)
     return Document(Path(path), root, found.version, found.kind, remarks=tuple(remarks))

@@ -1,7 +1,8 @@
 """Repairs of documents as they are loaded.
 
 The kinds of repairs are the modules of `xosc.repairs.kinds` (see `schemas.discovery`): each has a function
-`repair(root, version)` that changes the tree where something has one sensible meaning, and yields a remark on each change.
+`repair(root, version)` that changes the tree where something has one sensible meaning, and yields a remark on each change, and
+a constant `BREAKS_SCHEMA` that says whether only documents have its fault that are not valid against the XSD.
 What has no such meaning is left to those who refuse it.
 """
 
@@ -10,8 +11,21 @@ from __future__ import annotations
 from schemas import discovery
 from schemas.remarks import Remark
 from xosc.node import Node
+from xosc.repairs import revision
 
 
-def repair(root: Node, version: tuple[int, int]) -> list[Remark]:
-    """Make all repairs in a document of that version of the standard, in place."""
-    return [remark for kind in discovery.load("xosc.repairs.kinds") for remark in kind.repair(root, version)]
+def repair(root: Node, versions: tuple[revision.Version, ...]) -> list[Remark]:
+    """Make all repairs in a document, in place.
+
+    Args:
+        root: the root, in no namespace.
+        versions: those of the standard that can be read, ascending.
+    """
+    version = revision.claimed(root)
+    valid = version in versions and revision.is_valid(root, version)
+    remarks = [] if valid else revision.repair(root, versions)
+    version = revision.claimed(root)
+    if version not in versions:
+        return remarks
+    kinds = [kind for kind in discovery.load("xosc.repairs.kinds") if not (valid and kind.BREAKS_SCHEMA)]
+    return remarks + [remark for kind in kinds for remark in kind.repair(root, version)]

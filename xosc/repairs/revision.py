@@ -28,12 +28,11 @@ def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
         root: the root, in no namespace; its header is changed or added.
         versions: those that can be read, ascending.
     """
-    header = header_of(root.element)
-    claimed = _claimed(header)
-    if claimed in versions and (_is_valid(root, claimed) or _keeps(root, claimed)):
+    header, said = header_of(root.element), claimed(root)
+    if said in versions and (schema_for(OPENSCENARIO, said) is None or _keeps(root, said)):
         return []
-    for version in sorted(versions, key=lambda each: _distance(each, claimed)):
-        if version != claimed and _keeps(root, version):
+    for version in sorted(versions, key=lambda each: _distance(each, said)):
+        if version != said and _keeps(root, version):
             break
     else:
         return []
@@ -43,28 +42,31 @@ def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
         root.element.insert(0, header)
         remark = root.remark(_PRESENT, f"there is no FileHeader; the content is that of version {name}")
     else:
-        said = f"the revision {claimed[0]}.{claimed[1]}" if claimed else "no revision"
-        rule = _VALID if claimed else _DEFINED
-        remark = Node(header, root.path).remark(rule, f"the header has {said}, the content is that of version {name}")
+        has = f"the revision {said[0]}.{said[1]}" if said else "no revision"
+        rule = _VALID if said else _DEFINED
+        remark = Node(header, root.path).remark(rule, f"the header has {has}, the content is that of version {name}")
     header.set("revMajor", str(version[0]))
     header.set("revMinor", str(version[1]))
     return [remark]
 
 
-def _claimed(header: etree._Element | None) -> Version | None:
+def claimed(root: Node) -> Version | None:
+    """The version that the header of a document says; None where it says none."""
+    header = header_of(root.element)
     if header is None:
         return None
     major, minor = revision(header.get("revMajor")), revision(header.get("revMinor"))
     return None if major is None or minor is None else (major, minor)
 
 
-def _distance(version: Version, claimed: Version | None) -> tuple[int, int]:
-    """How far a version is from what is claimed; of two that are as far, the newer comes first."""
-    distance = abs(100 * version[0] + version[1] - 100 * claimed[0] - claimed[1]) if claimed else 0
+def _distance(version: Version, said: Version | None) -> tuple[int, int]:
+    """How far a version is from what the header says; of two that are as far, the newer comes first."""
+    distance = abs(100 * version[0] + version[1] - 100 * said[0] - said[1]) if said else 0
     return distance, -version[1]
 
 
-def _is_valid(root: Node, version: Version) -> bool:
+def is_valid(root: Node, version: Version) -> bool:
+    """Whether a document is valid against the XSD of a version, as far as there is one."""
     schema = schema_for(OPENSCENARIO, version)
     return schema is None or not first_violations(root.element.getroottree(), schema, 1)
 

@@ -8,6 +8,8 @@ from schemas.remarks import Remark
 from schemas.rules.declared_names import UID
 from xosc.node import Node
 
+BREAKS_SCHEMA = False
+
 
 def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
     """Take the `$` away."""

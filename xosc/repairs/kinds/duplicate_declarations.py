@@ -10,6 +10,8 @@ from schemas.remarks import Remark
 from schemas.rules.unique_declarations import UID
 from xosc.node import Node
 
+BREAKS_SCHEMA = False
+
 
 def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
     """Keep the last, which replaces those before it."""

@@ -10,6 +10,7 @@ from xosc.node import Node
 from xosc.repairs.declared import attributes
 
 UID = "asam.net:xosc:1.0.0:xml.valid_schema"
+BREAKS_SCHEMA = True
 
 
 def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
