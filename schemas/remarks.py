@@ -62,6 +62,10 @@ class Remarks:
         """
         if self.strict and remarks:
             raise remarks[0].error()
+        self.note(*remarks)
+
+    def note(self, *remarks: Remark) -> None:
+        """Add remarks on what is no fault of a file but not done here; strict loading accepts them."""
         self._found.update(dict.fromkeys(remarks))
 
     @property

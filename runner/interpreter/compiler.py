@@ -115,7 +115,8 @@ class ScenarioContext:
         self.signals = TrafficSignals.from_xml(document.node.find("RoadNetwork", "TrafficSignals"), network)
         self.storyboard = Storyboard()
         self.remarks = Remarks(strict)
-        self.remarks.add(*document.remarks, *(network.remarks if network is not None else ()))
+        self.remarks.add(*document.remarks)
+        self.remarks.note(*(network.remarks if network is not None else ()))  # where strict, it was read without repairs
         self._late: list[Callable[[], None]] = []
         self.observers: list[Callable[[Run], None]] = [self.signals.advance] if self.signals.controllers else []
 

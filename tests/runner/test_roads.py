@@ -143,3 +143,14 @@ def test_what_is_repaired_in_a_road_file_is_told_by_the_run_and_refused_where_st
     assert remark.startswith(f"{road}:")
     with pytest.raises(InvalidFile, match="'99'"):
         runner.run(path, FAST, strict=True)
+
+
+def test_ways_off_a_virtual_junction_are_a_remark_but_no_fault(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    road = tmp_path / "straight.xodr"
+    connection = '<connection id="0" incomingRoad="1" connectingRoad="1" contactPoint="start"/>'
+    junction = f'<junction id="9" type="virtual" mainRoad="1" sStart="40" sEnd="60">{connection}</junction>'
+    road.write_text(road.read_text().replace("</OpenDRIVE>", f"{junction}</OpenDRIVE>"))
+    for strict in (False, True):
+        (remark,) = runner.run(path, FAST, strict=strict).remarks
+        assert "ways off that road are not followed" in remark
