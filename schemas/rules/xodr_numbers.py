@@ -21,10 +21,10 @@ _COEFFICIENTS = {
 
 @rule("xosc.toolchain:xodr:1.4.0:numbers_are_plausible")
 def check(document: Document) -> Iterator[Finding]:
-    """Coefficients of polynomials must not be larger than 1e12; exporters write such for stretches of some micrometres."""
+    """Coefficients of polynomials must be numbers up to 1e12; exporters write others for stretches of some micrometres."""
     for tag, names in _COEFFICIENTS.items():
         for element in document.elements(tag):
             for name in names:
                 value = document.number(element, name)
-                if value is not None and abs(value) > LARGEST:
-                    yield Finding(element, f"{name}={element.get(name)} is larger than {LARGEST:g}")
+                if value is not None and not abs(value) <= LARGEST:
+                    yield Finding(element, f"{name}={element.get(name)} is no number up to {LARGEST:g}")

@@ -19,6 +19,7 @@ FOLDER = Path(__file__).parent / "repairs"
 
 SCHEMA = "asam.net:xodr:1.0.0:xml.valid_schema"
 RECORDS = "xosc.toolchain:xodr:1.4.0:road.records_ascend"
+NUMBERS = "xosc.toolchain:xodr:1.4.0:numbers_are_plausible"
 LINE = "xosc.toolchain:xodr:1.4.0:road.geometry.reference_line_is_complete"
 SECTIONS = "xosc.toolchain:xodr:1.4.0:road.lane.lane_sections_are_whole"
 LINKS = "xosc.toolchain:xodr:1.4.0:road.linkage.linked_elements_exist"
@@ -50,6 +51,7 @@ CASES = [
         6,
         "geometry: the only geometry of the road has no length; the length of the road is read",
     ),
+    Case("elevation_not_a_number", NUMBERS, 10, "elevation: a=nan for 1e-06 m; the record is left out"),
     Case(
         "header_missing",
         "asam.net:xodr:1.0.0:xml.fileheader_is_present",
@@ -103,9 +105,9 @@ CASES = [
     Case("spiral_empty", SCHEMA, 6, "spiral: the attribute 'curvStart' is missing (and 1 more); read as 0"),
     Case(
         "width_absurd",
-        "xosc.toolchain:xodr:1.4.0:numbers_are_plausible",
+        NUMBERS,
         18,
-        "width: c=-6e12 on a section of 1e-06 m; the width is taken as constant there",
+        "width: c=-6e12 for 1e-06 m; the record is read as constant",
     ),
     Case("width_out_of_order", RECORDS, 13, "width: sOffset=0 follows sOffset=40; the records are read in ascending order"),
 ]
@@ -136,6 +138,7 @@ def test_records_hold_where_they_begin() -> None:
     assert road("elevation_doubled").pose(10.0).z == 2.0
     assert [road("lane_offset_out_of_order").lane_t(s, 0) for s in (10.0, 70.0)] == [0.5, 1.0]
     assert road("lane_offset_doubled").lane_t(10.0, 0) == 0.5
+    assert road("elevation_not_a_number").pose(100.0).z == 1.0
     assert [road("width_out_of_order").lane_width(s, -1) for s in (10.0, 50.0)] == [3.5, 3.0]
     assert [road("shape_out_of_order").pose(0.0, t).z for t in (-3.5, 0.0)] == [0.2, 0.1]
 

@@ -9,7 +9,7 @@ from lxml import etree
 from xodr.reader.elements import LARGEST
 from xodr.reader.repairs.repair import SCHEMA, Repair, leave_out, value
 
-RANGE = "xosc.toolchain:xodr:1.4.0:numbers_are_plausible"
+NUMBERS = "xosc.toolchain:xodr:1.4.0:numbers_are_plausible"
 
 _ZERO_BY_DEFAULT = {
     "elevation": ("a",),
@@ -41,14 +41,14 @@ _STARTS = {
 """Where a record begins, by element: at 0 where a first record does not say."""
 
 _SHORT = 0.1
-"""Width records are ignored but for their constant on stretches of at most this length where their numbers are absurd, in m."""
+"""Records with absurd numbers are read as constant where they hold for at most this length, in m."""
 
 
 def repair_values(root: etree._Element) -> Iterator[Repair]:
     """Fill in, correct or leave out single values."""
     yield from _empty_curves(root)
     yield from _missing(root)
-    yield from _absurd_widths(root)
+    yield from _absurd_records(root)
     yield from _speeds(root)
 
 
@@ -86,21 +86,40 @@ def _start(element: etree._Element, name: str) -> str | None:
     return before.get(name) if element.tag == "shape" else None
 
 
-def _absurd_widths(root: etree._Element) -> Iterator[Repair]:
+def _absurd_records(root: etree._Element) -> Iterator[Repair]:
     """Polynomials that some exporters fit to stretches of some micrometres."""
     for road in root.iterfind("road"):
+        length = value(road, "length")
+        for path in ("elevationProfile/elevation", "lateralProfile/superelevation", "lanes/laneOffset"):
+            yield from _constant_where_short(road.findall(path), "s", length)
         sections = road.findall("lanes/laneSection")
-        ends = [*(value(section, "s") for section in sections), value(road, "length")]
+        ends = [*(value(section, "s") for section in sections), length]
         for section, start, end in zip(sections, ends, ends[1:], strict=False):
-            if start is None or end is None or end - start > _SHORT:
-                continue
-            for width in section.iter("width"):
-                absurd = [name for name in "bcd" if abs(value(width, name) or 0.0) > LARGEST]
-                if absurd:
-                    fault = f"{absurd[0]}={width.get(absurd[0])} on a section of {end - start:.2g} m"
-                    for name in "bcd":
-                        width.set(name, "0")
-                    yield Repair(width, RANGE, fault, "the width is taken as constant there")
+            reach = None if start is None or end is None else end - start
+            for lane in section.iter("lane"):
+                for tag in ("width", "border"):
+                    yield from _constant_where_short(lane.findall(tag), "sOffset", reach)
+
+
+def _constant_where_short(records: list[etree._Element], name: str, reach: float | None) -> Iterator[Repair]:
+    """Make those records constant that hold for a short stretch only and have numbers that are none; `reach` ends the last."""
+    ends = [*(value(record, name) for record in records), reach]
+    for record, start, end in zip(records, ends, ends[1:], strict=False):
+        absurd = next((letter for letter in "abcd" if not _plausible(record, letter)), None)
+        if absurd is None or start is None or end is None or end - start > _SHORT:
+            continue
+        fault = f"{absurd}={record.get(absurd)} for {end - start:.2g} m"
+        if _plausible(record, "a"):
+            record.attrib.update(dict.fromkeys("bcd", "0"))
+            yield Repair(record, NUMBERS, fault, "the record is read as constant")
+        else:
+            leave_out(record)
+            yield Repair(record, NUMBERS, fault, "the record is left out")
+
+
+def _plausible(record: etree._Element, name: str) -> bool:
+    number = value(record, name)
+    return name not in record.attrib or (number is not None and abs(number) <= LARGEST)
 
 
 def _speeds(root: etree._Element) -> Iterator[Repair]:
