@@ -200,6 +200,23 @@ class Scope:
             raise constraint.invalid(f"the constraint of the parameter {parameter.name}: {error}") from None
 
 
+def typed_value(node: Node, kind: str, rule: str, remarks: Remarks) -> Value:
+    """The attribute `value` of an element as a value of a type; other spellings are read with a remark.
+
+    Args:
+        rule: uid of the rule that another spelling breaks.
+
+    Raises:
+        ValueError: it is no such value.
+        InvalidFile: it is missing, or spelled otherwise where remarks are refused.
+    """
+    text = node.get("value")
+    spelled = meant(kind, text)
+    if spelled != text:
+        remarks.add(node.remark(rule, f"value={quoted(text)} is not of type {kind}; {spelled} is meant"))
+    return typed(kind, spelled)
+
+
 def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Variable]:
     """Variables by name, from VariableDeclaration elements whose attributes are literals.
 

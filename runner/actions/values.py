@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.contracts.action import GlobalAction
 from runner.contracts.registry import action
+from schemas.rules.typed_values import UID
 from schemas.values import Value, typed
 from xosc.node import Node
+from xosc.parameters import typed_value
 
 if TYPE_CHECKING:
     from runner.contracts.context import Context
@@ -62,7 +64,7 @@ class SetAction(GlobalAction):
         """Build from the SetAction of a ParameterAction or VariableAction."""
         target = _Target.of(node, context)
         try:
-            return cls(target, typed(target.type, node.get("value")))
+            return cls(target, typed_value(node, target.type, UID, context.remarks))
         except ValueError as error:
             raise node.invalid(f"value: {error}") from None
 

@@ -11,9 +11,11 @@ from runner.conditions.comparison import RULES, Comparison
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
 from runner.surroundings.environment import read_date
-from schemas.values import Value, number, typed
+from schemas.rules.typed_values import UID
+from schemas.values import Value, number
 from schemas.values import holds as compare
 from xosc.node import Node
+from xosc.parameters import typed_value
 
 if TYPE_CHECKING:
     from runner.contracts.context import Context
@@ -143,14 +145,14 @@ class _NamedValueCondition(Condition):
         return self.expected.describe(f"{self.what} {self.name}", self.value(run))
 
 
-def _declared(node: Node, attribute: str, declared: Mapping[str, Parameter]) -> tuple[str, _Expected]:
+def _declared(node: Node, attribute: str, declared: Mapping[str, Parameter], context: Context) -> tuple[str, _Expected]:
     """Name of a declared parameter or variable, and the value to compare with, read as its type says."""
     name = node.get(attribute)
     if name not in declared:
         raise node.invalid(f"{attribute}={name!r} is not declared in this scenario")
     rule, kind = node.choice("rule", RULES), declared[name].type
     try:
-        expected = typed(kind, node.get("value"))
+        expected = typed_value(node, kind, UID, context.remarks)
         compare(rule, expected, expected)  # complains where the rule has no meaning for the type
     except ValueError as error:
         raise node.invalid(f"value: {error}") from None
@@ -166,7 +168,7 @@ class ParameterCondition(_NamedValueCondition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> ParameterCondition:
         """Read parameterRef, rule and value."""
-        return cls(*_declared(node, "parameterRef", context.document.parameters))
+        return cls(*_declared(node, "parameterRef", context.document.parameters, context))
 
     def value(self, run: Instant) -> Value | None:
         """The parameter as it was set last."""
@@ -182,7 +184,7 @@ class VariableCondition(_NamedValueCondition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> VariableCondition:
         """Read variableRef, rule and value."""
-        return cls(*_declared(node, "variableRef", context.document.variables))
+        return cls(*_declared(node, "variableRef", context.document.variables, context))
 
     def value(self, run: Instant) -> Value | None:
         """The variable as it was set last."""

@@ -57,6 +57,13 @@ FAULTS = {
     "assignment of what is not declared": Fault(
         'parameterRef="MaxSpeed"', 'parameterRef="TopSpeed"', "parameters.assigned_parameter_is_declared", 26
     ),
+    "compared with a boolean in capitals": Fault(
+        'SimulationTimeCondition rule="greaterThan" value="1"',
+        'ParameterCondition parameterRef="Triggering" rule="equalTo" value="FALSE"',
+        "parameters.value_is_of_the_declared_type",
+        110,
+        10.0,
+    ),
     "texts in a sum": Fault('name="Name" parameterType="string" value="Ego"', joined("${$First + $Last}"), VALUE, 8),
     "texts of several expressions": Fault(
         'name="Name" parameterType="string" value="Ego"', joined("${$First}${$Last}"), "data_type.allowed_operators", 8

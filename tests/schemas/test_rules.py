@@ -94,6 +94,13 @@ FAULTS = [
     ),
     Fault(ASAM + "1.2.0:data_type.allowed_operators", "scenario", "${$twice / 2}", "${$twice ** 2}", "**"),
     Fault(
+        OWN + "1.0.0:parameters.value_is_of_the_declared_type",
+        "scenario",
+        '<SetAction value="1"/>',
+        '<SetAction value="none"/>',
+        '"none"',
+    ),
+    Fault(
         OWN + "1.0.0:parameters.declared_name_is_a_name",
         "scenario",
         "<MonitorDeclarations>",
