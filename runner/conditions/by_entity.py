@@ -232,7 +232,10 @@ class AccelerationCondition(EntityCondition):
 
 @condition("TraveledDistanceCondition")
 class TraveledDistanceCondition(EntityCondition):
-    """True once the entity has travelled the distance (m) since the beginning of the run, or since `measure_from`."""
+    """True once the entity has travelled the distance (m) since the beginning of the run.
+
+    In scenarios for CARLA the way counts from when the trigger begins to wait (`measure_from`).
+    """
 
     def __init__(self, distance: float) -> None:
         self.distance = distance

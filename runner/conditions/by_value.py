@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 
 @condition("SimulationTimeCondition")
 class SimulationTimeCondition(Condition):
-    """Compares the simulation time (s), or the time since `measure_from`."""
+    """Compares the simulation time (s).
+
+    In scenarios for CARLA the time counts from when the trigger begins to wait (`measure_from`).
+    """
 
     def __init__(self, comparison: Comparison) -> None:
         self.comparison = comparison

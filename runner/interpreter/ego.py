@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 from runner.actions.controller import AssignControllerAction
 from runner.contracts.action import LONGITUDINAL, PrivateAction
-from runner.interpreter.controllers import EXTERNAL, module_of
 from runner.interpreter.drivers import EgoDriver, SystemDriver, WorldDriver, failed
+from runner.participants.controllers import EXTERNAL, module_of
 from runner.sut.base import WorldDriven, seen
 from schemas.errors import UsageError
 from xosc.ego import EGO_NAME

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.interpreter.compiler import Scenario, compile_scenario
-from runner.interpreter.controllers import controller_remarks
 from runner.interpreter.departures import Departures
 from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
 from runner.measures.limits import Limit
+from runner.participants.controllers import controller_remarks
 from runner.settings import RunSettings
 from runner.sut import load_system, system_name
 from runner.sut.parameters import parameters_of
