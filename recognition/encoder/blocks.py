@@ -1,4 +1,4 @@
-"""Blocks of the transformer: attention over space and time, then two layers for each token."""
+"""Blocks of the transformer: joint attention over space and time, then two layers for each token."""
 
 from __future__ import annotations
 
@@ -35,14 +35,9 @@ class Block(nn.Module):
         super().__init__()
         dim, heads = architecture.dim, architecture.heads
         self.attention = Attention(dim, heads)
-        self.over_time = Attention(dim, heads) if architecture.attention == "divided" else None
         self.layers = nn.Sequential(nn.LayerNorm(dim), nn.Linear(dim, _WIDER * dim), nn.GELU(), nn.Linear(_WIDER * dim, dim))
 
     def forward(self, tokens: Tensor) -> Tensor:
         """Tokens that have taken in the others."""
-        if self.over_time is None:
-            tokens = tokens + self.attention(tokens.flatten(1, 2)).view_as(tokens)
-        else:
-            tokens = tokens + self.over_time(tokens.transpose(1, 2)).transpose(1, 2)
-            tokens = tokens + self.attention(tokens)
+        tokens = tokens + self.attention(tokens.flatten(1, 2)).view_as(tokens)
         return tokens + self.layers(tokens)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 @dataclass(frozen=True)
@@ -16,8 +19,6 @@ class Architecture:
     Attributes:
         dim, depth, heads: size of the tokens and of the features, number of blocks, attention heads.
         patch: frames, rows and columns of cells that make one token.
-        attention: `joint` over all tokens of a window, or `divided`: first over time at each place, then over space.
-        tokens: `patches` of neighbouring cells, or `rows`: each frame flattened row by row and cut into as many runs.
         front: what a token is made from: `cells` as they are, or `cnn`: the output of two small convolutions.
     """
 
@@ -25,20 +26,25 @@ class Architecture:
     depth: int
     heads: int
     patch: tuple[int, int, int]
-    attention: Literal["joint", "divided"] = "joint"
-    tokens: Literal["patches", "rows"] = "patches"
     front: Literal["cells", "cnn"] = "cells"
 
     def __post_init__(self) -> None:
         if min(self.dim, self.depth, self.heads, *self.patch) < 1 or self.dim % self.heads:
             raise UsageError("sizes of an encoder are positive, and dim a multiple of heads")
-        for name, value, known in (
-            ("attention", self.attention, ("joint", "divided")),
-            ("tokens", self.tokens, ("patches", "rows")),
-            ("front", self.front, ("cells", "cnn")),
-        ):
-            if value not in known:
-                raise UsageError(f"{name} of an encoder is one of {', '.join(known)}, not {value!r}")
+        if self.front not in ("cells", "cnn"):
+            raise UsageError(f"front of an encoder is one of cells, cnn, not {self.front!r}")
+
+    def cut(self, cells: Tensor, rows: int, columns: int) -> Tensor:
+        """The cells of each token: patches of neighbouring ones.
+
+        Args:
+            cells: (n, times, frames, channels, height, width).
+            rows, columns: number of tokens along each axis; their product is that of tokens a time.
+
+        Returns:
+            Of shape (n, times, rows, columns, ...), or with rows and columns as one axis; what follows are the values of a token.
+        """
+        return cells.unflatten(5, (columns, -1)).unflatten(4, (rows, -1)).permute(0, 1, 4, 6, 2, 3, 5, 7)
 
 
 class Schedule(NamedTuple):

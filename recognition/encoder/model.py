@@ -90,11 +90,9 @@ class Encoder(nn.Module):
         cells = cells.unflatten(1, (self._times, -1))  # (n, times, frames of a patch, channels, rows, columns)
         if self.front is not None:
             cells = self.front(cells.flatten(2, 3).flatten(0, 1)).unflatten(0, cells.shape[:2]).unsqueeze(2)
-        if self.architecture.tokens == "rows":
-            split = cells.flatten(4).unflatten(4, (self._rows * self._columns, -1)).permute(0, 1, 4, 2, 3, 5)
-        else:
-            split = cells.unflatten(5, (self._columns, -1)).unflatten(4, (self._rows, -1)).permute(0, 1, 4, 6, 2, 3, 5, 7)
-        return split.reshape(len(grids), self._times, self._rows * self._columns, -1)
+        return self.architecture.cut(cells, self._rows, self._columns).reshape(
+            len(grids), self._times, self._rows * self._columns, -1
+        )
 
     def _padded(self, grids: Tensor) -> Tensor:
         """Grids with empty rows and columns at the end, so that patches fit."""

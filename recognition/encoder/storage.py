@@ -17,7 +17,7 @@ from schemas.errors import InvalidFile, ToolchainError, reason
 from schemas.storage import keep, read_object, writing
 
 _WEIGHTS, _CONFIG = "encoder.safetensors", "encoder.json"
-_FORMAT = "xosc-toolchain encoder 1"
+_FORMAT = "xosc-toolchain encoder 2"
 Tensors = dict[str, torch.Tensor]
 
 
@@ -41,15 +41,19 @@ def save(encoder: Encoder, folder: Path) -> None:
         keep(safetensors.save(weights), folder / _WEIGHTS)
 
 
-def load(folder: Path) -> Encoder:
+def load(folder: Path, architecture: type[Architecture] = Architecture) -> Encoder:
     """Read an encoder, onto CUDA where that is present.
+
+    Args:
+        folder: that `save` wrote into.
+        architecture: class of the encoder's, which says how tokens are cut; the file has its sizes only.
 
     Raises:
         InvalidFile: a file is missing, truncated, or not an encoder's.
     """
     path = folder / _WEIGHTS
     weights = _weights(path)
-    encoder = _untrained(folder / _CONFIG, weights, path)
+    encoder = _untrained(folder / _CONFIG, weights, path, architecture)
     encoder.load_state_dict(weights)
     return encoder.to(device()).eval()
 
@@ -81,13 +85,13 @@ def _weights(path: Path) -> Tensors:
     return weights
 
 
-def _untrained(path: Path, weights: Tensors, of: Path) -> Encoder:
+def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture]) -> Encoder:
     """The encoder that a file describes. It takes memory only if these weights, `of` another file, are of its shapes."""
     config = read_object(path)
     try:
         if config["format"] != _FORMAT:
             raise ValueError(f"its format is {config['format']!r}, {_FORMAT!r} is expected")
-        architecture, grid = Architecture(**_tuples(config["architecture"])), Grid(**_tuples(config["grid"]))
+        architecture, grid = kind(**_tuples(config["architecture"])), Grid(**_tuples(config["grid"]))
         classes = [int(label) for label in config["classes"]]
         if architecture.depth > len(weights):
             raise ValueError(f"the {len(weights)} tensors of {of.name} are too few for its {architecture.depth} blocks")

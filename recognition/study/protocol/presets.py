@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
 
 from recognition.encoder.config import PRESETS as PRODUCT
-from recognition.encoder.config import Preset
+from recognition.encoder.config import Architecture, Preset
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+@dataclass(frozen=True)
+class RowTokens(Architecture):
+    """As published: each frame is flattened row by row and cut into as many runs as it would have patches."""
+
+    def cut(self, cells: Tensor, rows: int, columns: int) -> Tensor:
+        """The cells of each token: runs of the flattened frame, of shape (n, times, rows · columns, ...)."""
+        return cells.flatten(4).unflatten(4, (rows * columns, -1)).permute(0, 1, 4, 2, 3, 5)
+
 
 _CPU = PRODUCT["cpu"]
+_CELLS = replace(_CPU.architecture, front="cells")
 PRESETS: dict[str, Preset] = {
     **PRODUCT,
-    "cpu-cells": _CPU._replace(architecture=replace(_CPU.architecture, front="cells")),
-    "cpu-rows": _CPU._replace(architecture=replace(_CPU.architecture, front="cells", tokens="rows")),
+    "cpu-cells": _CPU._replace(architecture=_CELLS),
+    "cpu-rows": _CPU._replace(architecture=RowTokens(**asdict(_CELLS))),
 }
 """`cpu-cells` has no convolutions; `cpu-rows` has tokens of the grids flattened row by row besides, as published."""

@@ -192,7 +192,7 @@ class Trials:
 
         place = self.cache / f"seed{seed}" / f"encoder{round_.number}"
         if (place / "encoder.safetensors").exists():
-            return load(place)
+            return load(place, type(preset.architecture))
         if round_.number == 0:
             training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
             longer = _long_enough(preset.pretraining, len(training), _PRETRAINING)
