@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from generation.mcsg.environment import Edits, Moves, coordinated
+from generation.mcsg.edits import Edits, Moves, coordinated
 from generation.mcsg.policy import Bins, Policy, State
 from generation.mcsg.settings import McsgSettings
 from generation.mcsg.starts import EliteStarts, Starts

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from generation.mcsg.environment import single
+from generation.mcsg.edits import single
 from generation.mcsg.search import search as mcsg
 from generation.search.problem import History, Problem
 

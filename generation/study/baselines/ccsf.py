@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from generation.mcsg.environment import single
+from generation.mcsg.edits import single
 from generation.mcsg.search import search as mcsg
 from generation.search.problem import History, Problem
 from generation.study.strategies.real_starts import RealStarts

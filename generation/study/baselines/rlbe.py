@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.distributions import Normal
 
-from generation.mcsg.environment import Edits, single
+from generation.mcsg.edits import Edits, single
 from generation.search.problem import Calls, History, Problem
 from generation.study.strategies.perceptron import perceptron
 from recognition.training.seeding import seeded

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generation.density.models.gaussian import Gaussian
-from generation.mcsg.environment import Edits, ScenarioEnv, coordinated, single
+from generation.mcsg.edits import Edits, coordinated, single
+from generation.mcsg.environment import ScenarioEnv
 from generation.mcsg.policy import Bins, Policy
 from generation.mcsg.search import search
 from generation.mcsg.settings import McsgSettings
