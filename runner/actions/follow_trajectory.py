@@ -94,17 +94,17 @@ class FollowTrajectoryAction(PrivateAction):
         """Begin at the trajectory's start, where the time says, or (`follow` without times) where the actor is closest."""
         track = self.trajectory.track(run, actor)
         path = track.path
-        if self.skip > path.length:
+        if self.skip > path.length + _SAME_PLACE:
             raise self.node.invalid(f"initialDistanceOffset={self.skip:g} is beyond the trajectory's {path.length:.2f} m")
         pace: Pace | None = None
-        s = self.skip
+        s = skip = min(self.skip, path.length)
         if self.timing is not None:
             schedule = self.trajectory.schedule(track, self.timing.scale)
-            skipped = schedule.time(self.skip) - schedule.times[0] if self.skip else 0.0
+            skipped = schedule.time(skip) - schedule.times[0] if skip else 0.0
             pace = Pace(schedule, self.timing.origin(run.time, skipped), self.timing.scale)
-            s = max(pace.station(run.time), self.skip)
+            s = max(pace.station(run.time), skip)
         elif self.follow and actor.placed:
-            s = max(nearest(path, actor.x, actor.y), self.skip)
+            s = max(nearest(path, actor.x, actor.y), skip)
         again = path if self.trajectory.closed and pace is None else None
         motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None)
         if self.follow and actor.placed:

@@ -130,8 +130,14 @@ class LaneOffsetAction(PrivateAction):
         """The entity that the offset is relative to."""
         return (self.reference,) if self.reference is not None else ()
 
+    def check(self, actor: Entity) -> None:
+        """An offset from one's own can be reached, but not be kept: it would run away."""
+        if self.continuous and self.reference is actor and self.value:
+            raise self.node.invalid(f"{actor.name} can't keep a lane offset of {self.value:g} m from its own")
+
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin to move sideways."""
+        self.check(actor)
         follow_road(actor, run, self.node)
         goal = self.goal(actor, run)
         extent = self._duration(goal - actor.offset * actor.direction)

@@ -34,6 +34,7 @@ _REACHED = 0.01
 class LateralDistanceAction(PrivateAction):
     """Keeps a lateral distance to a reference entity; without `distance`, the one that it has at the action's start.
 
+    It moves within its lane's direction or, where there is no road, across the direction that it faces.
     Without DynamicConstraints the distance holds at once and rigidly; with them a controller within the limits moves
     the entity sideways. Where `continuous`, it never ends by itself. Sides are those of the reference.
     """
@@ -73,7 +74,8 @@ class LateralDistanceAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin; an initial action without limits sets the place at time 0."""
         need_places(self.node, self.reference)
-        follow_road(actor, run, self.node)
+        if self.system != "entity" or run.roads.network is not None:
+            follow_road(actor, run, self.node)
         running = _Sidestep(self, actor, run)
         if not run.initialising or self.constraints is not None:
             return running
@@ -143,6 +145,9 @@ class _Sidestep(Running):
         if error is None:
             return False
         step = error if self._controller is None else self._limited(self._controller, error, dt)
+        if not actor.on_lane:
+            actor.x, actor.y = actor.x - step * math.sin(actor.h), actor.y + step * math.cos(actor.h)
+            return not self._action.continuous and abs(error) < _REACHED
         actor.controls.target_offset = actor.offset + actor.direction * step
         actor.controls.path_compensated = self._controller is not None
         return not self._action.continuous and abs(error) < _REACHED

@@ -86,6 +86,12 @@ def set_speed(actor: Entity, speed: float, run: Run) -> None:
         actor.speed = speed
 
 
+def demanded_speed(actor: Entity) -> float:
+    """Speed (m/s) that the scenario has asked for, for the coming step; that driven where someone else drives the entity."""
+    controls = actor.controls
+    return actor.speed if controls.driver is not None or controls.world_driven else controls.target_speed
+
+
 class _Transition(Running):
     """On the way to a target speed along a shape."""
 

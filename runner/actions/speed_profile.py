@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+from runner.actions.longitudinal import demanded_speed
 from runner.contracts.action import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
 from runner.contracts.running import Running
@@ -66,9 +67,9 @@ class SpeedProfileAction(PrivateAction):
         return (self.reference,) if self.reference is not None else ()
 
     def start(self, actor: Entity, run: Run) -> Running:
-        """Plan the profile from the present speed."""
+        """Plan the profile from the speed that the actor has, or that a SpeedAction has just demanded."""
         limits = tighter(self.constraints, actor.declared.performance) if self.smooth else self.constraints
-        speed = actor.speed - (self.reference.speed if self.reference is not None else 0.0)
+        speed = demanded_speed(actor) - (self.reference.speed if self.reference is not None else 0.0)
         return _Profile(actor, self.reference, plan(speed, self.entries, limits, self.smooth))
 
 

@@ -105,21 +105,17 @@ class SynchronizeAction(PrivateAction):
         return (self.master,)
 
     def start(self, actor: Entity, run: Run) -> Running:
-        """Find both targets on the ways that lead to them.
-
-        Raises:
-            InvalidFile: a target is not on the way of its entity.
-        """
+        """Begin; a target that is not on its entity's way yet is looked for again at every step."""
         need_places(self.node, actor, self.master)
         targets = self.master_target.resolve(run, self.master), self.target.resolve(run, actor)
         for entity, target in zip((self.master, actor), targets, strict=True):
             if entity.controls.motion.distance_to(entity, target) is None:
-                raise self.node.invalid(f"the target position of {entity.name} is not on the way that it follows")
+                run.note("synchronise", entity.name, "its target position is not on the way that it follows yet")
         return _Synchronisation(self, actor, run, *targets)
 
 
 class _Synchronisation(Running):
-    """Under way to the target; while a way is lost (an entity has left its road, say), the speed stays."""
+    """Under way to the target; while there is no way to one (an entity has left its road, say), the speed stays."""
 
     __slots__ = ("_action", "_actor", "_master_target", "_run", "_target")
 

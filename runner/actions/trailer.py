@@ -36,11 +36,15 @@ class ConnectTrailerAction(PrivateAction):
         """The trailer."""
         return (self.trailer,)
 
-    def start(self, actor: Entity, run: Run) -> None:
-        """Connect."""
-        trailer = self.trailer
+    def check(self, actor: Entity) -> None:
+        """It has to have a hitch."""
         if actor.declared.hitch is None:
             raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """Connect."""
+        self.check(actor)
+        trailer = self.trailer
         if actor.controls.trailer is trailer:
             return
         if actor.controls.trailer is not None:

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from xodr.model import RoadPoint
     from xodr.road import Road
 
-_NO_WIDTH = 1e-3
-"""Width (m) below which a lane is not there"""
-
 
 class LaneRange(NamedTuple):
     """Lanes relative to the entity's own, positive to its left; infinite where the file sets no limit."""
@@ -39,10 +36,10 @@ class LaneRange(NamedTuple):
 
 @condition("RelativeClearanceCondition")
 class RelativeClearanceCondition(EntityCondition):
-    """True while the lanes checked exist beside the entity and no one is in them over the distances checked.
+    """True while there are lanes to check beside the entity and no one is in them over the distances checked.
 
-    Lanes are counted from the entity's own, positive to its left, the centre lane left out. A lane named by a range that
-    the road does not have makes the condition false; lanes against the entity's direction are left out unless
+    Lanes are counted from the entity's own, positive to its left, the centre lane left out. Those of the ranges that the
+    road has are checked, an opening one from its beginning; lanes against the entity's direction are left out unless
     `oppositeLanes`. With `freeSpace` others count with their whole bounding box, without it with their reference point.
     Distances run from the entity's reference point along its lane, on over the border of the road.
 
@@ -101,18 +98,13 @@ class RelativeClearanceCondition(EntityCondition):
         return f"lanes {named} of {entity.name} from {-self.backward:g} m to {self.forward:g} m are {state}"
 
     def _lanes(self, entity: Entity, run: Instant) -> frozenset[int]:
-        """Relative lanes to be checked; empty where one of them does not exist or none is left."""
+        """Relative lanes to be checked; empty where there are none."""
         point = run.roads.road_point(entity)
         if point is None or run.roads.network is None:
             return frozenset()
         road = run.roads.network.roads[point.road_id]
         existing = _lanes_beside(road, point, facing(entity, road, point.s))
-        checked: set[int] = set()
-        for low, high in self.ranges:
-            found = {lane for lane in existing if low <= lane <= high}
-            if not math.isinf(high - low) and len(found) != high - low + 1:
-                return frozenset()
-            checked |= found
+        checked = {lane for lane in existing if any(low <= lane <= high for low, high in self.ranges)}
         own = road.direction(point.lane_id, point.s) if point.lane_id else facing(entity, road, point.s)
         return frozenset(lane for lane in checked if self.opposite or road.direction(existing[lane], point.s) == own)
 
@@ -146,8 +138,7 @@ class RelativeClearanceCondition(EntityCondition):
 
 def _lanes_beside(road: Road, point: RoadPoint, side: int) -> dict[int, int]:
     """Lanes of the road at a point: relative lane, positive to the left of who faces `side` (±1 for ±s) → lane id."""
-    ids = [lane for lane in road.lane_ids(point.s) if road.lane_width(point.s, lane) > _NO_WIDTH]
-    return {side * lanes_between(point.lane_id, lane): lane for lane in ids}
+    return {side * lanes_between(point.lane_id, lane): lane for lane in road.lane_ids(point.s)}
 
 
 def _lanes_under(road: Road, seen: Bearing, right: float, left: float) -> list[int]:

@@ -55,6 +55,13 @@ class PrivateAction(ABC):
         """Entities whose state `start` reads; initial actions are ordered by it."""
         return ()
 
+    def check(self, actor: Entity) -> None:  # noqa: B027  (most actions suit every actor)
+        """Complain before any run about what this actor can never do.
+
+        Raises:
+            InvalidFile: the action makes no sense for this actor.
+        """
+
     @abstractmethod
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin for this actor now; None when the action is complete at once."""

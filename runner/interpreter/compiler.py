@@ -218,6 +218,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
     context = ScenarioContext(document, network, strict)
     read_entities(document.node.need("Entities"), context)
     _read_storyboard(document.node.need("Storyboard"), context)
+    _check_actors(context.storyboard)
     context.finish()
     return Scenario(
         path=document.path,
@@ -235,6 +236,23 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
         observers=tuple(context.observers),
         remarks=context.remarks.found,
     )
+
+
+def _check_actors(storyboard: Storyboard) -> None:
+    """Have every action look at the actors that it is sure to have."""
+    starts = [(element, [actor] if actor is not None else []) for actor, element in storyboard.init]
+    starts += [
+        (element, event.group.actors)
+        for act in storyboard.acts
+        for event in act.events
+        for element in event.children
+        if isinstance(element, ActionElement)
+    ]
+    for element, actors in starts:
+        for action in element.actions:
+            if isinstance(action, PrivateAction):
+                for actor in actors:
+                    action.check(actor)
 
 
 def _activated(storyboard: Storyboard) -> frozenset[str]:

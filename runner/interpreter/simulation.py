@@ -101,7 +101,10 @@ class Simulation:
 
     def _set_velocities(self) -> None:
         for entity in self.entities.values():
-            entity.vx, entity.vy = entity.speed * math.cos(entity.h), entity.speed * math.sin(entity.h)
+            if entity.controls.tractor is None:
+                for member in train(entity):
+                    member.speed = entity.speed
+                    member.vx, member.vy = entity.speed * math.cos(member.h), entity.speed * math.sin(member.h)
 
     def _evaluate(self) -> None:
         self._publish()
@@ -293,6 +296,10 @@ class Simulation:
     def activate(self, entity: Entity, placement: Placement) -> None:
         """Bring an entity into the world, standing (AddEntityAction), its trailers with it."""
         self.place(entity, placement)
+        self.enter(entity)
+
+    def enter(self, entity: Entity) -> None:
+        """Bring an entity that has got its first place into the world, standing, its trailers with it."""
         for member in train(entity):
             if member is entity or not member.active:
                 member.active = True

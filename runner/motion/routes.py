@@ -24,7 +24,7 @@ STRATEGIES = ("shortest", "fastest", "leastIntersections", "random")
 
 
 class Waypoint(NamedTuple):
-    """A place to pass, and the strategy of the way to the next one."""
+    """A place to pass, and the strategy of the way to it."""
 
     position: Position
     strategy: str
@@ -76,7 +76,7 @@ class Route:
             return self._path
         waypoints = [*self.waypoints, self.waypoints[0]] if self.closed else self.waypoints
         points = [_road_point(w.position, self.network, run, actor) for w in waypoints]
-        path = self.network.route(points, [w.strategy for w in waypoints[:-1]], run.random if run is not None else None)
+        path = self.network.route(points, [w.strategy for w in waypoints[1:]], run.random if run is not None else None)
         if path is None:
             raise self._unreachable(waypoints, points)
         if self.fixed:

@@ -248,3 +248,7 @@ def test_relative_angle_is_own_minus_other() -> None:
     """The other one stands at 0.8 rad; the ego is 0.3 rad short of it at s = 50 m."""
     assert when("RelativeAngleCondition") == pytest.approx((49.0 - 20.0) * 1.0175 / 20.0, abs=0.011)
     assert when("RelativeAngleCondition", System="road", Value=0) == 0.0
+
+
+def test_a_range_needs_only_one_of_its_lanes_to_exist() -> None:
+    assert when("RelativeClearanceCondition", "Free", From=-3, To=-1, Opposite="true") == 0.0

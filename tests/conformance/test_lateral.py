@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import runner
 from runner import RunResult
 from schemas.errors import InvalidFile
-from tests.conformance.support import at, events, run, track
+from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
 DT = 0.01
 WIDTH, LANE = 2.0, 3.5
@@ -224,3 +227,22 @@ def test_any_side_is_the_one_that_it_is_on() -> None:
 def test_a_lateral_distance_goes_on_while_continuous() -> None:
     assert not events(lateral_run(Continuous=True), "endTransition", "RigidAction")
     assert events(lateral_run(Continuous=False), "endTransition", "RigidAction")
+
+
+def test_a_distance_in_the_entitys_coordinates_needs_no_road(tmp_path: Path) -> None:
+    text = (SCENARIOS / "LateralDistanceAction.xosc").read_text(encoding="utf-8")
+    text = re.sub(r"<RoadNetwork>.*</RoadNetwork>", "<RoadNetwork/>", text, flags=re.DOTALL)
+    text = re.sub(r"<LanePosition [^>]*>.*?</LanePosition>", '<WorldPosition x="500" y="0"/>', text, flags=re.DOTALL)
+    path = tmp_path / "entity.xosc"
+    path.write_text(text, encoding="utf-8")
+    result = runner.run(path, parameters={"System": "entity", "Freespace": False}, sut=None, timestep=DT, world="kinematic")
+    assert track(result, "Rigid")["y"][-1] == pytest.approx(1.0)
+    with pytest.raises(InvalidFile, match="not on a road"):
+        runner.run(path, parameters={"System": "road"}, sut=None, timestep=DT, world="kinematic")
+
+
+def test_a_continuous_offset_from_ones_own_is_refused_before_the_run(tmp_path: Path) -> None:
+    own = ('<RelativeTargetLaneOffset entityRef="Car"', '<RelativeTargetLaneOffset entityRef="Other"')
+    path = changed(SCENARIOS / "LaneOffsetAction.xosc", tmp_path, own)
+    with pytest.raises(InvalidFile, match="from its own"):
+        runner.run(path, parameters={"Continuous": True}, sut=None, world="kinematic", max_time=0.0)

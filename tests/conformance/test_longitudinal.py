@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import runner
 from runner.participants.declaration import Performance
-from tests.conformance.support import at, events, run, track
+from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
 DT = 0.01
 LENGTH = 5.0
@@ -189,3 +191,15 @@ def test_a_rigid_distance_holds_along_a_curve() -> None:
 def test_the_limits_of_an_action_may_exceed_the_performance() -> None:
     limited = track(distance_run(MaxAcceleration=9.0), "Limited")
     assert np.abs(np.diff(limited["speed"])).max() / DT > Performance(60.0, 5.0, 10.0).max_acceleration
+
+
+def test_a_profile_begins_at_the_speed_that_its_event_has_just_set(tmp_path: Path) -> None:
+    step = """<Action name="StepAction"><PrivateAction><LongitudinalAction><SpeedAction>
+      <SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>
+      <SpeedActionTarget><AbsoluteTargetSpeed value="2"/></SpeedActionTarget>
+    </SpeedAction></LongitudinalAction></PrivateAction></Action>"""
+    profile = '<Action name="CarAction">'
+    path = changed(SCENARIOS / "SpeedProfileAction.xosc", tmp_path, (profile, step + profile))
+    result = runner.run(path, sut=None, timestep=0.01, world="kinematic")
+    start, car = events(result, "startTransition", "CarAction")[0].time, track(result, "Car")
+    assert at(car, start + 0.01, "speed") == pytest.approx(2.0, abs=0.1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -233,3 +234,9 @@ def test_a_teleport_keeps_the_speed() -> None:
     assert at(columns, 1.5, "y") == pytest.approx(-5.25)
     assert at(columns, 1.5, "speed") == pytest.approx(10.0)
     assert events(result, "endTransition", "Teleport")[0].time == pytest.approx(1.0)
+
+
+def test_an_offset_of_all_of_the_trajectory_may_be_rounded() -> None:
+    """The trajectory's length comes from its vertices, the offset from the file."""
+    length = float(re.findall(r"the trajectory's ([0-9.]+) m", refusal("FollowTrajectoryAction", Skip=1e6))[0])
+    run("FollowTrajectoryAction", parameters={"Skip": length + 1e-7}, world="kinematic", max_time=2.0)

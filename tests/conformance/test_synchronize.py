@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 
 from runner import RunResult
 from runner.actions.synchronize import free_speed, planned_speed
+from runner.motion.lane import LaneMotion
+from runner.motion.placement import Placement
+from runner.participants.entity import Entity
 from tests.conformance.support import events, run, track
 
 DT = 0.01
@@ -97,3 +100,15 @@ def test_any_free_profile_never_reverses_and_does_not_come_late(speed: float, wa
     left, _, reached = drive(speed, None, way, time)
     assert reached >= 0.0
     assert left <= max(speed, way / time) * 3 * DT + 0.05 or speed * time > 2.0 * way
+
+
+def test_a_target_that_is_not_on_the_way_yet_is_looked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = LaneMotion.distance_to
+
+    def later(motion: LaneMotion, entity: Entity, placement: Placement) -> float | None:
+        return found(motion, entity, placement) if entity.odometer > 20.0 else None
+
+    monkeypatch.setattr(LaneMotion, "distance_to", later)
+    result = synchronize()
+    assert arrival(track(result, "Free")) == pytest.approx(ARRIVAL, abs=0.05)
+    assert events(result, "synchronise", "Free")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import random
+from types import SimpleNamespace
 
 import pytest
 
-from runner.motion.routes import AssignedRoute, RandomRoute
+from runner.motion.routes import AssignedRoute, RandomRoute, Route, Waypoint
 from xodr.graph.routes import Leg, RoadPath
 from xodr.model import LaneLink, RoadPoint
 
@@ -41,6 +42,16 @@ def test_off_the_route_the_straightest_way_is_taken() -> None:
     assert route.choose(end_of("elsewhere"), True, LINKS) == LINKS[0]
     assert route.choose(end_of("main"), True, LINKS[:1]) == LINKS[0]
     assert route.distance(end_of("elsewhere"), end_of("main")) is None
+
+
+def test_the_strategy_of_a_waypoint_is_that_of_the_way_to_it() -> None:
+    asked: list[list[str]] = []
+    network = SimpleNamespace(route=lambda points, strategies, rng: asked.append(strategies) or path("main"))
+    position = SimpleNamespace(fixed=None, resolve=lambda run, actor: SimpleNamespace(point=end_of("main")))
+    waypoints = [Waypoint(position, strategy, None) for strategy in ("fastest", "shortest", "leastIntersections")]
+    Route({}, network, waypoints, closed=False).path(None)
+    Route({}, network, waypoints, closed=True).path(None)
+    assert asked == [["shortest", "leastIntersections"], ["shortest", "leastIntersections", "fastest"]]
 
 
 def test_a_closed_route_begins_anew_at_its_end() -> None:

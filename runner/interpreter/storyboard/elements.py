@@ -22,6 +22,10 @@ class StoryboardRun(Run, Protocol):
         """The actions in execution, for each actor."""
         ...
 
+    def enter(self, entity: Entity) -> None:
+        """Bring an entity that has got its first place into the world, its trailers with it."""
+        ...
+
     def element_changed(self, element: Element, transition: Transition, reason: str) -> None:
         """An element has made a transition; conditions see it from the next step on."""
         ...
@@ -162,14 +166,20 @@ class ActionElement(Element):
         self._processes: list[Process] = []
 
     def execute(self, run: StoryboardRun, actors: Sequence[Entity], reason: str = "") -> None:
-        """Start for these actors; complete at once when nothing is left to run."""
+        """Start for those of these actors that are there; complete at once when nothing is left to run.
+
+        An action that places its actor brings in one that has had no place so far; one that was deleted has to be added again.
+        """
         self.change(run, ElementState.RUNNING, Transition.START, reason)
         for action in self.actions:
             if isinstance(action, GlobalAction):
                 self._begin(run, None, action.start(run), ())
             else:
                 for actor in actors:
-                    self._start_private(run, action, actor)
+                    if actor.active or (action.places and not actor.placed):
+                        self._start_private(run, action, actor)
+                    else:
+                        run.note("entity", actor.name, f"is not there: {self.path} leaves it out")
         if self.state is ElementState.RUNNING and not self._processes:
             self.end(run)
 
@@ -180,6 +190,8 @@ class ActionElement(Element):
             if owner is not None:
                 owner.override(f"overridden by {self.path}")
         self._begin(run, actor, action.start(actor, run), domains)
+        if not actor.active:
+            run.enter(actor)
 
     def _begin(self, run: StoryboardRun, actor: Entity | None, running: Running | None, domains: tuple[str, ...]) -> None:
         if running is None:

@@ -130,7 +130,7 @@ class ManeuverGroup(Element):
         if self.select_triggering:
             trigger = event.trigger or (self.parent.trigger if isinstance(self.parent, Act) else None)
             selected = trigger.triggering if trigger is not None else ()
-        return [entity for entity in dict.fromkeys((*self.actors, *selected)) if entity.active]
+        return list(dict.fromkeys((*self.actors, *selected)))
 
     def start(self, run: StoryboardRun, reason: str = "") -> None:
         """Count the execution and start the maneuvers."""
