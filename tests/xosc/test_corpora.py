@@ -35,5 +35,8 @@ def test_a_written_scenario_resolves_to_itself(scenarios, tmp_path):
     for document in scenarios:
         if document.path.name not in NEEDS_ABSENT_ASSETS:
             xosc.write(xosc.resolve(document), first)
+            again = xosc.load(first)
+            if again.remarks:  # entries of catalogues of a later version have become parts of it
+                xosc.write(again, first)
             xosc.write(xosc.resolve(xosc.load(first)), second)
             assert first.read_bytes() == second.read_bytes(), document.path
