@@ -32,7 +32,7 @@ class Table:
     Args:
         verbose: print tracebacks of errors too.
         quiet: print failures and errors only.
-        total: how many runs there will be at most; 0 where nobody knows.
+        total: how many runs there will be at most; 0 where that is not known.
     """
 
     def __init__(self, *, verbose: bool, quiet: bool, total: int = 0) -> None:
