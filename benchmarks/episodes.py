@@ -19,7 +19,7 @@ import numpy as np
 
 import xosc
 from generation.outcomes.evaluator import Evaluator
-from generation.parameters import Space
+from generation.search.space import Space
 from runner.interpreter import execution
 from runner.interpreter.recorder import Recorder
 from runner.interpreter.simulation import Simulation

@@ -37,7 +37,7 @@ MODULES = (
     "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.trfe.screening",
     "recognition.recorder",
     "recognition.maneuvers.estimation", "recognition.maneuvers.units",
-    "generation", "generation.parameters", "generation.recorded", "generation.mcsg.search", "generation.mcsg.settings",
+    "generation", "generation.search.space", "generation.recorded", "generation.mcsg.search", "generation.mcsg.settings",
     "generation.logical", "generation.loop.settings", "generation.loop.loop",
 )  # fmt: skip
 """The public surface: what these modules list in `__all__`, or else define without an underscore."""

@@ -17,10 +17,10 @@ from schemas.commands.options import Verbose, Version, guarded, interruptible, n
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from generation.outcomes.evaluator import Outcomes
-    from generation.parameters import Space
+    from generation.outcomes.outcomes import Outcomes
     from generation.pipeline import Generated, SearchSettings
     from generation.recorded import Recorded as Units
+    from generation.search.space import Space
 
 NAME = "xosc-generate"
 _LISTED = 3

@@ -9,12 +9,12 @@ from pathlib import Path
 from generation.density.base import Density
 from generation.outcomes.cases import CAREFUL, Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluator
-from generation.parameters import Space
 from generation.recorded import Recorded
 from generation.search.memory import Memory
 from generation.search.method import method
 from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
+from generation.search.space import Space
 from generation.variations import Evidence, Writer
 from runner.settings import RunSettings
 from runner.sut import system_name

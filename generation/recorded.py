@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import xosc
 from generation.logical.maneuvers import EGO, MANEUVERS
-from generation.parameters import Space
+from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import KINDS, OWN, Samples, extract
 from schemas.errors import UsageError

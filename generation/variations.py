@@ -15,7 +15,7 @@ import numpy as np
 import xosc
 from generation.density.base import Density
 from generation.outcomes.cases import Cases
-from generation.parameters import Space
+from generation.search.space import Space
 from xodr.array_types import FloatArray
 from xosc.distributions import (
     Deterministic,

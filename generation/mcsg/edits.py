@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.density.base import Whitening
-from generation.parameters import Space
+from generation.search.space import Space
 from xodr.array_types import FloatArray
 
 

@@ -12,8 +12,8 @@ from generation.mcsg.edits import Edits, Moves, coordinated
 from generation.mcsg.policy import Bins, Policy, State
 from generation.mcsg.settings import McsgSettings
 from generation.mcsg.starts import EliteStarts, Starts
-from generation.parameters import Space
 from generation.search.problem import Calls, History, Problem
+from generation.search.space import Space
 from recognition.training.seeding import seeded
 from xodr.array_types import FloatArray
 

@@ -7,8 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from generation.mcsg.settings import McsgSettings
-from generation.outcomes.cases import Choice, diverse
-from generation.search.problem import Episodes, Problem
+from generation.outcomes.outcomes import Episodes
+from generation.search.diversity import diverse
+from generation.search.problem import Problem
 from xodr.array_types import FloatArray
 
 
@@ -48,7 +49,7 @@ class EliteStarts:
         score = self._critical - self._problem.reward.weight * spent * self._excess
         count = max(int(self._settings.elite * len(score)), self._settings.batch // 2)
         ranked = self._theta[np.argsort(-score, kind="stable")]
-        elite = ranked[diverse(self._problem.space.unit(ranked), Choice(count, self._settings.apart))]
+        elite = ranked[diverse(self._problem.space.unit(ranked), self._settings.apart, count)]
         return uniform_rows(elite, n, generator)
 
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from generation.density.base import Density
-from generation.outcomes.evaluator import Outcomes
-from generation.parameters import Space
-from generation.search.problem import Episodes, Evaluate
+from generation.outcomes.outcomes import Episodes, Outcomes
+from generation.search.diversity import apart, diverse
+from generation.search.problem import Evaluate
+from generation.search.space import Space
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 COLLISION, VIOLATION = "collision", "violation of RSS distances"
@@ -58,13 +58,13 @@ class Cases:
         return self.outcomes.collision & self.careful.survived
 
     def tags(self) -> dict[str, list[str] | list[float]]:
-        """What is told of each case, by the names of tags."""
+        """The values of each case, by the names of their tags."""
         return {
             "Verdict": [COLLISION if collided else VIOLATION for collided in self.outcomes.collision],
             "CarefulDriver": np.select([self.careful.survived, self.careful.collision], [AVOIDED, COLLISION], UNKNOWN).tolist(),
-            "Reward": _told(self.rewards),
-            "LogLikelihood": _told(self.log_likelihood),
-            "RRisk": _told(self.outcomes.r_risk),
+            "Reward": _rounded(self.rewards),
+            "LogLikelihood": _rounded(self.log_likelihood),
+            "RRisk": _rounded(self.outcomes.r_risk),
         }
 
 
@@ -103,27 +103,10 @@ def best(
     order = order[critical(episodes.outcomes)[order]]
     if found is not None:
         order = order[apart(space.unit(episodes.theta[order]), space.unit(found), choice.apart)]
-    return order[diverse(space.unit(episodes.theta[order]), choice)]
+    return order[diverse(space.unit(episodes.theta[order]), choice.apart, choice.most)]
 
 
-def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:
-    """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d), root mean square over the columns."""
-    return (cdist(unit, others) >= least * np.sqrt(unit.shape[1])).all(axis=1)
-
-
-def diverse(unit: FloatArray, choice: Choice) -> IntArray:
-    """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `choice.apart` to those before."""
-    kept: list[int] = []
-    for index in range(len(unit)):
-        if len(kept) == choice.most:
-            break
-        distances = np.sqrt(np.square(unit[kept] - unit[index]).mean(axis=1))
-        if (distances >= choice.apart).all():
-            kept.append(index)
-    return np.array(kept, np.int64)
-
-
-def _told(values: FloatArray) -> list[float]:
-    """Rounded to what says anything."""
+def _rounded(values: FloatArray) -> list[float]:
+    """Values to six decimal digits."""
     found: list[float] = np.round(values, 6).tolist()
     return found

@@ -14,51 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from generation.outcomes.outcomes import Outcomes
 from runner.batch.jobs import Job, Outcome, failure
 from runner.batch.pool import Pool
 from runner.measures.rss import parameter_set
 from runner.settings import RunSettings
-from xodr.array_types import BoolArray, FloatArray
+from xodr.array_types import FloatArray
 
 if TYPE_CHECKING:
-    from generation.parameters import Space
+    from generation.search.space import Space
     from runner.measures.criticality import Criticality
-
-
-@dataclass(frozen=True, eq=False)
-class Outcomes:
-    """How n episodes ended; arrays of length n.
-
-    Args:
-        collision: whether the ego touched somebody.
-        r_risk: share of the time steps, up to a collision, in which somebody is nearer than both RSS distances; 0 to 1.
-        min_ttc: least time to collision with the lead, s; 0 with a collision, infinite where there never was a lead.
-        end_time: simulated time at the end, s.
-        status: `completed` (by the stop trigger), `timeout`, or `error`: no run took place, and the other values say nothing.
-        error: what went wrong; empty where nothing did.
-    """
-
-    collision: BoolArray
-    r_risk: FloatArray
-    min_ttc: FloatArray
-    end_time: FloatArray
-    status: NDArray[np.str_]
-    error: NDArray[np.str_]
-
-    def __len__(self) -> int:
-        return len(self.status)
-
-    @property
-    def executed(self) -> BoolArray:
-        """The episodes that took place."""
-        return self.status != "error"
-
-    @property
-    def survived(self) -> BoolArray:
-        """The episodes that took place and have no collision."""
-        return self.executed & ~self.collision
 
 
 @dataclass(eq=False)

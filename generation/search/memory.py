@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.outcomes import Outcomes
 from generation.search.problem import Evaluate
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray

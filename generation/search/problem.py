@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
 
-from generation.outcomes.evaluator import Outcomes
-from generation.parameters import Space
+from generation.outcomes.outcomes import Episodes, Outcomes, joined
 from generation.search.reward import Reward
+from generation.search.space import Space
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray
 
@@ -20,14 +19,6 @@ BATCH = 50
 """Points asked for at a time, wherever a method has no number of its own."""
 Evaluate = Callable[[FloatArray], Outcomes]
 """Outcomes of the points (n, d), in their order; `generation.outcomes.evaluator.Evaluator` is one."""
-
-
-class Episodes(NamedTuple):
-    """Points (n, d), what came of them, and their rewards (n,)."""
-
-    theta: FloatArray
-    outcomes: Outcomes
-    rewards: FloatArray
 
 
 class History(Episodes):
@@ -119,8 +110,3 @@ def counted(evaluate: Evaluate, progress: Callable[[int], None]) -> Evaluate:
         return outcomes
 
     return evaluating
-
-
-def joined(parts: Sequence[Outcomes]) -> Outcomes:
-    """Outcomes one after the other."""
-    return Outcomes(**{each.name: np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Outcomes)})

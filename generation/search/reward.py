@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from generation.density.base import Density
 from generation.density.fitting import fitted, held_out
-from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.outcomes import Outcomes
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray
 

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from generation.outcomes.cases import CAREFUL
-from generation.outcomes.evaluator import Outcomes, Simulator
+from generation.outcomes.evaluator import Simulator
+from generation.outcomes.outcomes import Outcomes
 from runner.batch.jobs import Job, Outcome
 from runner.settings import RunSettings
 from xodr.array_types import BoolArray

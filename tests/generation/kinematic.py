@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.outcomes.evaluator import Outcomes
-from generation.parameters import Space
+from generation.outcomes.outcomes import Outcomes
+from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS
 from runner.measures.rss import lateral_distance, longitudinal_distance, parameter_set
 from xodr.array_types import FloatArray

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.parameters import Space
 from generation.pipeline import LEAST, SearchSettings, generate
 from generation.recorded import Recorded
+from generation.search.space import Space
 from runner.settings import RunSettings
 from schemas.errors import UsageError
 

@@ -9,8 +9,8 @@ import pytest
 
 import xosc
 from generation.logical.library import SCENARIOS, maneuver_scenarios
-from generation.parameters import Space
 from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
+from generation.search.space import Space
 from recognition.maneuvers.units import Samples
 from schemas.errors import UsageError
 from tests.recognition.motorway import write_motorway

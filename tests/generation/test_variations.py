@@ -16,8 +16,8 @@ from generation.density.models.gaussian import Gaussian
 from generation.logical.library import SCENARIOS
 from generation.outcomes.cases import CAREFUL, Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluator
-from generation.parameters import Space
-from generation.search.problem import Episodes
+from generation.outcomes.outcomes import Episodes
+from generation.search.space import Space
 from generation.variations import Evidence, Writer
 from runner.settings import RunSettings
 from schemas.errors import UsageError

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import Choice, apart, critical, diverse
-from generation.parameters import Space
-from generation.search.problem import Episodes
+from generation.outcomes.cases import Choice, critical
+from generation.outcomes.outcomes import Episodes
+from generation.search.diversity import apart, diverse
+from generation.search.space import Space
 from xodr.array_types import FloatArray
 
 _ALIKE = Choice().apart
@@ -37,9 +38,9 @@ def failures(space: Space, episodes: Episodes, before: FloatArray | None = None)
     """
     order = np.argsort(-episodes.rewards, kind="stable")
     collided = order[episodes.outcomes.collision[order]]
-    distinct = collided[diverse(space.unit(episodes.theta[collided]), Choice(len(collided), _ALIKE))]
+    distinct = collided[diverse(space.unit(episodes.theta[collided]), _ALIKE)]
     unit = space.unit(episodes.theta[distinct])
     new = len(distinct) if before is None else int(apart(unit, space.unit(before), _ALIKE).sum())
     order = order[critical(episodes.outcomes)[order]]
-    chosen = order[diverse(space.unit(episodes.theta[order]), Choice(len(order), _ALIKE))]
+    chosen = order[diverse(space.unit(episodes.theta[order]), _ALIKE)]
     return Failures(episodes.theta[chosen], len(distinct), new)

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 from generation.logical.library import SCENARIOS
 from generation.loop.stages.findings import Prior, Refused
-from generation.parameters import Space
 from generation.pipeline import LEAST
 from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_samples
+from generation.search.space import Space
 from recognition.labels.classes import Label
 from recognition.maneuvers.units import OWN, Samples
 from schemas.errors import Unsupported, UsageError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.mcsg.search import search as mcsg
-from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.outcomes import Outcomes
 from generation.search.problem import History, Problem
 from generation.search.reward import COLLISION, RISK, SAFE
 from generation.study.strategies.rewarded import rewarded

@@ -29,8 +29,8 @@ def command(
 ) -> None:
     """Compare densities of recorded parameters by held-out log-likelihood, in a cross-validation by recording."""
     from generation.density.model import model
-    from generation.parameters import Space
     from generation.recorded import kind_of, of_recordings, of_samples
+    from generation.search.space import Space
     from generation.study.densities import comparison
 
     for name in only or ():

@@ -82,7 +82,7 @@ def _drawn(path: Path, count: int) -> Iterator[Job]:
     """Uniform points of a logical scenario."""
     import numpy as np
 
-    from generation.parameters import Space
+    from generation.search.space import Space
     from runner.batch.jobs import Job
 
     space = Space.of(path)

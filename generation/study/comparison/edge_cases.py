@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from generation.outcomes.cases import Choice, best
+from generation.outcomes.outcomes import Episodes, joined
 from generation.recorded import kind_of, of_recordings, of_samples
-from generation.search.problem import Episodes, joined
 from generation.study.comparison.study import Study, StudySettings
 from generation.study.methods import TRAJECTORIES
 from runner.batch.jobs import Job

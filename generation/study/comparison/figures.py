@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from generation.search.problem import Episodes
+from generation.outcomes.outcomes import Episodes
 from generation.study.comparison.measures import curves, last_third
 from generation.study.comparison.report import FIGURES, results
 from generation.study.comparison.study import Key, Study

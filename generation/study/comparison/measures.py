@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import Choice, diverse
-from generation.outcomes.evaluator import Outcomes
-from generation.search.problem import Episodes, Evaluate, History, Problem
+from generation.outcomes.cases import Choice
+from generation.outcomes.outcomes import Episodes, Outcomes
+from generation.search.diversity import diverse
+from generation.search.problem import Evaluate, History, Problem
 from xodr.array_types import BoolArray, FloatArray
 
 JUDGED = 100
@@ -65,7 +66,7 @@ def measure(episodes: Episodes, problem: Problem) -> Measures:
         log_likelihood=float(log_likelihood.mean()),
         plausible=float(plausible.mean()),
         edge_cases=float(edge.mean()),
-        distinct=len(diverse(unit[edge], Choice(most=len(unit)))),
+        distinct=len(diverse(unit[edge], Choice().apart)),
         diversity=_distance(unit),
         reward=float(episodes.rewards.mean()),
         failed=float(1.0 - outcomes.executed.mean()),

@@ -15,12 +15,12 @@ import numpy as np
 
 from generation.outcomes.cases import CAREFUL
 from generation.outcomes.evaluator import Evaluator
-from generation.parameters import Space
 from generation.recorded import Recorded
 from generation.search.memory import Memory
 from generation.search.method import method
 from generation.search.problem import Evaluate, History, Problem, counted
 from generation.search.reward import Realism, Reward
+from generation.search.space import Space
 from generation.study.comparison.measures import avoided
 from generation.study.knots.motion import knots_of
 from generation.study.knots.problem import Trajectories

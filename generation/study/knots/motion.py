@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.parameters import Space
+from generation.search.space import Space
 from recognition.maneuvers.estimation.reconstruction import progress, reconstruct
 from recognition.maneuvers.estimation.speeds import distance_model, fit_speeds
 from recognition.maneuvers.parameters import PARAMETERS

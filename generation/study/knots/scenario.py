@@ -13,7 +13,7 @@ import xodr
 from generation.logical.geometries import GEOMETRIES
 from generation.logical.library import ROADS, SCENARIOS
 from generation.logical.maneuvers import EGO, MANEUVERS
-from generation.parameters import Space
+from generation.search.space import Space
 from generation.study.knots.motion import NUMBER, Setting, box, knots_of, weights
 from generation.variations import AUTHOR
 from recognition.maneuvers.parameters import PARAMETERS, declared_name

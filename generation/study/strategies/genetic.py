@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from generation.search.problem import Calls, Episodes, History, Problem
+from generation.outcomes.outcomes import Episodes
+from generation.search.problem import Calls, History, Problem
 from generation.study.strategies.optional import need
 from xodr.array_types import FloatArray
 

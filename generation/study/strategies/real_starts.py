@@ -6,7 +6,8 @@ import numpy as np
 
 from generation.mcsg.settings import McsgSettings
 from generation.mcsg.starts import uniform_rows
-from generation.search.problem import Episodes, Problem
+from generation.outcomes.outcomes import Episodes
+from generation.search.problem import Problem
 from xodr.array_types import FloatArray
 
 

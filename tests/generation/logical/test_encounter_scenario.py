@@ -11,7 +11,7 @@ import pytest
 import runner
 from generation.logical.encounter_scenario import EncounterScenario
 from generation.logical.library import SCENARIOS, encounter_scenarios
-from generation.parameters import Space
+from generation.search.space import Space
 from runner.recording import Track
 
 APPROACHES = dict(encounter_scenarios())

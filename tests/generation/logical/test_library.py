@@ -9,7 +9,7 @@ import pytest
 
 import runner
 from generation.logical.library import ROADS, SCENARIOS, maneuver_scenarios, write
-from generation.parameters import Space
+from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS
 
 NAMES = [name for name, _ in maneuver_scenarios()]

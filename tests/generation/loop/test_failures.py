@@ -9,7 +9,8 @@ import pytest
 
 from generation.loop.tasks.failures import Failures, failures
 from generation.mcsg.search import search
-from generation.outcomes.cases import Choice, diverse
+from generation.outcomes.cases import Choice
+from generation.search.diversity import diverse
 from generation.search.problem import Problem
 
 ALIKE = Choice().apart
@@ -24,7 +25,7 @@ def test_failures_are_critical_and_unlike_each_other(problem: Problem) -> None:
     found = failures(problem.space, search(problem, 500, 0))
     assert len(found.theta) >= found.collisions == found.new > 0
     unit = problem.space.unit(found.theta)
-    assert len(diverse(unit, Choice(len(unit), ALIKE))) == len(unit)
+    assert len(diverse(unit, ALIKE)) == len(unit)
 
 
 def test_what_was_known_before_is_not_new(problem: Problem) -> None:

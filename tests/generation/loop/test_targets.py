@@ -9,8 +9,8 @@ import numpy as np
 from generation.logical.library import SCENARIOS
 from generation.loop.stages.findings import Refused
 from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_scenario
-from generation.parameters import Space
 from generation.pipeline import LEAST
+from generation.search.space import Space
 from recognition.maneuvers.units import OWN, Samples
 
 

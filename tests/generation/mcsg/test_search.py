@@ -19,11 +19,11 @@ from generation.mcsg.environment import ScenarioEnv
 from generation.mcsg.policy import Bins, Policy
 from generation.mcsg.search import search
 from generation.mcsg.settings import McsgSettings
-from generation.outcomes.evaluator import Outcomes
-from generation.parameters import Space
+from generation.outcomes.outcomes import Outcomes
 from generation.search.memory import Memory
 from generation.search.problem import Calls, History, Problem
 from generation.search.reward import Realism, Reward, additive
+from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from schemas.errors import InvalidFile, UsageError
 from tests.generation.kinematic import SPACE, Kinematic, driven

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from generation.density.base import Density
 from generation.outcomes.cases import Choice, choose
-from generation.outcomes.evaluator import Outcomes
-from generation.parameters import Space
-from generation.search.problem import Episodes
+from generation.outcomes.outcomes import Episodes, Outcomes
+from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 
 SPACE = Space((Parameter("A", 0.0, 10.0), Parameter("B", 0.0, 10.0)))

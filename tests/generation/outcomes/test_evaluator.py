@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import runner
-from generation.outcomes.evaluator import Evaluator, Outcomes
-from generation.parameters import Space
+from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.outcomes import Outcomes
+from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from runner.settings import RunSettings
 from schemas.errors import UsageError

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.outcomes import Outcomes
 from generation.search.method import method, offered
 from generation.search.problem import Problem
 from generation.study.ablations.exclusive import exclusive

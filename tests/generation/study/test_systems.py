@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import runner
-from generation.outcomes.evaluator import Outcomes
+from generation.outcomes.outcomes import Outcomes
 from generation.study.systems import Comparison, compare
 from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.errors import UsageError

@@ -11,11 +11,11 @@ import pytest
 
 import xosc
 from generation.outcomes.cases import Choice
-from generation.outcomes.evaluator import Outcomes
-from generation.parameters import Space
+from generation.outcomes.outcomes import Outcomes
 from generation.pipeline import SearchSettings, generate
 from generation.recorded import Recorded
 from generation.search.problem import History, Problem
+from generation.search.space import Space
 from generation.study.comparison import trajectories
 from generation.study.comparison.edge_cases import edge_cases, opened
 from generation.study.comparison.figures import write_figures

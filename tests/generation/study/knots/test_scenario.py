@@ -10,7 +10,7 @@ import pytest
 import runner
 import schemas
 from generation.logical.library import SCENARIOS
-from generation.parameters import Space
+from generation.search.space import Space
 from generation.study.knots.motion import Setting, knots_of
 from generation.study.knots.scenario import setting_of, write
 from schemas.errors import UsageError

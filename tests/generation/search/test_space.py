@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.parameters import Space
+from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS, Parameter, declared_name
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from xosc import maneuvers
 from xosc.exports.concrete import copied
 
-LIBRARY = Path(__file__).parents[2] / "xosc" / "library"
+LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 CUT_IN = LIBRARY / "cut_in_highway.xosc"
 
 
