@@ -3,7 +3,7 @@
     python benchmarks/rasterise.py RECORDINGS [--windows N]
 
 Windows are drawn at random from all vehicles and times, with everything that the default grid shows: vehicles and road.
-Reading the recordings is told apart. Times are of the CPU, of which rasterising uses one core: others' work does not count.
+Reading the recordings is measured apart. Times are of the CPU, of which rasterising uses one core: others' work does not count.
 """
 
 from __future__ import annotations

@@ -160,7 +160,7 @@ def interpreter(path: Path, steps: int, timestep: float) -> float:
 
 
 def moves_of(path: Path, steps: int, timestep: float) -> Moves:
-    """What the interpreter tells SUMO: id, front bumper and angle of every participant in every step."""
+    """What the interpreter sends to SUMO: id, front bumper and angle of every participant in every step."""
     sim = simulation(path, timestep)
     moves: Moves = []
     try:

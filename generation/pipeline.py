@@ -95,7 +95,7 @@ def generate(
         recorded: gives the recorded parameters of a space.
         out: folder for the files.
         settings: what to search for.
-        progress: told the number of runs after each batch of them.
+        progress: called with the number of runs after each batch of them.
         found: critical points (m, d) of earlier searches of the same space: this one starts from them, where its method
             starts from scenarios at all, and none of its cases is much like one of them.
 

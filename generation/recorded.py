@@ -56,11 +56,11 @@ class Scenario(NamedTuple):
         """The columns that belong to a space of the scenario.
 
         Raises:
-            UsageError: the catalogue tells nothing about one of the parameters.
+            UsageError: the catalogue has no values of one of the parameters.
         """
         unknown = [name for name in space.names if name not in self.names]
         if unknown:
-            raise UsageError(f"the catalogue tells nothing about the parameter {unknown[0]}: pin it")
+            raise UsageError(f"the catalogue has no values of the parameter {unknown[0]}: pin it")
         columns = [self.names.index(name) for name in space.names]
         return Recorded(self.recorded.theta[:, columns], self.recorded.recordings)
 
@@ -103,16 +103,16 @@ def of_samples(samples: Samples, space: Space) -> Recorded:
     """The columns of a table that belong to a space: the seven of its actor, and the speed of the one who is not.
 
     Raises:
-        UsageError: recordings tell nothing about one of the parameters.
+        UsageError: recordings have no values of one of the parameters.
     """
-    told = {
+    columns = {
         f"{actor}_{each.name}": column for actor in _actors(space) for each, column in zip(_ROLES, samples.theta.T, strict=True)
     }
-    told[f"{'Lead' if EGO in _actors(space) else EGO}_Speed_mps"] = samples.ego_speeds
-    unknown = [name for name in space.names if name not in told]
+    columns[f"{'Lead' if EGO in _actors(space) else EGO}_Speed_mps"] = samples.ego_speeds
+    unknown = [name for name in space.names if name not in columns]
     if unknown:
-        raise UsageError(f"recordings tell nothing about the parameter {unknown[0]}: pin it")
-    return Recorded(np.stack([told[name] for name in space.names], axis=1), samples.recordings, samples.errors)
+        raise UsageError(f"recordings have no values of the parameter {unknown[0]}: pin it")
+    return Recorded(np.stack([columns[name] for name in space.names], axis=1), samples.recordings, samples.errors)
 
 
 def _actors(space: Space) -> set[str]:
@@ -125,7 +125,7 @@ def of_catalogue(path: Path) -> Iterator[Scenario]:
     """For each folder in a catalogue the scenario in the middle of those that declare the same parameters.
 
     The recorded parameters are the values that those scenarios declare; most of a kind win where there are several kinds. Where
-    there is nobody besides the ego, there is nothing to search for.
+    the ego is alone, nothing can be searched.
     """
     for folder in (path, *sorted(each for each in path.iterdir() if each.is_dir())):
         kinds: dict[tuple[str, ...], list[tuple[Path, FloatArray, str]]] = {}

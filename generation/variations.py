@@ -98,17 +98,17 @@ class Writer:
         """The variation file of the cases: a set of values for each, of pinned parameters too; the best first."""
         sets = tuple(self._values(row) for row in cases.theta)
         definition = Deterministic((DeterministicMultiParameterDistribution(sets),))
-        words = f"{len(cases)} edge cases of {self._stem} for {evidence.sut}, the best first"
+        description = f"{len(cases)} edge cases of {self._stem} for {evidence.sut}, the best first"
         tags = [Tag(name, values) for name, values in cases.tags().items()]
-        document = self._variation(definition, words)
+        document = self._variation(definition, description)
         return self._write(f"{self._stem}_edge_cases", document, [*tags, *evidence.tags(self._space.pinned)])
 
     def concrete(self, cases: Cases, evidence: Evidence) -> list[Path]:
         """A scenario of each case in which all values are worked out, numbered from 0 as the sets of the variation file are."""
-        scenario, told = xosc.load(self._folder.path / f"{self._stem}.xosc"), cases.tags()
+        scenario, values = xosc.load(self._folder.path / f"{self._stem}.xosc"), cases.tags()
         written = []
         for number, row in enumerate(cases.theta):
-            tags = [Tag(name, values[number]) for name, values in told.items()] + evidence.tags(self._space.pinned)
+            tags = [Tag(name, column[number]) for name, column in values.items()] + evidence.tags(self._space.pinned)
             document = concrete(scenario, self._values(row))
             written.append(self._write(f"{self._stem}_edge_case_{number:06d}", document, tags))
         return written
@@ -124,23 +124,23 @@ class Writer:
             StochasticDistribution(each.name, _histogram(drawn[:, column], each.low, each.high))
             for column, each in enumerate(self._space.parameters)
         )
-        words = (
+        description = (
             f"Recorded parameters of {self._stem}, each on its own: what they have to do with each other the standard can't say"
         )
-        document = self._variation(Stochastic(_RUNS, single, float(seed)), words)
+        document = self._variation(Stochastic(_RUNS, single, float(seed)), description)
         return self._write(f"{self._stem}_density", document, [])
 
     def _values(self, row: FloatArray) -> dict[str, str]:
         return {**self._space.pinned, **self._space.values(row)}
 
-    def _variation(self, definition: Deterministic | Stochastic, words: str) -> Document:
+    def _variation(self, definition: Deterministic | Stochastic, description: str) -> Document:
         distribution = ParameterValueDistribution(f"{self._stem}.xosc", definition)
-        return new_document(self._folder.path / "variation.xosc", self._header(words), [distribution.write()])
+        return new_document(self._folder.path / "variation.xosc", self._header(description), [distribution.write()])
 
-    def _header(self, words: str) -> Header:
+    def _header(self, description: str) -> Header:
         """With the scenario's date, so that the same search gives the same bytes."""
         date = self._document.node.need("FileHeader").get("date")
-        return Header(words, AUTHOR, datetime.fromisoformat(date))
+        return Header(description, AUTHOR, datetime.fromisoformat(date))
 
     def _write(self, stem: str, document: Document, tags: list[Tag]) -> Path:
         path = self._folder.path / f"{stem}.xosc"

@@ -40,7 +40,7 @@ def model(name: str) -> Density:
     """A new model with its defaults.
 
     Raises:
-        UsageError: there is none of that name.
+        UsageError: no model has that name.
     """
     found = models()
     if name not in found:

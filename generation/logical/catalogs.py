@@ -83,7 +83,7 @@ def _route(file: str, course: Course) -> Any:
 
 
 def _change_speed() -> Any:
-    """The entry by which somebody reaches a speed evenly, after a delay."""
+    """The entry by which a participant reaches a speed evenly, after a delay."""
     values = {"Delay_s": 1.0, "Duration_s": 3.0, "EndSpeed_mps": 5.0}
     start = replace(maneuvers.simulation_time(0.0, "greaterOrEqual"), delay="$Delay_s")
     change = maneuvers.speed("$EndSpeed_mps", Dynamics("linear", "time", "$Duration_s"))

@@ -23,7 +23,7 @@ class Geometry:
         road, left, right: the road's id, and those of the two lanes as their traffic sees them.
         spot: s (m) of the leader when the manoeuvre begins; of a manoeuvre's end where `ends_there`.
         side: +1 where the lanes lead towards increasing s, −1 where against.
-        turn: the course of a right turn from the right lane; None where there is none.
+        turn: the course of a right turn from the right lane; None without a junction.
         speeds, gaps: limits of the parameters, m/s and m.
         ego_speed, gap: defaults.
     """

@@ -31,6 +31,6 @@ def scenario_tags(name: str, situation: str, label: Label | None, road: Sequence
         categories: of its participants.
     """
     title = label.title if label is not None else ""
-    told = [*ontology_tags(title, categories), *road, Tag("scenarioName", name, ASAM), Tag("Situation", situation)]
-    told += [Tag("Class", title)] if title else []
-    return list(dict.fromkeys([*told, Tag("Ego", "Ego")]))
+    tags = [*ontology_tags(title, categories), *road, Tag("scenarioName", name, ASAM), Tag("Situation", situation)]
+    tags += [Tag("Class", title)] if title else []
+    return list(dict.fromkeys([*tags, Tag("Ego", "Ego")]))

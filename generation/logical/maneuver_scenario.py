@@ -179,7 +179,7 @@ class ManeuverScenario:
         if not self.maneuver.turns:
             return []
         if self.geometry.turn is None:
-            raise UsageError(f"nobody can turn off {self.geometry.description}")
+            raise UsageError(f"a vehicle can't turn off {self.geometry.description}")
         return [catalogs.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
 
     def _start(self) -> list[Condition]:

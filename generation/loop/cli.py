@@ -55,9 +55,9 @@ def xosc_loop(
     on. index.html in the output folder shows everything, with replays, scenario and road files and tags to open.
     """
     from generation.loop.loop import run_loop
+    from generation.loop.messages import closing
     from generation.loop.page import write
     from generation.loop.settings import LoopSettings
-    from generation.loop.words import closing
 
     settings = LoopSettings(RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
     _refuse_wrong(settings)
@@ -92,7 +92,7 @@ def _told(quiet: bool, stage: Stage, found: Finding, seconds: float | None) -> N
     """A line for each finished stage."""
     if quiet:
         return
-    from generation.loop.words import summary
+    from generation.loop.messages import summary
 
     when = "done before" if seconds is None else f"{seconds:.1f} s"
     print(f"{when:>11}  {summary(stage, found)}", flush=True)

@@ -51,7 +51,7 @@ def run_loop(folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: 
         out: folder for all that comes of it.
         settings: what to do.
         bar: shows progress.
-        report: told of each finished stage.
+        report: called with each finished stage.
 
     Returns:
         What all stages found, for `generation.loop.page`.

@@ -13,7 +13,7 @@ from generation.pipeline import SearchSettings
 from runner.settings import RunSettings
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
-"""Shows progress: takes what is being done and how much of it there is, gives what has to be told how many more are done."""
+"""Shows progress: takes a description and the number of steps, gives a function to call with how many more steps are done."""
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ class Outcomes:
     """How n episodes ended; arrays of length n.
 
     Args:
-        collision: whether the ego touched somebody.
-        r_risk: share of the time steps, up to a collision, in which somebody is nearer than both RSS distances; 0 to 1.
+        collision: whether the ego touched another participant.
+        r_risk: share of the time steps, up to a collision, in which a participant is nearer than both RSS distances; 0 to 1.
         min_ttc: least time to collision with the lead, s; 0 with a collision, infinite where there never was a lead.
         end_time: simulated time at the end, s.
         status: `completed` (by the stop trigger), `timeout`, or `error`: no run took place, and the other values say nothing.

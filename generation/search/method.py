@@ -54,7 +54,7 @@ def method(name: str, methods: Mapping[str, Method] | None = None) -> Search:
         methods: where it is looked for; those of `xosc-generate` where it is None.
 
     Raises:
-        UsageError: there is none.
+        UsageError: no method has that name.
     """
     methods = offered() if methods is None else methods
     if name not in methods:

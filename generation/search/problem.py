@@ -102,7 +102,7 @@ class Calls:
 
 
 def counted(evaluate: Evaluate, progress: Callable[[int], None]) -> Evaluate:
-    """Evaluate, and tell the progress the number of points each time."""
+    """Evaluate, and call `progress` with the number of points each time."""
 
     def evaluating(theta: FloatArray) -> Outcomes:
         outcomes = evaluate(theta)

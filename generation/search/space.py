@@ -85,8 +85,8 @@ class Space:
     ) -> Space:
         """The space of a logical scenario: its double parameters that have a lower and an upper limit.
 
-        Of those, the ones of the actors are searched, participants that have one of the seven; where nobody has, all but
-        the ego's. A parameter is a participant's where its name begins with the participant's.
+        Of those, the ones of the actors are searched, participants that have one of the seven; where no participant has one, all
+        but the ego's. A parameter is a participant's where its name begins with the participant's.
 
         Args:
             scenario: the file.
@@ -109,14 +109,14 @@ class Space:
         assigned = {name: Assignment(value, partial(UsageError, path=scenario), True) for name, value in pinned.items()}
         scope = Scope(declared.values(), assigned=assigned)
         bounded = [name for name, each in declared.items() if _bounded(each, scope)]
-        wanted = _by_default(bounded, ego) | set(free)
+        chosen = _by_default(bounded, ego) | set(free)
         for name in free:
             if name not in bounded or name in pinned:
                 reason = "is pinned" if name in pinned else "has no lower and upper limit"
                 raise UsageError(f"the parameter {name} can't be searched: it {reason}", path=scenario)
         for violation in Scope([declared[name] for name in pinned], scope, assigned).violations():
             raise violation
-        searched = [name for name in bounded if name in wanted and name not in pinned]
+        searched = [name for name in bounded if name in chosen and name not in pinned]
         if not searched:
             raise UsageError("no parameter with a lower and an upper limit is left to search", path=scenario)
         literals = {name: scope.own[name].text for name, each in declared.items() if "$" not in each.get("value")}

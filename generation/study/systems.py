@@ -135,7 +135,7 @@ def compare(
         systems: names of systems under test.
         timestep: s.
         processes: how many run at a time.
-        progress: told each system before its runs.
+        progress: called with each system before its runs.
 
     Raises:
         UsageError: there is no such system, or a setting is wrong.

@@ -74,7 +74,7 @@ def label(
 ) -> None:
     """Label the results of runs, and annotate the scenarios that they are of.
 
-    Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results tells what was found when.
+    Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results lists what was found when.
     """
     from recognition.catalogue.labelling import label_runs
 
@@ -94,12 +94,12 @@ def label(
 
 def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings:
     from recognition.catalogue.pipeline import CatalogueSettings
-    from recognition.catalogue.writing.catalogue import Config
+    from recognition.catalogue.writing.catalogue import CatalogueConfig
     from recognition.labels import Rules
 
     major, minor = map(int, standard.split("."))
     version: Standard = (major, minor)
-    return CatalogueSettings(scenes=scenes, rules=Rules(signalised=signalised), config=Config(version=version))
+    return CatalogueSettings(scenes=scenes, rules=Rules(signalised=signalised), config=CatalogueConfig(version=version))
 
 
 def _recogniser(labels: str, model: Path | None, quiet: bool) -> Recogniser:

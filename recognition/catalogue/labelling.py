@@ -43,7 +43,7 @@ def label_runs(
     """Label the runs in a folder and annotate their scenarios.
 
     Beside a scenario come `<name>_labelled.xosc`, a copy whose FileHeader has the tags as properties (from version 1.2 on), and
-    the tags as OpenLABEL. The scenario itself is written only `in_place`. `labels.json` in the folder tells all that was found.
+    the tags as OpenLABEL. The scenario itself is written only `in_place`. `labels.json` in the folder lists all that was found.
 
     Raises:
         InvalidFile: there are no runs, one is malformed, or its scenario or road is not there any more.

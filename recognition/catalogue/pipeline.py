@@ -13,7 +13,7 @@ from recognition.catalogue import usable
 from recognition.catalogue.episodes import Around, of_findings, of_vehicles
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Moment, by_rules
-from recognition.catalogue.writing.catalogue import Catalogue, Config
+from recognition.catalogue.writing.catalogue import Catalogue, CatalogueConfig
 from recognition.catalogue.writing.index import recordings_of
 from recognition.datasets import Source, cache_roads
 from recognition.labels import Event, Rules, label
@@ -46,11 +46,11 @@ class CatalogueSettings:
     needs: usable.Usable = field(default_factory=usable.Usable)
     around: Around = field(default_factory=Around)
     gap: float = 1.0
-    config: Config = field(default_factory=Config)
+    config: CatalogueConfig = field(default_factory=CatalogueConfig)
 
 
 class Recogniser(Protocol):
-    """Labels moments of recordings: it looks at all of them, then tells the moments of each."""
+    """Labels moments of recordings: it looks at all of them, then gives the moments of each."""
 
     def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
         """Take in a recording and the events that rules have found in it."""
@@ -117,7 +117,7 @@ def build(paths: Sequence[Path], out: Path, settings: CatalogueSettings, recogni
 
 
 def _refuse_twins(sources: Sequence[Source]) -> None:
-    """Recordings are told apart by name; those below one folder get names that differ."""
+    """Recordings are distinguished by name; those below one folder get names that differ."""
     first: dict[str, Source] = {}
     for source in sources:
         other = first.setdefault(source.name, source)
@@ -140,7 +140,7 @@ def look(source: Source, recogniser: Recogniser, rules: Rules) -> Site:
     """Read a recording, label it by the rules, and have a recogniser look at it; its site.
 
     Raises:
-        InvalidFile, Unsupported, UsageError: it can't be read, or nothing sound tells of its roads.
+        InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
     """
     recording = source.load()
     site = site_of(source, recording, cache_roads())

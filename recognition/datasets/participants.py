@@ -1,7 +1,7 @@
 """Participants of data sets: their kinds, usual sizes, and where their reference point is.
 
 Data sets give the centre (or the front) of a box; recordings the reference point of OpenSCENARIO, for vehicles the middle
-of the rear axle on the ground. No data set tells where the axle is: it is taken to be `REAR_AXLE` of the length behind the
+of the rear axle on the ground. No data set says where the axle is: it is taken to be `REAR_AXLE` of the length behind the
 centre, as in usual cars, whose wheelbase is about 0.6 of their length with equal overhangs. The box lies about the reference
 point accordingly, so that putting it back gives exactly the recorded box, whatever the assumption.
 """

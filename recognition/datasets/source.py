@@ -12,7 +12,7 @@ from runner.recording import Recording
 
 
 class SiteRoad(NamedTuple):
-    """An OpenDRIVE file, and the roads in it that traffic lights are for, where something else tells so."""
+    """An OpenDRIVE file, and the roads in it that traffic lights are for, where another file says so."""
 
     path: Path
     lights: frozenset[str] = frozenset()
@@ -83,9 +83,9 @@ class Source:
         read: reads it.
         road: makes the site's road in a folder, from the recording and what the data set has instead of OpenDRIVE; None where it
             has nothing.
-        map: the site's map, as the data set has it (Lanelet2, CommonRoad); None where there is none, or where the
+        map: the site's map, as the data set has it (Lanelet2, CommonRoad); None without one, or where the
             recording brings its road network with it.
-        origin: latitude and longitude (degrees) of the origin of the coordinates, where the data set tells.
+        origin: latitude and longitude (degrees) of the origin of the coordinates, where the data set has them.
     """
 
     name: str
@@ -122,7 +122,7 @@ class DataSet:
         """The recordings, in the order of their files.
 
         Raises:
-            InvalidFile: there is none of a known format; a table can't be read, so that it may be a recording or not;
+            InvalidFile: no recording of a known format is there; a table can't be read, so that it may be a recording or not;
                 or an index that has to be read is malformed.
         """
         return self.find()

@@ -83,7 +83,7 @@ def preset(name: str, presets: Mapping[str, Preset] = PRESETS) -> Preset:
     """The preset of that name.
 
     Raises:
-        UsageError: there is none.
+        UsageError: no preset has that name.
     """
     if name not in presets:
         raise UsageError(f"there is no preset {name!r}; presets: {', '.join(presets)}")

@@ -25,7 +25,7 @@ class Encoder(nn.Module):
     Args:
         architecture: its sizes.
         grid: of the windows that it reads.
-        classes: labels that the head tells apart, ascending; none before fine-tuning.
+        classes: labels that the head distinguishes, ascending; none before fine-tuning.
     """
 
     def __init__(self, architecture: Architecture, grid: Grid, classes: Sequence[int] = ()) -> None:

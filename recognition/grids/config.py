@@ -21,7 +21,7 @@ CHANNELS: tuple[Channel, ...] = ("others", "ego", "speed", "velocity_x", "veloci
 """
 ROAD_CHANNELS = ("area", "borders")
 VELOCITY_STEP = 0.25
-"""m/s for each step of the code of a velocity: speeds up to 63.75 m/s can be told apart, velocities up to ±31.75 m/s."""
+"""m/s for each step of the code of a velocity: speeds up to 63.75 m/s differ in it, velocities up to ±31.75 m/s."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ class Label(IntEnum):
 
     @property
     def title(self) -> str:
-        """Name in plain words."""
+        """Name as text."""
         return _TITLES[self]
 
 
@@ -67,7 +67,7 @@ class Event:
         ego: name of the track that it is about.
         time: t*, the middle of its window, s.
         label: its class.
-        partner: name of the other track that makes it one of its class, None where there is none.
+        partner: name of the other track that makes it one of its class, or None.
         tags: further criteria that hold or not, and measures at t* (m, s, m/s).
     """
 

@@ -35,7 +35,7 @@ def cut_ins(scene: Scene) -> Cuts:
 
 
 def cut_outs(scene: Scene) -> Cuts:
-    """Ego's lead, within `rules.cut_gap`, changes to another lane, and somebody else or nobody is the lead then."""
+    """Ego's lead, within `rules.cut_gap`, changes to another lane; after that another vehicle or none is the lead."""
     other = scene.changes.row
     before = scene.leads.follower[other - 1]
     ego, gap = before + 1, scene.leads.gap[before]

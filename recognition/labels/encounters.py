@@ -13,7 +13,7 @@ REACH = 2.0
 def time_apart(
     x: FloatArray, y: FloatArray, time: FloatArray, track: IntArray, others: tuple[FloatArray, FloatArray, FloatArray, IntArray]
 ) -> FloatArray:
-    """Least time between each of n visits and one of another track at the same place, s; infinite where there is none.
+    """Least time between each of n visits and one of another track at the same place, s; infinite without such a visit.
 
     Args:
         x, y, time, track: of the visits (n,).

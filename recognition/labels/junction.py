@@ -34,13 +34,13 @@ def right_turn(scene: Scene) -> Hits:
 
 
 def straight_cross(scene: Scene) -> Hits:
-    """16: the heading hardly changes, and the way crosses one that somebody took in this recording."""
+    """16: the heading hardly changes, and the way crosses one that another participant took in this recording."""
     straight = np.abs(scene.passages.turn) < np.radians(scene.rules.straight)
     return _turn(scene, Label.STRAIGHT_CROSS, straight & crosses(scene))
 
 
 def merging(scene: Scene) -> Hits:
-    """17: somebody from elsewhere comes into the same lane behind the junction shortly before or after ego."""
+    """17: a vehicle from elsewhere comes into the same lane behind the junction shortly before or after ego."""
     passages = scene.passages
     gap, partner = _arrivals(scene)
     chosen = np.flatnonzero(_merges(scene, gap))
@@ -53,7 +53,7 @@ def _merges(scene: Scene, gap: FloatArray) -> BoolArray:
 
 
 def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
-    """How soon before or after each passage somebody from another road arrives in the same lane, and in which passage.
+    """How soon before or after each passage a vehicle from another road arrives in the same lane, and in which passage.
 
     Returns:
         Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,), ABSENT for none.
@@ -104,7 +104,7 @@ def crosses(scene: Scene) -> BoolArray:
 
 
 def _opposing(scene: Scene) -> BoolArray:
-    """Passages while which somebody comes through the same junction from the other side."""
+    """Passages during which a vehicle comes through the same junction from the other side."""
     passages = scene.passages
     time, heading = scene.time[passages.row], scene.h[passages.first]
     found = np.zeros(len(passages), bool)

@@ -50,7 +50,7 @@ def _transitions(scene: Scene, before: Role, after: Role) -> IntArray:
 
 
 def _yields(scene: Scene, row: IntArray) -> BoolArray:
-    """Whether ego was slow before it entered, or somebody in the ring was soon before or after it at the same place."""
+    """Whether ego was slow before it entered, or a vehicle in the ring was soon before or after it at the same place."""
     rules = scene.rules
     earlier = np.maximum(row[:, None] - np.arange(scene.rows(rules.yield_time) + 1), scene.first[row][:, None])
     slow = scene.speed[earlier].min(axis=1, initial=np.inf) < rules.yield_speed

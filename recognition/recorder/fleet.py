@@ -1,4 +1,4 @@
-"""Vehicles and their drivers, no two alike: sizes, wishes and skills, drawn at random.
+"""Vehicles and their drivers, no two alike: sizes, desired speeds and skills, drawn at random.
 
 The parameters are those of SUMO's vehicle types, car following by the extended intelligent driver model (EIDM; Salles, Kaufmann,
 Reuss, SUMO User Conference 2020), whose drivers perceive and react imperfectly, and lane changing by the sublane model.

@@ -68,7 +68,7 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
 
     Raises:
         InvalidFile: a map or its roles are malformed, or don't fit each other, or the map is that of another place.
-        UsageError: nothing tells of the roads.
+        UsageError: the source has no information about its roads.
     """
     path, lights = map_of(source, recording, roads)
     site = site_at(path, recording.network, lights, roads)

@@ -11,11 +11,11 @@ from schemas.storage import writing
 
 
 def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
-    """The road of a recording, made in `folder` where there is none as OpenDRIVE.
+    """The road of a recording, made in `folder` where OpenDRIVE is missing.
 
     Raises:
         InvalidFile: a file is malformed, or a run's road is not where it was.
-        UsageError: nothing tells of the roads, or the folder can't be written.
+        UsageError: the source has no information about its roads, or the folder can't be written.
     """
     beside = source.path.parent / f"{source.site}.xodr"
     if recording.network is not None:

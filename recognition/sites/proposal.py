@@ -61,7 +61,7 @@ class _Proposal:
         return Role.URBAN
 
     def _fast(self, strip: Strip) -> bool:
-        """Whether a strip is no urban one. Where the map tells neither kind nor limit of a road, crossings make it urban."""
+        """Whether a strip is no urban one. Where the map has neither kind nor limit of a road, crossings make it urban."""
         road = self._network.roads[strip.road]
         kind = road.road_type(0.5 * (strip.start + strip.end))
         if kind != "unknown" or math.isfinite(strip.speed_limit):

@@ -22,8 +22,8 @@ _SAME_TIME = 1e-6
 class Deviation(NamedTuple):
     """How far a participant of a run is from its recorded positions.
 
-    greatest, mean: distance over the recorded rows, m. missing: recorded rows at which the run has none of it; whoever appears
-    at the end of a step is in the run's output from the next one on.
+    greatest, mean: distance over the recorded rows, m. missing: recorded rows at which the run has none of it; participants that
+        appear at the end of a step is in the run's output from the next one on.
     """
 
     participant: str

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from recognition.trfe.trfe import TRFE
 
 CARD = "README.md"
-"""File of a model's folder that tells people about it"""
+"""File of a model's folder that describes it"""
 LIMITS = """\
 - Classes are what the labelling rules take them for: the rates tell how far the model agrees with the rules, on recordings like
   those that trained it. With other traffic, sensors or maps expect more unknown and more wrong classes; try some before you
@@ -22,7 +22,7 @@ LIMITS = """\
   votes, no probabilities.
 - It sorts recordings for tests, afterwards. It is not made to decide anything in a vehicle, and where it finds nothing
   critical, that is no evidence of safety."""
-_LICENCE = "Whoever trained it decides, as far as the terms of the recordings allow."
+_LICENCE = "Those who trained it decide, as far as the terms of the recordings allow."
 
 
 def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:

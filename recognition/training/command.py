@@ -50,7 +50,7 @@ def train(
 ) -> None:
     """Train a model that recognises the classes of recordings, to be used by xosc-recognize catalogue --model DIR.
 
-    Recordings are divided: a part trains, a part calibrates what counts as unknown, a part tells how good the model is.
+    Recordings are divided: a part trains, a part calibrates what counts as unknown, a part measures how good the model is.
     """
     from recognition.encoder.config import preset as preset_of
     from recognition.grids import Grid

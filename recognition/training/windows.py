@@ -41,7 +41,7 @@ class Windows:
 
     Attributes:
         grids: uint8 (n, frames, channels, rows, columns), see `recognition.grids.Grid`; may be mapped from a file.
-        labels: int64 (n,), 0 where there is none.
+        labels: int64 (n,), 0 without a label.
         recordings, egos: names, str (n,). times: s, float (n,).
     """
 
@@ -105,7 +105,7 @@ class Windows:
 def windows_of(recording: Recording, events: Sequence[Event], grid: Grid, site: Site | None = None) -> Windows:
     """The windows about the events of one recording.
 
-    Events whose window reaches beyond the ego's track have none: `len` tells how many there are.
+    Events whose window reaches beyond the ego's track have none: `len` gives the number of windows.
     """
     inside = covered(recording, [(event.ego, event.time) for event in events], grid)
     kept = [event for event, usable in zip(events, inside, strict=True) if usable]

@@ -25,7 +25,7 @@ _NOT_PLOTTED = ("cases", "failed", "failures", "failed_runs")
 """What a page's search has in another form, or not at all"""
 
 Json = dict[str, Any]
-"""Values for the page's scripts: numbers, texts from files, and codes that they have words for."""
+"""Values for the page's scripts: numbers, texts from files, and codes whose wording they choose."""
 
 
 def write(found: LoopResult, out: Path) -> Path:
@@ -71,13 +71,13 @@ def _classes(rows: list[Json], found: LoopResult) -> list[Json]:
 
 
 def _recorded(row: Json, played: Ran) -> Json:
-    """A scenario of the catalogue of recordings; classes that rules or model do not tell are None."""
+    """A scenario of the catalogue of recordings; classes that rules or model do not give are None."""
     runs = played.files.get(f"{CATALOGUE}/{row['file']}", [])
     files = {"scenario": row["file"], "manoeuvre": row["maneuver"], "road": row["road"], "tags": row["openlabel"]}
-    told = {name: row[name] for name in ("recording", "vehicle", "time", "confidence", "participants")}
+    copied = {name: row[name] for name in ("recording", "vehicle", "time", "confidence", "participants")}
     labels = {name: row[name] if row[name] != Label.UNKNOWN.title else None for name in ("rule_class", "model_class")}
     return {
-        **told,
+        **copied,
         **labels,
         "name": Path(row["file"]).stem,
         "measures": {name: row[name] for name in _MEASURES},
@@ -88,8 +88,8 @@ def _recorded(row: Json, played: Ran) -> Json:
 
 def _search(search: Searched, of: Round) -> Json:
     """A search with its edge cases, and how many failures it has."""
-    told = {name: value for name, value in asdict(search).items() if name not in _NOT_PLOTTED}
-    return {**told, "failed": len(search.failed), "cases": [_case(case, of) for case in search.cases]}
+    values = {name: value for name, value in asdict(search).items() if name not in _NOT_PLOTTED}
+    return {**values, "failed": len(search.failed), "cases": [_case(case, of) for case in search.cases]}
 
 
 def _case(case: EdgeCase, of: Round) -> Json:
@@ -115,8 +115,8 @@ def _case(case: EdgeCase, of: Round) -> Json:
 def _run(run: Run, name: str) -> Json:
     """The run of a scenario of the user's."""
     measures = {key: run.measures.get(key) for key in _MEASURES}
-    told = {"name": run.name, "state": run.state, "message": run.message, "end": run.end}
-    return {**told, "file": name, "measures": measures, "play": run.replay}
+    outcome = {"name": run.name, "state": run.state, "message": run.message, "end": run.end}
+    return {**outcome, "file": name, "measures": measures, "play": run.replay}
 
 
 def _reports(found: LoopResult) -> Iterator[Json]:

@@ -1,4 +1,4 @@
-"""What the stages of a loop find, and the whole of it: values and codes; words for them are chosen by `words` and the page."""
+"""What the stages of a loop find, and the result of the loop: values and codes; `messages` and the page choose the wording."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Stage(NamedTuple):
 
 
 Report = Callable[[Stage, Finding, float | None], None]
-"""Is told each finished stage, what it found, and the time (s) that it took; None where it was finished before."""
+"""Called with each finished stage, what it found, and the time (s) that it took; None where it was finished before."""
 
 
 class FinishedStages:
@@ -44,7 +44,7 @@ class FinishedStages:
     Args:
         out: the output folder; made where it does not exist.
         settings: all that decides what the stages find.
-        report: told each stage as it is finished.
+        report: called with each stage as it is finished.
 
     Raises:
         UsageError: the folder holds a loop with other settings, or something else, or can't be made.

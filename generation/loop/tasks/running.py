@@ -25,7 +25,7 @@ def run_all(
         out: output folder of the loop.
 
     Returns:
-        What `runner.replay.report` tells of each run.
+        What `runner.replay.report` gives for each run.
     """
     outcomes = run_batch(jobs, settings, out=folder, processes=processes, resume=True, also=[partial(keep_replay, out=folder)])
     files = {}
@@ -37,8 +37,8 @@ def run_all(
     found = Ran()
     for run in report(folder)["runs"]:
         replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
-        told = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
-        found.files.setdefault(_named(files[run["name"]], out), []).append(Run(**told, replay=replay))
+        copied = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
+        found.files.setdefault(_named(files[run["name"]], out), []).append(Run(**copied, replay=replay))
     return found
 
 

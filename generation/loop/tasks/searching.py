@@ -34,7 +34,7 @@ def search(
         out: output folder of the loop.
         settings: of the loop.
         known: failures (m, d) of earlier rounds, which this one starts from; None for none.
-        progress: told the runs that are done.
+        progress: called with the number of runs that are done.
 
     Returns:
         What was found, files relative to `out`; with `error` where nothing was searched.

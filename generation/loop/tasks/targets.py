@@ -84,7 +84,7 @@ def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target 
 def _why_not(scenario: Scenario | None) -> str:
     if scenario is None:
         return "nothing is recorded of parameters by which it could be varied"
-    return f"{len(scenario.recorded.theta)} manoeuvres near somebody else are recorded, {LEAST} make a density"
+    return f"{len(scenario.recorded.theta)} manoeuvres with another participant are recorded, {LEAST} make a density"
 
 
 def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> Target | Refused:

@@ -38,12 +38,12 @@ _LAST_NOTE = (
 _ALL_NOTE = "The same over all simulator calls of each search."
 
 
-def results(study: Study, whole: bool = False) -> Results:
+def results(study: Study, complete: bool = False) -> Results:
     """Measures of all searches that are there: of their last thirds, or of the whole searches."""
     found: Results = {}
     for key in study.searches():
         history = study.history(key)
-        found.setdefault(key.method, {})[key.seed] = measure(history if whole else last_third(history), study.problem)
+        found.setdefault(key.method, {})[key.seed] = measure(history if complete else last_third(history), study.problem)
     return found
 
 
@@ -52,12 +52,12 @@ def title(name: str) -> str:
     return METHODS[name].title + (" †" if METHODS[name].realistic else "")
 
 
-def _tables(study: Study, last: Results, whole: Results) -> list[Table]:
+def _tables(study: Study, last: Results, complete: Results) -> list[Table]:
     """All tables for which there are results."""
     header = ("", *FIGURES.values())
     found = [
         Table("generated", "What the methods generate", _LAST_NOTE, (*header, "avoidable"), _rows(last, study)),
-        Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(whole)),
+        Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(complete)),
         reconstruction.overall(study.recorded.errors),
         trajectories.table(study),
         densities.comparison(study.recorded.theta, study.recorded.recordings),
@@ -83,8 +83,8 @@ def _cell(values: list[float]) -> str:
 
 def write_report(study: Study) -> list[Table]:
     """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the tables."""
-    last, whole = results(study), results(study, whole=True)
-    found = _tables(study, last, whole)
+    last, complete = results(study), results(study, complete=True)
+    found = _tables(study, last, complete)
     text = "\n".join([f"# Results of generation\n\n{_introduction(study, last)}\n", *(table.markdown() for table in found)])
     (study.out / "report.md").write_text(text, encoding="utf-8")
     (study.out / "tables").mkdir(exist_ok=True)
@@ -93,7 +93,7 @@ def write_report(study: Study) -> list[Table]:
     with (study.out / "results.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("episodes", "method", "seed", *Measures._fields))
-        for episodes, measured in (("last third", last), ("all", whole)):
+        for episodes, measured in (("last third", last), ("all", complete)):
             writer.writerows(
                 (episodes, name, seed, *values) for name, seeds in measured.items() for seed, values in seeds.items()
             )

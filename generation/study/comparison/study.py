@@ -109,11 +109,11 @@ class Study:
 
     def pending(self, seeds: int, names: Sequence[str] | None = None) -> list[Key]:
         """Searches that are not there yet, in the order in which `run` makes them: all methods of a seed, then the next seed."""
-        wanted = [Key(name, seed) for seed in range(seeds) for name in METHODS if names is None or name in names]
-        return [key for key in wanted if not self._path(key).exists()]
+        keys = [Key(name, seed) for seed in range(seeds) for name in METHODS if names is None or name in names]
+        return [key for key in keys if not self._path(key).exists()]
 
     def run(self, pending: Sequence[Key], progress: Callable[[int], None] = lambda calls: None) -> Iterator[Key]:
-        """Make searches; each is given back when it is on disk. `progress` is told the number of points just evaluated."""
+        """Make searches; each is given back when it is on disk. `progress` is called with the number of points just evaluated."""
 
         for key in pending:
             path, knots = self._path(key), key.method in TRAJECTORIES
@@ -134,7 +134,7 @@ class Study:
 
     @cached_property
     def trajectories(self) -> Trajectories:
-        """What methods are given that search trajectories: the same recorded manoeuvres, told by knots.
+        """What methods are given that search trajectories: the same recorded manoeuvres, described by knots.
 
         Raises:
             UsageError: there are no trajectories beside the scenario.

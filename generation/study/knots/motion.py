@@ -14,7 +14,7 @@ from recognition.maneuvers.parameters import PARAMETERS
 from xodr.array_types import FloatArray
 
 NUMBER = 6
-"""Of knots: the fewest by which recorded cut-ins are told within the published errors of reconstruction."""
+"""Of knots: the fewest that describe recorded cut-ins within the published errors of reconstruction."""
 CAR = 4.5
 """Distance (m) of the reference points of two catalogue cars that touch bumper to bumper."""
 _SHARES = np.linspace(0.0, 1.0, NUMBER)
@@ -27,7 +27,7 @@ _DRAWS = 5000
 
 
 class Setting(NamedTuple):
-    """What trajectories are told from.
+    """What trajectories are described by.
 
     Attributes:
         ego_speed: that the ego would keep, m/s.

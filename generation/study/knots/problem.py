@@ -15,7 +15,7 @@ class Trajectories(NamedTuple):
 
     Attributes:
         scenario: its file.
-        setting: what trajectories are told from.
+        setting: what trajectories are described by.
         problem: what methods are given.
     """
 
@@ -24,6 +24,6 @@ class Trajectories(NamedTuple):
     problem: Problem
 
     def as_maneuvers(self, history: History, reward: Reward) -> History:
-        """A search of trajectories told by the manoeuvres nearest to them, and what these would have been rewarded with."""
+        """A search of trajectories as the manoeuvres nearest to them, and what these would have been rewarded with."""
         theta = maneuvers_of(history.theta, self.setting).theta
         return History(theta, history.outcomes, reward(theta, history.outcomes))

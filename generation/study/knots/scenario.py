@@ -40,7 +40,7 @@ ASIDE = tuple(f"{_ACTOR}_Aside{number}_m" for number in range(1, NUMBER - 1))
 
 
 def setting_of(scenario: Path, space: Space) -> Setting:
-    """What trajectories beside a logical scenario are told from.
+    """What trajectories beside a logical scenario are described by.
 
     Raises:
         UsageError: there are none beside this scenario, or beside a part of its parameters.

@@ -29,7 +29,7 @@ _LIMITS = {
     "motorbike": _Limits(80.0, 10.0, 10.0),
     "bicycle": _Limits(20.0, 3.0, 6.0),
 }
-"""No data set tells these: usual values, of which `_CAR` are those of every other vehicle."""
+"""No data set has these: usual values, of which `_CAR` are those of every other vehicle."""
 
 
 class Entry(NamedTuple):
@@ -41,7 +41,7 @@ class Entry(NamedTuple):
 
 
 def entry(track: Track) -> Entry:
-    """The entry for a participant. Its name tells the dimensions (to 1 cm), so that entries of one name are alike."""
+    """The entry for a participant. Its name has the dimensions (to 1 cm), so that entries of one name are alike."""
     kind = _KINDS[track.kind]
     box = BoundingBox(*(round(value, 2) + 0.0 for value in track.box))
     name = f"{track.category}_{box.length:.2f}x{box.width:.2f}x{box.height:.2f}"

@@ -46,7 +46,7 @@ _PROPERTIES = (1, 2)
 
 
 @dataclass(frozen=True)
-class Config:
+class CatalogueConfig:
     """How a catalogue is written.
 
     Attributes:
@@ -59,7 +59,7 @@ class Config:
 
 
 class _Place(NamedTuple):
-    """Where the entries of a catalogue go: the class's folder, the kind, and what tells catalogues of that kind apart."""
+    """Where the entries of a catalogue go: the class's folder, the kind, and what distinguishes catalogues of that kind."""
 
     folder: str
     kind: str
@@ -89,7 +89,7 @@ class Catalogue:
         UsageError: it can't be written.
     """
 
-    def __init__(self, root: Path, config: Config) -> None:
+    def __init__(self, root: Path, config: CatalogueConfig) -> None:
         self.store = Store(root)
         self.rows: list[dict[str, Any]] = []
         self.exclusions: list[dict[str, Any]] = []
@@ -227,7 +227,7 @@ class _Context(NamedTuple):
 
     @property
     def recorded(self) -> str:
-        """What tells catalogues of this recording apart."""
+        """What distinguishes catalogues of this recording."""
         return plain(self.source.name)
 
     def entry(self, kind: str, name: str, built: Any, part: str = "") -> _Entry:
@@ -241,7 +241,7 @@ class _Context(NamedTuple):
 
 
 def _facts(context: _Context) -> dict[str, Any]:
-    """What the index tells of a scenario, but for its files."""
+    """The scenario's row of the index, but for its files."""
     source, episode, scene = context.source, context.episode, context.scene
     moment = episode.finding.moment if episode.finding is not None else None
     rule = moment.rule.title if moment is not None and moment.rule else None

@@ -44,7 +44,7 @@ COLUMNS: dict[str, type] = {
     "rss_risk_r157": float,
 }
 """Columns of a row; absent values are None. Files relative to the index: the scenario that replays the recording, that with the
-manoeuvre (or why there is none), tags, road. The class, by whom and how sure. Where from, with times in s. Measures."""
+manoeuvre (or why it has none), tags, road. The class, by whom and how sure. Where from, with times in s. Measures."""
 
 Row = Mapping[str, Any]
 
@@ -53,7 +53,7 @@ def rows_of(root: Path) -> list[dict[str, Any]]:
     """The rows of the index of a catalogue.
 
     Raises:
-        InvalidFile: there is none, or it is not readable.
+        InvalidFile: it is missing, or not readable.
     """
     return _listed(root / FILE, "scenarios")
 

@@ -19,7 +19,7 @@ def converted(osm: Path, origin: tuple[float, float] | None, folder: Path) -> Pa
     """The road of a Lanelet2 map, made once for each content of the map.
 
     Args:
-        origin: latitude and longitude (degrees) of the origin of its coordinates, where something tells.
+        origin: latitude and longitude (degrees) of the origin of its coordinates, where they are known.
     """
     return _converted(osm, osm.stat().st_mtime_ns, origin, folder)
 

@@ -87,7 +87,7 @@ class Highway:
         return {"road_id": road, "lane_id": lane, "s": x - self.start, "t": t, "lane_offset": t - centre}
 
     def write(self, name: str, folder: Path) -> Path:
-        """Write the road into a folder, under a name that tells apart roads of other content; the file's path.
+        """Write the road into a folder, under a name that differs for roads of other content; the file's path.
 
         Raises:
             UsageError: the folder can't be written.

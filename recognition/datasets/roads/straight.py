@@ -40,7 +40,7 @@ def straight_road(recording: Recording, name: str) -> RoadMap:
     x, y, h, speed = (np.concatenate([np.zeros(0), *(one[key] for one in columns)]) for key in ("x", "y", "h", "speed"))
     moving = speed > _MOVING
     if not moving.any() or np.average(np.abs(h[moving]) < _ALONG, weights=speed[moving]) < _STRAIGHT:
-        raise UsageError(f"nothing tells of the roads of {name}, and its traffic does not go straight along x")
+        raise UsageError(f"no file has the roads of {name}, and its traffic does not go straight along x")
     numbers = [one["source_lane"] for one in columns if "source_lane" in one]
     middles = _numbered(y, np.concatenate(numbers)) if len(numbers) == len(columns) else _densest(y)
     start, end = _ROUND * math.floor(x.min() / _ROUND), _ROUND * math.ceil(x.max() / _ROUND) + _ROUND

@@ -1,4 +1,4 @@
-"""What a value of a table may be, checked for whole columns at once, and put into words for the one that is wrong."""
+"""What a value of a table may be, checked for whole columns at once, and a message for the one that is wrong."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from runner.measures.criticality import Measure, time_headway, time_to_collision
 from xodr.array_types import FloatArray, IntArray
 
 ABSENT = -1
-"""Row (or track) of a lead, follower or partner where there is none."""
+"""Row (or track) of a lead, follower or partner that is absent."""
 _MOST_STRIPS = 12
 """Most strips ahead that are searched for a lead."""
 
@@ -21,7 +21,7 @@ class Leads:
     """The lead of each row.
 
     Attributes:
-        row: the lead's row in the same frame, ABSENT where there is none in sight.
+        row: the lead's row in the same frame, ABSENT without one in sight.
         gap: between the boxes along the lane, m, negative where they overlap; 0 without a lead.
         thw, ttc: time headway and time to collision, where they are defined.
         follower: row of who has this row as the lead, the nearest of several; ABSENT for none.
@@ -72,7 +72,7 @@ def leads(
 
 
 def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
-    """The strip that each row's track takes next, as far as it tells; else the straightest."""
+    """The strip that each row's track takes next, as far as the track shows it; else the straightest."""
     following = lanes.straight[strip]
     following[strip == NOWHERE] = NOWHERE
     leaving = np.flatnonzero((strip[1:] != strip[:-1]) & (track[1:] == track[:-1]))

@@ -80,7 +80,7 @@ def _same_track(scene: SceneRows, row: IntArray, step: int) -> BoolArray:
 
 
 def _neighbours(links: list[list[int]], strip: IntArray) -> IntArray:
-    """The strip that each one is linked to, NOWHERE where there is none."""
+    """The strip that each one is linked to, or NOWHERE."""
     linked = np.array([found[0] if found else NOWHERE for found in links], np.int64)
     return np.where(strip != NOWHERE, linked[strip], NOWHERE)
 

@@ -44,4 +44,4 @@ class Maneuvers:
             return in_lanes(self._segmentation, KINDS[label], ego, partner, span)
         if label in JUNCTION or label in ROUNDABOUT:
             return passage(self._recording, self._site.network, label, ego, partner, span)
-        raise Unsupported("which manoeuvre this is can't be told: its class, unknown or discovered, is none of the 17")
+        raise Unsupported("the manoeuvre is unknown: its class, unknown or discovered, is none of the 17")

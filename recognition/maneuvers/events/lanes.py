@@ -59,7 +59,7 @@ def _lane_change(segmentation: Segmentation, kind: str, actor: int, passive: int
     """The unit of the lane change of a track about a time (s)."""
     index = segmentation.nearest_change(actor, time, SHORTEST)
     if index is None:
-        raise Unsupported("there is no lane change then that was recorded whole")
+        raise Unsupported("no lane change was recorded completely then")
     if kind == "lane_change" and passive == ABSENT:
         passive = segmentation.leader(index)
     unit = segmentation.of_change(index, _UNITS[kind], passive)
@@ -74,7 +74,7 @@ def _kept_lane(segmentation: Segmentation, kind: str, actor: int, passive: int, 
     times, first = (span.start, min(span.end, span.start + LONGEST)), float(scene.time.min())
     start, last = (segmentation.motion.row(actor, round((time - first) / scene.step)) for time in times)
     if start is None or last is None or segmentation.motion.last[start] < last:
-        raise Unsupported("the manoeuvre was not recorded whole")
+        raise Unsupported("the manoeuvre was not recorded completely")
     return segmentation.between(BRAKING if kind == "following" else ACCELERATION, passive, start, last)
 
 

@@ -50,7 +50,7 @@ class Passage(NamedTuple):
     Attributes:
         path: the ego's.
         begin: how far along it the manoeuvre begins, m.
-        conflict: with the path of another one, and `continuation` how that one goes on from there; None where there is nobody.
+        conflict: with the path of another one, and `continuation` how that one goes on from there; None without another one.
     """
 
     path: RecordedPath
@@ -75,8 +75,8 @@ class Maneuver:
     Attributes:
         kind: cut_in, cut_out, lane_change, following, cruise, ramp (a lane change at one) or passage.
         ego: its track.
-        other: who is ahead of the ego when it begins, in a passage whose path the ego's meets; None for nobody.
-        left: whether the lane change is to the left; None where there is none.
+        other: who is ahead of the ego when it begins, in a passage whose path the ego's meets; None without another one.
+        left: whether the lane change is to the left; None without a lane change.
         values: of the parameters.
         speed: of the one who is not the actor, before the manoeuvre, m/s.
         begin: when it begins, in the recording, s.

@@ -25,7 +25,7 @@ JUNCTION = (Label.LEFT_TURN, Label.RIGHT_TURN, Label.STRAIGHT_CROSS, Label.MERGI
 ROUNDABOUT = (Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_EXITING, Label.ROUNDABOUT_CIRCULATING)
 """Classes whose passage is what was recognised: entering and leaving have no other beginning and end"""
 _STANDS = 0.5
-"""Speed (m/s) below which somebody stands"""
+"""Speed (m/s) below which a participant stands"""
 _BEND = 0.1
 """Change of heading (rad) that is none yet, or left over"""
 _FLICKER = 0.5
@@ -36,7 +36,8 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     """The passage of an event; see `maneuvers.maneuver`.
 
     Raises:
-        Unsupported: it was not recorded whole, nobody moves in it, or the partner was past where the ways meet before it began.
+        Unsupported: it was not recorded completely, no participant moves in it, or the partner had passed the conflict point
+            before it began.
     """
     own = recording.tracks[ego]
     start, end = span.start, span.end
@@ -44,7 +45,7 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
         start, end = _inside(own, network, span.middle, recording.timestep, label in (Label.LEFT_TURN, Label.RIGHT_TURN))
     time = own.columns["time"]
     if not time[0] <= start < end <= time[-1]:
-        raise Unsupported("the manoeuvre was not recorded whole")
+        raise Unsupported("the manoeuvre was not recorded completely")
     path = RecordedPath.of(own)
     alone = Passage.of(path, start)
     if alone.begin >= path.station[-1]:
@@ -77,7 +78,7 @@ def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, tu
     begin, size = stays(held(inside, np.zeros_like(inside), max(1, round(_FLICKER / timestep))), np.zeros_like(inside))
     chosen = np.flatnonzero(inside[begin] == 1)
     if not len(chosen):
-        raise Unsupported("the way through the junction can't be told from the roads")
+        raise Unsupported("the roads do not show the way through the junction")
     first, last = begin[chosen], (begin + size)[chosen] - 1
     nearest = int(np.maximum(at[first] - time, time - at[last]).argmin())
     rows = np.arange(first[nearest], last[nearest] + 1)

@@ -1,6 +1,6 @@
 """Manoeuvres as scenarios for variation: conditions and actions with the seven parameters, declared with recorded values.
 
-The manoeuvre comes from a catalogue. It begins when the delay has passed and the gap is no longer than the one wanted; the
+The manoeuvre comes from a catalogue. It begins when the delay has passed and the gap is at most that of the parameter; the
 participants start where both come at once.
 """
 
@@ -38,9 +38,9 @@ CONTROLLER = maneuvers.controller("system_under_test", {"role": "drives the ego;
 
 _CHANGE = "change"
 """Name of the event in which the manoeuvre happens"""
-_GO_ON = "go_on"
-"""Name of the entry by which the other one goes on"""
-_CONFLICT_POINT = maneuvers.world_position("$MeetingX", "$MeetingY")
+_RESUME = "resume_speed"
+"""Name of the entry by which the other participant changes its speed after the conflict point"""
+_CONFLICT_POINT = maneuvers.world_position("$ConflictX_m", "$ConflictY_m")
 _THERE = 0.5
 """Distance (m) from the conflict point within which the other one is there"""
 
@@ -62,8 +62,8 @@ def entry_name(maneuver: Maneuver) -> str:
 
 
 def catalogue_entries(maneuver: Maneuver) -> list[Any]:
-    """The entries of the manoeuvre catalogue, whoever the participants are: the actor's, and the other one's in a passage."""
-    return [_change(maneuver), *([_go_on()] if _conflict(maneuver) else [])]
+    """The entries of the manoeuvre catalogue, for any participants: the actor's, and the other one's in a passage."""
+    return [_change(maneuver), *([_resume()] if _conflict(maneuver) else [])]
 
 
 def _change(maneuver: Maneuver) -> Any:
@@ -82,14 +82,14 @@ def _change(maneuver: Maneuver) -> Any:
     return maneuvers.maneuver(entry_name(maneuver), events, declared)
 
 
-def _go_on() -> Any:
-    """The other one's change of speed from where the ways meet."""
+def _resume() -> Any:
+    """The other one's change of speed from the conflict point on."""
     change = maneuvers.speed(f"${ONWARDS}", Dynamics("linear", "time", f"${DURATION}"))
     there = maneuvers.distance("$Other", _CONFLICT_POINT, _THERE)
-    numbers = {"MeetingX": 0.0, "MeetingY": 0.0, ONWARDS: 0.0, DURATION: 1.0}
+    numbers = {"ConflictX_m": 0.0, "ConflictY_m": 0.0, ONWARDS: 0.0, DURATION: 1.0}
     declared = [maneuvers.parameter("Other", "string", "Other")]
     declared += [maneuvers.parameter(name, "double", value) for name, value in numbers.items()]
-    return maneuvers.maneuver(_GO_ON, [maneuvers.event("go on", [change], there)], declared)
+    return maneuvers.maneuver(_RESUME, [maneuvers.event("resume speed", [change], there)], declared)
 
 
 def scenario(
@@ -138,7 +138,7 @@ def _others(maneuver: Maneuver, other: str) -> list[tuple[str, Any]]:
         ONWARDS: f"${ONWARDS}",
         DURATION: round(continuation.duration, 3),
     }
-    return [(other, maneuvers.reference("ManeuverCatalog", _GO_ON, assigned))]
+    return [(other, maneuvers.reference("ManeuverCatalog", _RESUME, assigned))]
 
 
 def _roles(maneuver: Maneuver, other: str) -> dict[str, str]:
@@ -151,4 +151,4 @@ def _roles(maneuver: Maneuver, other: str) -> dict[str, str]:
 def _conflict(maneuver: Maneuver) -> dict[str, float]:
     """The parameters of the entry for the conflict point, m."""
     conflict = maneuver.passage.conflict if maneuver.passage is not None else None
-    return {"MeetingX": conflict.x, "MeetingY": conflict.y} if conflict is not None else {}
+    return {"ConflictX_m": conflict.x, "ConflictY_m": conflict.y} if conflict is not None else {}

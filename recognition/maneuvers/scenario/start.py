@@ -1,4 +1,4 @@
-"""How the participants of a scenario with a manoeuvre start, so that the gap is the one wanted when the delay has passed.
+"""How the participants of a scenario with a manoeuvre start, so that the gap is that of the parameter when the delay has passed.
 
 In lanes, the other one starts as far ahead of the ego as the gap at the trigger, the speeds and the delay say. On recorded ways,
 the ego starts as far before the place where its manoeuvre begins, and the other one as far before where the ways meet.
@@ -121,7 +121,7 @@ def _recorded(maneuver: Maneuver) -> Any:
 
 
 def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]:
-    """Ahead of the ego (or, to cut in, beside its lane) by what gives the wanted gap after the delay."""
+    """Ahead of the ego (or, to cut in, beside its lane) by what gives the parameter's gap after the delay."""
     here = _place(maneuver.ego, maneuver.start)
     side = _facing(maneuver.ego, maneuver.start, network)
     own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)

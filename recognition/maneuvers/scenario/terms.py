@@ -16,7 +16,7 @@ STILL = 0.001
 _REACHED = 0.5
 """How much longer than the parameter the gap (m) may be when the manoeuvre begins: it is looked at once a step"""
 _ANY = 1000.0
-"""A gap (m) that nobody exceeds"""
+"""A gap (m) that is never exceeded"""
 _MIN_MAX = (1, 3)
 """First version of the standard with min(), max() and sign() in expressions"""
 

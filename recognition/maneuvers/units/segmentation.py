@@ -88,7 +88,7 @@ def _lane_changes(segmentation: Segmentation) -> Iterator[Unit]:
 
 
 def _phases(motion: LaneMotion, changes: list[LaneChange], thresholds: Thresholds) -> Iterator[Unit]:
-    """Braking and acceleration of whoever has a follower then, apart from lane changes."""
+    """Braking and acceleration of vehicles that have a follower then, apart from lane changes."""
     scene = motion.scene
     sign = np.where(np.abs(scene.acceleration) > thresholds.acceleration, np.sign(scene.acceleration), 0.0).astype(np.int64)
     changing = np.zeros(len(sign) + 1, np.int64)

@@ -2,7 +2,7 @@
 
 Besides what the reader needs, all other columns are filled as the data set has them: `dhw` is the gap to the vehicle ahead in
 the lane, from bumper to bumper (m), `thw` that over the own speed (s), `ttc` over the closing speed (s, negative while the
-gap grows); 0 where there is none, and -1 for their minima. Sight distances are those from the centre to the section's ends.
+gap grows); 0 without one, and -1 for their minima. Sight distances are those from the centre to the section's ends.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def _vehicles(tracks: _Columns, upper: BoolArray, seen: Sequence[Vehicle]) -> _C
 
 
 def _least(values: FloatArray, starts: IntArray) -> FloatArray:
-    """The least positive value of each track, -1 where there is none."""
+    """The least positive value of each track, -1 without any."""
     least = np.minimum.reduceat(np.where(values > 0.0, values, np.inf), starts)
     return np.where(np.isfinite(least), least, -1.0)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from generation.loop.messages import summary
 from generation.loop.stages.findings import (
     CarefulDriver,
     CaseVerdict,
@@ -26,7 +27,6 @@ from generation.loop.stages.findings import (
     Searched,
 )
 from generation.loop.stages.finished import FinishedStages, Stage
-from generation.loop.words import summary
 from schemas.errors import InvalidFile, UsageError
 
 COUNT = Stage("count")

@@ -17,7 +17,7 @@ from recognition.catalogue import pipeline
 from recognition.catalogue.pipeline import ByRules, CatalogueSettings, Summary
 from recognition.catalogue.usable import Usable, passage, vehicles
 from recognition.catalogue.writing import index
-from recognition.catalogue.writing.catalogue import Config
+from recognition.catalogue.writing.catalogue import CatalogueConfig
 from recognition.datasets import open as open_recordings
 from runner.recording import Recording
 from schemas import check_many
@@ -106,7 +106,7 @@ def test_tags_are_openlabel_beside_the_scenario_and_properties_in_it(made: Path)
 
 @pytest.mark.parametrize("version", [(1, 0), (1, 2)])
 def test_older_versions_are_written_on_request(recordings: Path, tmp_path: Path, version: tuple[int, int]) -> None:
-    build(recordings, tmp_path, config=Config(version=version))
+    build(recordings, tmp_path, config=CatalogueConfig(version=version))
     files = sorted(tmp_path.rglob("*.xosc"))
     assert files and {xosc.load(file).version for file in files} == {version}
     assert [problem for _, problems in check_many(files) for problem in problems] == []

@@ -96,9 +96,9 @@ def test_car_following_is_the_leads_change_of_speed(recording: Recording) -> Non
 
 REFUSED = {
     "a class that is none of the 17": (Label.UNKNOWN, m.EGO, None, AT, "its class, unknown or discovered, is none of the 17"),
-    "no junction": (Label.LEFT_TURN, m.EGO, None, AT, "the way through the junction can't be told from the roads"),
+    "no junction": (Label.LEFT_TURN, m.EGO, None, AT, "the roads do not show the way through the junction"),
     "no partner": (Label.CUT_IN, m.EGO, None, AT, "the other vehicle is not known"),
-    "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "no lane change then that was recorded whole"),
+    "no lane change": (Label.LANE_CHANGE_LEFT, m.EGO, None, AT, "no lane change was recorded completely then"),
     "a partner behind": (Label.CAR_FOLLOWING, m.CUTTER, m.EGO, AT, "is not ahead of the ego"),
     "who never met": (Label.CAR_FOLLOWING, m.FAR, m.EGO, AT, "was not recorded then"),
 }

@@ -155,7 +155,7 @@ def test_entering_a_roundabout_is_what_was_recognised(crossing: Site) -> None:
 def test_a_passage_before_the_recording_is_refused(crossing: Site) -> None:
     whole = car(crossing, "left")
     late = track("left", whole.columns["x"][68:], whole.columns["y"][68:], start=6.8)
-    with pytest.raises(Unsupported, match="not recorded whole"):
+    with pytest.raises(Unsupported, match="not recorded completely"):
         measured(crossing, late, label=Label.ROUNDABOUT_ENTERING)
 
 

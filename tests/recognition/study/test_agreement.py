@@ -81,7 +81,7 @@ def test_a_survey_says_why_there_is_no_label(tmp_path: Path) -> None:
     ]
     write_csv(folder / "vehicle_tracks_000.csv", [*rows, *turn])
     (place,) = survey(folder, tmp_path / "roads", Rules())
-    assert [one.unlabelled for one in place.vehicles] == ["straight, nobody crosses", "no way through a junction"]
+    assert [one.unlabelled for one in place.vehicles] == ["straight, no crossing traffic", "no way through a junction"]
 
 
 def _written(built: builders.RoadMap, path: Path) -> Path:

@@ -102,7 +102,7 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
 
     found = lanelets(root)
     if not found:
-        raise invalid(root, "there is no lanelet, so nothing tells of the roads")
+        raise invalid(root, "there is no lanelet, so its roads are unknown")
 
     def beside(neighbour: Neighbour | None) -> Beside | None:
         return None if neighbour is None else Beside(neighbour.id, neighbour.same_direction)

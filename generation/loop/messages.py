@@ -1,4 +1,4 @@
-"""What a loop has found in words, a line each."""
+"""Messages about what a loop has found, one line each."""
 
 from __future__ import annotations
 
@@ -78,5 +78,5 @@ def _labelled(found: Labelled) -> str:
 
 @_line.register
 def _checked(found: Checked) -> str:
-    told = f"{len(found.problems)} problems, the first: {found.problems[0]}" if found.problems else "all valid"
-    return f"{found.files} files checked, {told}"
+    problems = f"{len(found.problems)} problems, the first: {found.problems[0]}" if found.problems else "all valid"
+    return f"{found.files} files checked, {problems}"
