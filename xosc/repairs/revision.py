@@ -6,9 +6,9 @@ import copy
 
 from lxml import etree
 
+from schemas import validate
 from schemas.registry import HEADERS, OPENSCENARIO, header_of, revision, schema_for
 from schemas.remarks import Remark
-from schemas.validate import first_violations
 from xosc.node import Node
 
 _PRESENT, _DEFINED, _VALID = (
@@ -68,7 +68,7 @@ def _distance(version: Version, said: Version | None) -> tuple[int, int]:
 def is_valid(root: Node, version: Version) -> bool:
     """Whether a document is valid against the XSD of a version, as far as there is one."""
     schema = schema_for(OPENSCENARIO, version)
-    return schema is None or not first_violations(root.element.getroottree(), schema, 1)
+    return schema is None or validate.is_valid(root.element.getroottree(), schema)
 
 
 def _keeps(root: Node, version: Version) -> bool:
@@ -83,4 +83,4 @@ def _keeps(root: Node, version: Version) -> bool:
         tree.getroot().insert(0, header)
     for name, value in {**_HEADER, "revMajor": str(version[0]), "revMinor": str(version[1])}.items():
         header.set(name, value)
-    return not first_violations(tree, schema, 1)
+    return validate.is_valid(tree, schema)
