@@ -125,7 +125,7 @@ class Writer:
             for column, each in enumerate(self._space.parameters)
         )
         description = (
-            f"Recorded parameters of {self._stem}, each on its own: what they have to do with each other the standard can't say"
+            f"Recorded parameters of {self._stem}, each on its own: the standard can't express how they depend on each other"
         )
         document = self._variation(Stochastic(_RUNS, single, float(seed)), description)
         return self._write(f"{self._stem}_density", document, [])
