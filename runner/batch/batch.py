@@ -42,14 +42,13 @@ def _rehearsed(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Outcome:
         first = first or outcome.job
         if outcome.state == "error":
             failures.append(replace(outcome, trace="" if failures else outcome.trace))
-        elif outcome.message:
-            remarks[outcome.message] = None
+        remarks |= dict.fromkeys(outcome.remarks)
     assert first is not None
     varied = first.source != first.scenario
     name = first.name.rpartition("~")[0] or first.name if varied else first.name
     job = Job(name, first.source, first.scenario)
     if not failures:
-        return Outcome(job, "loaded", 0, "; ".join([f"{count} parameter sets"] * varied + [*remarks]), status="compiled")
+        return Outcome(job, "loaded", 0, f"{count} parameter sets" * varied, status="compiled", remarks=[*remarks])
     gravest = max(failures, key=lambda outcome: outcome.exit_code)
     share = f"{len(failures)} of {count} parameter sets: " if count > 1 else ""
     return replace(gravest, job=job, message=share + gravest.message)
@@ -63,7 +62,7 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
         prepared.ego(settings.ego)
     except Exception as error:  # a defect of ours is an outcome too, the other files go on
         return failure(job, error)
-    return Outcome(job, "loaded", 0, one_line("; ".join(map(str, prepared.scenario.remarks))), status="compiled")
+    return Outcome(job, "loaded", 0, status="compiled", remarks=[one_line(str(each)) for each in prepared.scenario.remarks])
 
 
 def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
@@ -92,18 +91,16 @@ def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Se
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
         return failure(job, error)
     state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
-    message = one_line("; ".join(_told(result)))
-    criteria = report.criteria(result.verdict)
-    return Outcome(job, state, code, message, result.status, result.end_time, measures, criteria=criteria)
+    message, criteria = one_line("; ".join(_reasons(result))), report.criteria(result.verdict)
+    remarks = [one_line(remark) for remark in result.remarks if not any(remark in reason for reason in result.verdict.reasons)]
+    return Outcome(job, state, code, message, result.status, result.end_time, measures, criteria=criteria, remarks=remarks)
 
 
-def _told(result: RunResult) -> Iterator[str]:
-    """What a verdict is to be read with: its reasons, how far the system could see, and remarks that repeat no reason."""
-    reasons = result.verdict.reasons
-    yield from reasons
-    if reasons and SENSOR_RANGE in result.sut_parameters:
+def _reasons(result: RunResult) -> Iterator[str]:
+    """Why the verdict is a failure, and how far the system could see."""
+    yield from result.verdict.reasons
+    if result.verdict.reasons and SENSOR_RANGE in result.sut_parameters:
         yield f"{split(result.sut)[0]} sees {result.sut_parameters[SENSOR_RANGE]:g} m"
-    yield from (remark for remark in result.remarks if not any(remark in reason for reason in reasons))
 
 
 def _write(result: RunResult, folder: Path, plot: bool) -> dict[str, Any]:

@@ -52,10 +52,11 @@ class Outcome:
     Args:
         state: `passed`, `failed` (its verdict), `error` (a defect of the file or the run), or `loaded` (by a rehearsal).
         exit_code: what the command line would answer for this run alone.
-        message: reasons of a failed verdict and remarks on the run, or the error.
+        message: reasons of a failed verdict, or the error.
         status, end_time, measures: of the run, where there was one (measures only with an output folder).
         trace: traceback of an error.
         criteria: results of the scenario's criteria, as in `result.json`.
+        remarks: what was assumed and what may not be meant, as in `result.json`, a line each.
     """
 
     job: Job
@@ -67,6 +68,7 @@ class Outcome:
     measures: dict[str, Any] = field(default_factory=dict)
     trace: str = ""
     criteria: list[dict[str, Any]] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
 
 def jobs_of(

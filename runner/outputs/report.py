@@ -82,7 +82,7 @@ def write_events(events: Iterable[LogEntry], path: Path) -> None:
 def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
     """Write a JUnit file: one test case a run; a failed verdict is a failure, a defect of file or run an error.
 
-    Results of criteria are properties of their test case.
+    Results of criteria are properties of their test case, remarks its standard output.
     """
     suites = etree.Element("testsuites", name="xosc-run")
     groups: dict[str, list[Outcome]] = {}
@@ -107,6 +107,8 @@ def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
                 tag = "failure" if outcome.state == "failed" else "error"
                 detail = etree.SubElement(case, tag, message=_printable(outcome.message))
                 detail.text = _printable(outcome.message)
+            if outcome.remarks:
+                etree.SubElement(case, "system-out").text = _printable("\n".join(outcome.remarks))
     path.write_bytes(etree.tostring(suites, pretty_print=True, xml_declaration=True, encoding="UTF-8"))
 
 

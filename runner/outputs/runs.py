@@ -48,6 +48,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
         "status": outcome.status or None,
         "end_time": outcome.end_time,
         "message": _text(outcome.message),
+        "remarks": [_text(remark) for remark in outcome.remarks],
     }
     for name in EXTREMES:
         extreme = outcome.measures.get(name) or {}
@@ -73,7 +74,7 @@ def _schema() -> pa.Schema:
         "state": text,
         "verdict": text,
     }
-    fields |= {"exit_code": pa.int64(), "status": text, "end_time": number, "message": text}
+    fields |= {"exit_code": pa.int64(), "status": text, "end_time": number, "message": text, "remarks": pa.list_(text)}
     for name in EXTREMES:
         fields |= {name: number, f"{name}_time": number, f"{name}_other": text}
     return pa.schema(list((fields | dict.fromkeys(SHARES, number)).items()))

@@ -23,6 +23,8 @@ _LISTED = 5
 """Runs that are named in a group of the summary"""
 _ENDS = {"completed": "stop trigger", "timeout": "time limit", "collision": "", "compiled": "not run (--dry-run)"}
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
+_LOCATION = re.compile(r"^.*?:\d+: ")
+"""Where a remark begins: the file and its line"""
 _NUMBER = re.compile(r"-?\b\d+(\.\d+)?\b")
 
 
@@ -43,6 +45,7 @@ class Table:
         self._width = max(_NAME, shutil.get_terminal_size().columns - _REST) if self._terminal else _NAME
         self._counts = dict.fromkeys(_WORDS, 0)
         self._groups: dict[tuple[str, str], list[str]] = {}
+        self._remarks: dict[str, list[str]] = {}
 
     def show(self, outcome: Outcome) -> None:
         """Print one run's line."""
@@ -52,6 +55,8 @@ class Table:
         grave = outcome.state in ("failed", "error")
         if grave:
             self._groups.setdefault((outcome.state, _cause(outcome)), []).append(outcome.job.title)
+        for remark in outcome.remarks:
+            self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
         if grave or not self._quiet:
             self._print(self._line(outcome))
         if outcome.state == "error":
@@ -81,14 +86,21 @@ class Table:
         how = _ERRORS[outcome.exit_code] if outcome.state == "error" else _ENDS[outcome.status]
         if outcome.message and outcome.state != "error":
             how = ": ".join(filter(None, (how, outcome.message)))
+        if outcome.remarks:
+            how += f" ({_many(len(outcome.remarks), 'remark')})"
         return f"{word}{name:{width}}  {end:>9}  {how}"
 
     def close(self) -> None:
-        """Print the summary, where there was more than one run: failures by cause, the gravest first, and how many of all."""
+        """Print remarks, equal ones once, and a summary of several runs: failures by cause, the gravest first, and all."""
         if self._progress:
             sys.stderr.write(_CLEAR)
         runs = sum(self._counts.values())
-        if runs < 2 or self._quiet:
+        if self._quiet:
+            return
+        for same in self._remarks.values():
+            times = f" (and {len(same) - 1} more like it)" if len(same) > 1 else ""
+            self._print(f"remark: {same[0]}{times}")
+        if runs < 2:
             return
         for (state, cause), names in sorted(self._groups.items(), key=lambda group: list(_WORDS).index(group[0][0])):
             self._print(f"{_WORDS[state]}, {_many(len(names), 'run')}: {cause}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from lxml import etree
 
 import runner
 from runner.batch.batch import run_batch
@@ -13,6 +14,7 @@ from runner.outputs.report import summary
 from runner.settings import RunSettings
 from runner.sut import Control
 from runner.sut.scripted import Scripted
+from tests.commands import Command
 from tests.conformance.support import events
 from tests.runner.files import car, place, scenario
 
@@ -51,4 +53,16 @@ def test_remarks_are_in_the_outcome_of_a_batch(tmp_path: Path) -> None:
     path = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 980, 20), stories=" ", stop=3.0)
     (outcome,) = run_batch(jobs_of([path], {}, True), RunSettings(world="kinematic"))
     assert (outcome.state, outcome.exit_code) == ("passed", 0)
-    assert outcome.message == "Ego has come to the end of the road at 1.05 s"
+    assert outcome.remarks == ["Ego has come to the end of the road at 1.05 s"]
+
+
+def test_equal_remarks_are_printed_once_below_the_table(command: Command, tmp_path: Path) -> None:
+    short = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 980, 20), stories=" ", stop=3.0)
+    other = tmp_path / "other.xosc"
+    other.write_bytes(short.read_bytes())
+    answer = command("xosc-run", short, other, "--world", "kinematic", "--junit", tmp_path / "junit.xml")
+    (remark,) = [line for line in answer.out.splitlines() if line.startswith("remark: ")]
+    assert remark == "remark: Ego has come to the end of the road at 1.05 s (and 1 more like it)"
+    assert answer.out.count("(1 remark)") == 2
+    cases = etree.parse(tmp_path / "junit.xml").findall(".//testcase")
+    assert [case.findtext("system-out") for case in cases] == ["Ego has come to the end of the road at 1.05 s"] * 2
