@@ -19,6 +19,15 @@ from xosc.exports.folder import Folder
 DOCS = Path(__file__).parents[2] / "docs" / "exports.md"
 BRAKES = story("Lead", [(0.2, speed_action(5))])
 
+PLAIN = """
+TARGETS = {"plain": "end time and verdict as text"}
+
+def export(result, name, folder):
+    folder.write(f"{name}.txt", f"{result.end_time:.2f} s, passed: {result.verdict.passed}\\n".encode())
+    return []
+"""
+"""A target of runs, as a file of its own"""
+
 
 @pytest.fixture
 def xosc_export(command: Command) -> Command:
@@ -93,9 +102,7 @@ def test_every_target_is_listed_and_told_of(xosc_export: Command) -> None:
 
 
 def test_a_file_in_the_folder_of_exports_is_a_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    example = DOCS.read_text(encoding="utf-8").split("## A target of your own")[1]
-    source = example.split("```python\n")[1].split("```")[0]
-    (tmp_path / "plain.py").write_text(f"from __future__ import annotations\n{source}")
+    (tmp_path / "plain.py").write_text(PLAIN)
     monkeypatch.setattr(runner.exports, "__path__", [*runner.exports.__path__, str(tmp_path)])
     discovery.names.cache_clear()
     discovery.described.cache_clear()
