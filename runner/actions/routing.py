@@ -43,7 +43,8 @@ class AssignRouteAction(PrivateAction):
 
     def start(self, actor: Entity, run: Run) -> None:
         """Assign."""
-        actor.controls.route = AssignedRoute(self.route.path(run, actor), self.route.closed)
+        path = self.route.path(run, actor)
+        actor.controls.route = AssignedRoute(path, self.route.closed, self.route.network)
 
 
 @registry.action("RandomRouteAction")

@@ -96,6 +96,14 @@ def _road_point(position: Position, network: RoadNetwork, run: Surroundings | No
     return placement.point or network.locate(placement.x, placement.y, placement.z, placement.h)
 
 
+def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
+    """Where a leg of a route begins, on a lane whose traffic goes its way if there is one."""
+    road = network.road(leg.road_id)
+    lanes = road.lane_ids(leg.enter)
+    along = [lane for lane in lanes if (road.direction(lane, leg.enter) > 0) == leg.forward]
+    return road.lane_point(leg.enter, min(along or lanes, key=abs))
+
+
 class Guide(Protocol):
     """What an entity follows at junctions (`Entity.route`)."""
 
@@ -113,29 +121,46 @@ class Guide(Protocol):
 
 
 class AssignedRoute:
-    """Following a route: at junctions its roads, elsewhere and off the route the straightest way.
+    """Following a route: at junctions its roads; off the route the shortest way to it, once through it the straightest.
 
     A route can use a road more than once, so it is remembered which of its legs the entity is on.
 
     Args:
         path: the way through the road network.
         closed: whether it starts again at its end.
+        network: where ways to the route are looked for; without it an entity off its route takes the straightest way.
     """
 
-    def __init__(self, path: RoadPath, closed: bool = False) -> None:
-        self.path, self.closed = path, closed
+    def __init__(self, path: RoadPath, closed: bool = False, network: RoadNetwork | None = None) -> None:
+        self.path, self.closed, self.network = path, closed, network
         self._leg = 0
+        self._back: RoadPath | None = None
+        self._through = False
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The lane that goes on along the route, if possible one that leads on to the leg after."""
         index = self._find(point.road_id, forward)
         following = self._following(index) if index is not None else None
         if following is not None:
+            self._back = None
             onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
             leading = [link for link in onwards if link.lane_id in following.exit_lanes]
             if onwards:
                 return (leading or onwards)[0]
-        return self.path.choose(point, forward, links)
+        self._through = self._through or (following is None and index == self._leg)
+        way = self._way_back(point, forward) if following is None else None
+        return (way or self.path).choose(point, forward, links)
+
+    def _way_back(self, point: RoadPoint, forward: bool) -> RoadPath | None:
+        """The shortest way from a road's end to one of the legs that are left."""
+        if self.network is None or self._through:
+            return None
+        known = self._back.legs if self._back is not None else ()
+        if not any(leg[:2] == (point.road_id, forward) for leg in known):
+            starts = dict.fromkeys(_beginning(self.network, leg) for leg in self.path.legs[self._leg :])
+            ways = [way for there in starts if (way := self.network.route([point, there])) is not None]
+            self._back = min(ways, key=lambda way: way.length) if ways else None
+        return self._back
 
     def enter(self, road_id: str, forward: bool) -> None:
         """Remember the leg."""

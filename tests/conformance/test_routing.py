@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import runner
 from schemas.errors import InvalidFile
-from tests.conformance.support import at, events, run, track
+from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
 ARMS = {"1": (111.5, -1.75), "2": (1.75, 111.5), "4": (-1.75, -111.5)}
 """End of the lane that leads out of the crossing, by the arm's road id; the car comes from the west."""
@@ -240,3 +242,12 @@ def test_an_offset_of_all_of_the_trajectory_may_be_rounded() -> None:
     """The trajectory's length comes from its vertices, the offset from the file."""
     length = float(re.findall(r"the trajectory's ([0-9.]+) m", refusal("FollowTrajectoryAction", Skip=1e6))[0])
     run("FollowTrajectoryAction", parameters={"Skip": length + 1e-7}, world="kinematic", max_time=2.0)
+
+
+@pytest.mark.parametrize("arm", ["2", "4"])
+def test_an_entity_off_its_route_is_led_to_it(arm: str, tmp_path: Path) -> None:
+    """The car comes from the west; the route lies on the arm to the north or south, where no straight way leads."""
+    first = ('<LanePosition roadId="3" laneId="1" s="80"/>', f'<LanePosition roadId="{arm}" laneId="-1" s="30"/>')
+    path = changed(SCENARIOS / "AssignRouteAction.xosc", tmp_path, first)
+    result = runner.run(path, parameters={"Exit": arm}, sut=None, world="kinematic", max_time=60.0)
+    assert str(track(result, "Car")["road_id"][-1]) == arm
