@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from runner.motion.surface import slant
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
@@ -38,36 +39,37 @@ class LaneMotion:
         """
         road, section, t = entity.road, entity.section, entity.t
         assert road is not None and section is not None
-        distance = speed * dt
+        distance, turn = speed * dt, 0.0
         if entity.controls.target_offset is not None:
-            distance = self._sidestep(entity, distance)
+            distance, turn = self._sidestep(entity, distance)
         center = section.lanes[entity.lane].center
         ds = entity.direction * distance
-        if not road.line.straight:
-            ds /= max(1.0 - road.line.curvature(entity.s + 0.5 * ds) * t, _SHARPEST)
-        if center.constant is None:
-            slope = center.slope(entity.s)
-            ds /= math.sqrt(1.0 + slope * slope)
+        if center.constant is None or not road.line.straight:
+            per_s = 1.0 - road.line.curvature(entity.s + 0.5 * ds) * t
+            slope = 0.0 if center.constant is not None else center.slope(entity.s)
+            ds /= max(math.hypot(per_s, slope) if slope else per_s, _SHARPEST)
         s = entity.s + ds
         if section.s <= s < section.end:
             entity.s = s
             entity.t = center(s) + entity.offset
-            self._pose(entity, entity.t - t, distance)
+            self._pose(entity, turn)
             return speed
-        return self._cross(entity, distance, dt)
+        return self._cross(entity, distance, turn, dt)
 
-    def _sidestep(self, entity: Entity, distance: float) -> float:
-        """Take the offset asked for; the distance that is left to go along the lane."""
+    def _sidestep(self, entity: Entity, distance: float) -> tuple[float, float]:
+        """Take the offset asked for: the distance that is left to go along the lane, and the angle of the way to it (rad)."""
         assert entity.controls.target_offset is not None
         lateral = entity.controls.target_offset - entity.offset
         entity.offset = entity.controls.target_offset
         entity.controls.target_offset = None
+        left = lateral * entity.direction
         if not entity.controls.path_compensated:
-            return distance
-        rest = distance * distance - lateral * lateral
-        return math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0
+            return distance, math.atan(left / distance) if abs(left) <= abs(distance) and left else 0.0
+        rest = distance * distance - left * left
+        turn = math.asin(max(-1.0, min(left / distance, 1.0))) if distance and left else 0.0
+        return math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0, turn
 
-    def _cross(self, entity: Entity, distance: float, dt: float) -> float:
+    def _cross(self, entity: Entity, distance: float, turn: float, dt: float) -> float:
         """Leave the lane section, over section and road borders, or stop at the end of the road."""
         assert entity.road is not None
         backwards = distance < 0.0
@@ -80,23 +82,20 @@ class LaneMotion:
         entity.direction = 1 if forward != backwards else -1
         if entity.controls.route is not None:
             entity.controls.route.enter(reached.road_id, forward)
-        self._pose(entity, 0.0, distance)
+        self._pose(entity, turn)
         if left <= 0.0:
             return distance / dt
         entity.at_road_end = True
         entity.controls.target_speed = 0.0
         return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
 
-    def _pose(self, entity: Entity, drift: float, distance: float) -> None:
-        """World pose at the entity's road coordinates; drift is the change of t over the distance."""
-        assert entity.road is not None
+    def _pose(self, entity: Entity, turn: float) -> None:
+        """World pose at the entity's road coordinates, facing along its lane but for the turn (rad) of a way across it."""
+        assert entity.road is not None and entity.section is not None
         pose = entity.road.pose(entity.s, entity.t)
-        h = pose.h + entity.heading_offset
+        h = pose.h + slant(entity.road, entity.section, entity.lane, entity.s, entity.t) + entity.heading_offset + turn
         if entity.direction < 0:
             h += math.pi
-            drift = -drift
-        if drift and abs(distance) > abs(drift):
-            h += math.atan2(drift, distance) if distance > 0.0 else -math.atan2(drift, -distance)
         entity.x, entity.y, entity.z, entity.h = pose.x, pose.y, pose.z, h
         entity.pitch, entity.roll = entity.direction * pose.pitch, entity.direction * pose.roll
 

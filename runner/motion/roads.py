@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from runner.motion.free import STRAIGHT_AHEAD
 from runner.motion.lane import LaneMotion
 from runner.motion.placement import Placement, wrap
-from runner.motion.surface import in_world, pose_of
+from runner.motion.surface import in_world, lane_heading, pose_of
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Roads:
         point = self.road_point(entity)
         if point is None or self.network is None or entity.controls.motion is not STRAIGHT_AHEAD:
             return
-        turn = wrap(entity.h - self.network.pose(point).h)
+        turn = wrap(entity.h - lane_heading(self.network.road(point.road_id), point))
         direction = 1 if abs(turn) <= math.pi / 2 else -1
         self.follow_lane(entity, point, direction, turn if direction > 0 else wrap(turn + math.pi))
 

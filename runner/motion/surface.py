@@ -10,11 +10,14 @@ from xodr.model import Pose, RoadPoint
 
 if TYPE_CHECKING:
     from runner.participants.state import EntityState
+    from xodr.model import LaneSection
     from xodr.network import RoadNetwork
     from xodr.road import Road
 
 _ACROSS = 1e-6
 """Angle (rad) within which a heading counts as across the road."""
+_SHARPEST = 1e-3
+"""Lower limit of the way per s on the inner side of a curve, beyond whose centre a lane can't be followed."""
 _OTHER_LEVEL = 2.0
 """Height (m) above or below a road's surface from which a pose has nothing to do with that road."""
 
@@ -34,12 +37,27 @@ def surface(network: RoadNetwork, point: RoadPoint, h: float) -> tuple[float, fl
     return pose.z, *tilted(pose, h)
 
 
-def facing(placement: Placement, road: Road, point: RoadPoint) -> Placement:
+def slant(road: Road, section: LaneSection, lane_id: int, s: float, t: float) -> float:
+    """Angle (rad) between the way along a lane, at the offset that t has from its centre, and the road's at (s, t)."""
+    center = section.lanes[lane_id].center
+    slope = 0.0 if center.constant is not None else center.slope(s)
+    return math.atan(slope / max(1.0 - road.curvature(s) * t, _SHARPEST)) if slope else 0.0
+
+
+def lane_heading(road: Road, point: RoadPoint) -> float:
+    """Heading (rad) of the lane at a point, towards +s."""
+    return road.heading(point.s) + slant(road, road.section(point.s), point.lane_id, point.s, point.t)
+
+
+def facing(placement: Placement, road: Road, point: RoadPoint, along: float | None = None) -> Placement:
     """The placement tied to a road point, with `direction` and `heading_offset` as its heading says.
 
     Whoever stands across the road faces the way that the lane's traffic drives.
+
+    Args:
+        along: heading towards +s that counts as straight ahead, rad; the lane's where it is not given.
     """
-    heading = road.heading(point.s)
+    heading = lane_heading(road, point) if along is None else along
     direction = road.direction(point.lane_id, point.s) if point.lane_id else 1
     turn = wrap(placement.h - heading - (0.0 if direction > 0 else math.pi))
     if abs(turn) > math.pi / 2 + _ACROSS:

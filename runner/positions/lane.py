@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from runner.contracts import registry
 from runner.contracts.position import FixedPosition, Position
 from runner.motion.placement import Placement
+from runner.motion.surface import lane_heading
 from runner.positions.orientation import Orientation, on_road
 from xodr.model import RoadError, RoadPoint
 from xosc.node import TO_RIGHT
@@ -32,7 +33,7 @@ _TOLERANCE = 1e-3
 def lane_placement(network: RoadNetwork, point: RoadPoint, orientation: Orientation) -> Placement:
     """A placement that faces the direction of the lane's traffic, unless the orientation says otherwise."""
     road = network.road(point.road_id)
-    h = road.heading(point.s)
+    h = lane_heading(road, point)
     if point.lane_id and road.direction(point.lane_id, point.s) < 0:
         h += math.pi
     return on_road(network, point, h, orientation)

@@ -9,6 +9,7 @@ relative to its pose.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from runner.motion.placement import Placement, wrap
@@ -58,4 +59,5 @@ def on_road(network: RoadNetwork, point: RoadPoint, reference: float, orientatio
         pitch, roll = pitch + orientation.pitch, roll + orientation.roll
     else:
         pitch, roll = orientation.pitch or pitch, orientation.roll or roll
-    return facing(Placement(pose.x, pose.y, pose.z, h, pitch, roll), network.road(point.road_id), point)
+    along = None if orientation.absolute else reference if math.cos(reference - pose.h) >= 0.0 else reference - math.pi
+    return facing(Placement(pose.x, pose.y, pose.z, h, pitch, roll), network.road(point.road_id), point, along)
