@@ -34,7 +34,7 @@ _REACHED = 0.01
 class LateralDistanceAction(PrivateAction):
     """Keeps a lateral distance to a reference entity; without `distance`, the one that it has at the action's start.
 
-    It moves within its lane's direction or, where there is no road, across the direction that it faces.
+    Where there is no road, it moves across the direction that it faces, which is that of the reference.
     Without DynamicConstraints the distance holds at once and rigidly; with them a controller within the limits moves
     the entity sideways. Where `continuous`, it never ends by itself. Sides are those of the reference.
     """
@@ -147,6 +147,8 @@ class _Sidestep(Running):
         step = error if self._controller is None else self._limited(self._controller, error, dt)
         if not actor.on_lane:
             actor.x, actor.y = actor.x - step * math.sin(actor.h), actor.y + step * math.cos(actor.h)
+            h = self._action.reference.h
+            actor.h = h if math.cos(actor.h - h) >= 0.0 else wrap(h + math.pi)
             return not self._action.continuous and abs(error) < _REACHED
         actor.controls.target_offset = actor.offset + actor.direction * step
         actor.controls.path_compensated = self._controller is not None

@@ -15,8 +15,9 @@ from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.motion.placement import Placement
-    from runner.participants.entity import Entity
+    from runner.participants.entity import Entity, Guide
     from xodr.network import RoadNetwork
+    from xodr.road import Road
 
 _SHARPEST = 1e-3
 """Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be followed."""
@@ -73,9 +74,12 @@ class LaneMotion:
         """Leave the lane section, over section and road borders, or stop at the end of the road."""
         assert entity.road is not None
         backwards = distance < 0.0
+        forward = (entity.direction > 0) != backwards
         point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+        if entity.controls.route is not None:
+            point = self._on_route(point, entity.road, entity.controls.route, forward)
         choose = entity.controls.route.choose if entity.controls.route is not None else None
-        reached, forward, left = self.network.travel(point, abs(distance), (entity.direction > 0) != backwards, choose)
+        reached, forward, left = self.network.travel(point, abs(distance), forward, choose)
         entity.road = self.network.road(reached.road_id)
         entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
         entity.section = entity.road.section(entity.s)
@@ -88,6 +92,16 @@ class LaneMotion:
         entity.at_road_end = True
         entity.controls.target_speed = 0.0
         return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
+
+    def _on_route(self, point: RoadPoint, road: Road, route: Guide, forward: bool) -> RoadPoint:
+        """The point, on the lane under it where that goes on along the route and the lane that it is bound for does not."""
+        under = road.lane_at(point.s, point.t)
+        if under == point.lane_id or road.section(point.s) is not road.sections[-1 if forward else 0]:
+            return point
+        own, there = (self.network.links(road.id, lane, forward) for lane in (point.lane_id, under))
+        if route.leads(road.id, forward, own) or not route.leads(road.id, forward, there):
+            return point
+        return point._replace(lane_id=under, offset=point.t - road.lane_t(point.s, under))
 
     def _pose(self, entity: Entity, turn: float) -> None:
         """World pose at the entity's road coordinates, facing along its lane but for the turn (rad) of a way across it."""

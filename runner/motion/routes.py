@@ -111,6 +111,10 @@ class Guide(Protocol):
         """The way on at the end of a road: one of the lanes reached; None to stop there."""
         ...
 
+    def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
+        """Whether one of the lanes reached at a road's end goes on along the way that is followed."""
+        ...
+
     def enter(self, road_id: str, forward: bool) -> None:
         """The entity has come to a road, moving towards its +s or not."""
         ...
@@ -162,6 +166,12 @@ class AssignedRoute:
             self._back = min(ways, key=lambda way: way.length) if ways else None
         return self._back
 
+    def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
+        """Whether one of them is the next leg."""
+        index = self._find(road_id, forward)
+        following = self._following(index) if index is not None else None
+        return following is not None and any((link.road_id, link.at_start) == following[:2] for link in links)
+
     def enter(self, road_id: str, forward: bool) -> None:
         """Remember the leg."""
         index = self._find(road_id, forward)
@@ -208,6 +218,10 @@ class RandomRoute:
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """Any of the ways on."""
         return self.rng.choice(links) if links else None
+
+    def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
+        """Any lane does."""
+        return bool(links)
 
     def enter(self, road_id: str, forward: bool) -> None:
         """Nothing to remember."""

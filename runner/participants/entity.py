@@ -41,6 +41,10 @@ class Guide(Protocol):
         """The way on at the end of a road: one of the lanes reached; None to stop there."""
         ...
 
+    def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
+        """Whether one of the lanes reached at a road's end goes on along the way that is followed."""
+        ...
+
     def enter(self, road_id: str, forward: bool) -> None:
         """The entity has come to a road, moving towards its +s or not."""
         ...

@@ -153,7 +153,8 @@ class RelativeRoadPosition(_RelativeRoadPosition):
 class RelativeLanePosition(_RelativeRoadPosition):
     """dLane lanes towards +t from an entity's lane (the centre lane not counted), and ds in s or dsLane along its lane.
 
-    ds counts towards +s, dsLane in the direction that the entity faces.
+    ds counts towards +s, dsLane in the direction that the entity faces. Without an Orientation, a position by ds faces as the
+    entity does, one by dsLane as the lane's traffic.
     """
 
     def __init__(self, node: Node, context: Context) -> None:
@@ -182,7 +183,11 @@ class RelativeLanePosition(_RelativeRoadPosition):
                 f" beyond the lanes of road {road.id!r} at s = {reached.s:.2f} m"
             )
         offset = side * self.left(origin) * self.offset
-        return lane_placement(self.network, road.lane_point(reached.s, lane, offset), self.orientation)
+        point = road.lane_point(reached.s, lane, offset)
+        if self.ds is None or self.oriented:
+            return lane_placement(self.network, point, self.orientation)
+        forwards = aligned == (self.facing(origin) > 0)
+        return on_road(self.network, point, lane_heading(road, point) + (0.0 if forwards else math.pi), self.orientation)
 
     def _along_lane(self, origin: RoadPoint) -> tuple[RoadPoint, bool]:
         route, entity = self.entity.controls.route, self.entity

@@ -246,3 +246,29 @@ def test_a_continuous_offset_from_ones_own_is_refused_before_the_run(tmp_path: P
     path = changed(SCENARIOS / "LaneOffsetAction.xosc", tmp_path, own)
     with pytest.raises(InvalidFile, match="from its own"):
         runner.run(path, parameters={"Continuous": True}, sut=None, world="kinematic", max_time=0.0)
+
+
+def test_headings_are_the_lanes_where_it_slants(tmp_path: Path) -> None:
+    """Lane -1 widens by 2 cm a metre, so that lane -2 and its traffic go 2 cm to the right with every metre."""
+    road = (SCENARIOS.parent / "roads" / "straight.xodr").read_text(encoding="utf-8")
+    before, after = road.split('<lane id="-1"')
+    after = re.sub(r'(<width [^>]*?)b="[^"]*"', r'\1b="0.02"', after, count=1)
+    (tmp_path / "slanting.xodr").write_text(f'{before}<lane id="-1"{after}', encoding="utf-8")
+    parameters = {"Road": str(tmp_path / "slanting.xodr"), "Lane": "-2", "Offset": 0.0, "Shape": "step"}
+    car = track(run("LaneOffsetAction", parameters=parameters, world="kinematic", max_time=3.0), "Car")
+    assert np.allclose(car["h"], -math.atan(0.02), atol=1e-9), "from the beginning on"
+    moved = np.hypot(np.diff(car["x"]), np.diff(car["y"]))
+    assert np.allclose(moved, car["speed"][1:] * DT, rtol=1e-6)
+
+
+def test_a_heading_has_no_jump_where_a_lane_change_crosses_a_border(tmp_path: Path) -> None:
+    road = (SCENARIOS.parent / "roads" / "straight.xodr").read_text(encoding="utf-8")
+    start, end = road.index("<laneSection"), road.index("</laneSection>") + len("</laneSection>")
+    second = re.sub(r'<laneSection s="[^"]*"', '<laneSection s="540"', road[start:end])
+    (tmp_path / "sections.xodr").write_text(road[:end] + second + road[end:], encoding="utf-8")
+    car = track(
+        run("LaneChangeAction", parameters={"Road": str(tmp_path / "sections.xodr"), "Shape": "sinusoidal"}, world="kinematic"),
+        "Car",
+    )
+    assert np.ptp(car["h"]) > 0.01
+    assert np.abs(np.diff(car["h"])).max() < 0.005

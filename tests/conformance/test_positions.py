@@ -153,8 +153,9 @@ def test_relative_lane_position_counts_lanes_towards_t_without_the_centre_lane(
     parameters = {"Road": ROADS[rule], "Lane": str(lane), "Lanes": lanes, "Ds": 20, "Offset": 0.5}
     place = start("RelativeLanePosition", **parameters)
     assert (place["lane"], place["s"], place["lane_offset"]) == pytest.approx((reached, 520.0, 0.5))
-    assert angle(place["h"], 0.0 if traffic(rule, reached) > 0 else math.pi) < 1e-9
+    assert angle(place["h"], 0.0 if traffic(rule, lane) > 0 else math.pi) < 1e-9, "as the reference entity does"
     along = start("RelativeLanePosition", "Along", **parameters)
+    assert angle(along["h"], 0.0 if traffic(rule, reached) > 0 else math.pi) < 1e-9, "as the lane's traffic does"
     assert (along["lane"], along["s"]) == pytest.approx((reached, 500.0 + 20.0 * traffic(rule, lane)))
 
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from runner.motion.lane import LaneMotion
 from runner.motion.routes import AssignedRoute, RandomRoute, Route, Waypoint
 from xodr.graph.routes import Leg, RoadPath
 from xodr.model import LaneLink, RoadPoint
@@ -67,3 +68,21 @@ def test_random_choices_follow_from_the_seed() -> None:
     assert taken[0] == taken[1]
     assert set(taken[0]) == set(LINKS)
     assert RandomRoute(random.Random(1)).choose(end_of("main"), True, []) is None
+
+
+def test_who_changes_lanes_before_a_junction_goes_on_along_the_route_from_the_lane_under_it() -> None:
+    """On its way to lane -2, which leads off the route, from lane -1, which leads on along it."""
+    links = {-1: [LaneLink("east", -1, True)], -2: [LaneLink("west", -1, True)]}
+    network = SimpleNamespace(links=lambda road, lane, forward: links[lane])
+    section = SimpleNamespace()
+    for t, lane in ((-2.0, -1), (-5.0, -2)):
+        road = SimpleNamespace(
+            id="main",
+            sections=[section],
+            section=lambda s: section,
+            lane_at=lambda s, t: -1 if t > -3.5 else -2,
+            lane_t=lambda s, lane: 1.75 + 3.5 * lane,
+        )
+        point = RoadPoint("main", 99.9, t, -2, t + 5.25)
+        route = AssignedRoute(path("main", "east"))
+        assert LaneMotion(network)._on_route(point, road, route, True) == RoadPoint("main", 99.9, t, lane, t - 1.75 - 3.5 * lane)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from xodr.graph.links import LinkTable
-from xodr.model import Lane, LaneLink, RoadError, RoadPoint
+from xodr.model import Lane, LaneLink, LaneSection, RoadError, RoadPoint
 from xodr.road import Road, lane_in
 
 Choose = Callable[[RoadPoint, bool, Sequence[LaneLink]], LaneLink | None]
@@ -69,18 +69,29 @@ class Traveller:
             if 0 <= index + step < len(road.sections):
                 index, lane_id, offset = _next_section(road, index, lane_id, offset, forward)
                 continue
-            link = self._next_road(here, forward, choose) if distance > 0.0 else None
-            if link is None:
+            onward = self._next_road(here, section, forward, choose) if distance > 0.0 else None
+            if onward is None:
                 return Travel(here, forward, distance)
+            link, offset = onward
             if link.at_start != forward:
                 offset = -offset
             road, lane_id, forward = self._roads[link.road_id], link.lane_id, link.at_start
             index, s = (0, 0.0) if forward else (len(road.sections) - 1, road.length)
         raise RoadError(f"a movement from road {point.road_id!r} crosses more than {_MOST_BORDERS} borders", path=road.path)
 
-    def _next_road(self, here: RoadPoint, forward: bool, choose: Choose) -> LaneLink | None:
-        links = self._links.get((here.road_id, here.lane_id, forward))
-        return choose(here, forward, links) if links else None
+    def _next_road(self, here: RoadPoint, section: LaneSection, forward: bool, choose: Choose) -> tuple[LaneLink, float] | None:
+        """The way on from a road's end, and the offset [m] there, before the turn of a road laid the other way round.
+
+        From a lane that leads nowhere, as one that has narrowed to nothing, the lane under the point leads on.
+        """
+        lane_id, offset = here.lane_id, here.offset
+        links = self._links.get((here.road_id, lane_id, forward))
+        if not links:
+            lane_id = lane_in(section, here.s, here.t)
+            offset = here.t - section.lanes[lane_id].center(here.s)
+            links = self._links.get((here.road_id, lane_id, forward))
+        link = choose(here._replace(lane_id=lane_id, offset=offset), forward, links) if links else None
+        return (link, offset) if link is not None else None
 
     def length(self, road: Road, lane_id: int, start: float, end: float) -> tuple[float, int]:
         """Length [m ≥ 0] of a lane's centre line between two s, and the id that the lane has at the end."""

@@ -112,6 +112,19 @@ def test_a_lane_that_narrows_to_nothing_is_left_without_a_jump(files) -> None:
     assert (reached.lane_id, reached.t) == (-2, pytest.approx(0.0, abs=1e-9))
 
 
+def test_a_lane_that_narrows_to_nothing_at_the_roads_end_goes_on_beside(files) -> None:
+    narrow = files.road("1", lanes=files.section(right=2), link=files.to_road("successor", "2", "start"))
+    head, tail = narrow.split('<lane id="-2"')
+    tail = tail.replace('<width sOffset="0" a="3.5"/>', '<width sOffset="0" a="3.5" b="-0.035"/>').replace(
+        '<successor id="-2"/>', ""
+    )
+    network = files.load(head + '<lane id="-2"' + tail, files.road("2", lanes=files.section(right=1), start=(100.0, 0.0, 0.0)))
+    reached = network.travel(network.lane_point("1", -2, 90.0), 20.0, True)
+    assert reached.left == 0.0
+    assert (reached.point.road_id, reached.point.lane_id) == ("2", -1)
+    assert reached.point.t == pytest.approx(-3.5, abs=1e-6)
+
+
 @pytest.mark.parametrize("border", [50.0, 100.0])
 def test_a_step_that_ends_on_a_border_can_go_on(files, border: float) -> None:
     lanes = files.section(right=1) + files.section(right=1, s=50.0)
