@@ -10,11 +10,11 @@ import numpy as np
 from xodr.builders.elements import Cubic, Geo, Lane, Link, Road, RoadMap, Section
 from xodr.lanelet2.bundles import Layout
 from xodr.lanelet2.graph import Graph
-from xodr.lanelet2.insides import layout
 from xodr.lanelet2.junctions import junction_ids, junctions
 from xodr.lanelet2.lanelet import Lanelet
-from xodr.lanelet2.mouths import Borders, mouths
-from xodr.lanelet2.shapes import Shape, shape
+from xodr.lanelet2.lines.insides import layout
+from xodr.lanelet2.lines.mouths import Borders, mouths
+from xodr.lanelet2.lines.shapes import Shape, shape
 from xodr.lanelet2.signals import controllers, signals
 
 

@@ -1,7 +1,7 @@
 """Lanelets taken together into what becomes one road: those side by side, and those one after the other.
 
 A `Joint` is a place where bundles end and begin. Where one bundle continues in one, roads are linked. Everywhere else there is
-a junction: a default one where bundles are connecting roads (see `xodr.lanelet2.insides`), else a direct one.
+a junction: a default one where bundles are connecting roads (see `xodr.lanelet2.lines.insides`), else a direct one.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from xodr.lanelet2.graph import Graph
 from xodr.lanelet2.lanelet import Lanelet
-from xodr.lanelet2.polylines import lengths
+from xodr.lanelet2.lines.polylines import lengths
 
 LONGEST = 500.0
 """Length up to which bundles that continue each other become one road, m."""

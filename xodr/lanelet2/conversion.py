@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from xodr.lanelet2.assembly import build
-from xodr.lanelet2.completion import completed
 from xodr.lanelet2.crosswalks import with_crosswalks
 from xodr.lanelet2.deviation import deviation
-from xodr.lanelet2.reader import read_lanelets
+from xodr.lanelet2.reading.completion import completed
+from xodr.lanelet2.reading.reader import read_lanelets
 from xodr.reader import load
 
 

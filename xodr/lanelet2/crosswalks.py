@@ -12,7 +12,7 @@ import numpy as np
 
 from xodr.builders.curves import Pose
 from xodr.builders.elements import Object, Road
-from xodr.lanelet2.reader import Area
+from xodr.lanelet2.reading.reader import Area
 
 
 def with_crosswalks(roads: Sequence[Road], crosswalks: Sequence[Area]) -> tuple[Road, ...]:

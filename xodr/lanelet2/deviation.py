@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Points
-from xodr.lanelet2.polylines import across, lengths, places, points_at
+from xodr.lanelet2.lines.polylines import across, lengths, places, points_at
 from xodr.network import RoadNetwork
 from xodr.road import Road
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from schemas.errors import UsageError
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
-from xodr.lanelet2.polylines import middle, resampled
+from xodr.lanelet2.lines.polylines import middle, resampled
 
 APART = 0.5
 """Bounds of neighbours that are farther apart than this [m] are not one border."""

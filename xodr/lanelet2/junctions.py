@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from xodr.builders.elements import Connection, Junction
 from xodr.lanelet2.bundles import Joint, Layout
 from xodr.lanelet2.graph import Graph
-from xodr.lanelet2.splitting import second
+from xodr.lanelet2.lines.splitting import second
 
 
 def junction_ids(graph: Graph, plan: Layout) -> list[int]:

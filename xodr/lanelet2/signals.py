@@ -7,7 +7,7 @@ from collections import defaultdict
 from xodr.builders.elements import Controller, Signal
 from xodr.lanelet2.bundles import Layout
 from xodr.lanelet2.graph import Graph
-from xodr.lanelet2.shapes import Shape
+from xodr.lanelet2.lines.shapes import Shape
 
 _BESIDE = 1.0
 """How far a light stands from the road's right edge, m."""

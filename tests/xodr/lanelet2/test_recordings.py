@@ -12,8 +12,8 @@ import xodr
 from recognition import datasets
 from xodr import sumo_net
 from xodr.lanelet2 import Conversion, convert
-from xodr.lanelet2.completion import completed
-from xodr.lanelet2.reader import read_lanelets
+from xodr.lanelet2.reading.completion import completed
+from xodr.lanelet2.reading.reader import read_lanelets
 
 ORIGINS = {
     "k729_2022-03-16": (49.01160993928274, 8.43856470258739),

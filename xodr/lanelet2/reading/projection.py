@@ -10,7 +10,7 @@ import math
 
 from schemas.errors import InvalidFile, UsageError
 from xodr.builders.elements import Geo
-from xodr.lanelet2.osm import Osm
+from xodr.lanelet2.reading.osm import Osm
 
 LARGEST = 1e7
 """Farthest coordinate that is believed, m."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
-from xodr.lanelet2.polylines import Frame, crossing, lengths, points_at
+from xodr.lanelet2.lines.polylines import Frame, crossing, lengths, points_at
 
 
 def second(name: str) -> str:

@@ -12,9 +12,9 @@ from xodr.array_types import FloatArray
 from xodr.builders.curves import Pose
 from xodr.builders.parametric import ParamPoly3
 from xodr.lanelet2.lanelet import Points
-from xodr.lanelet2.mouths import Mouth
-from xodr.lanelet2.polylines import across, between, lengths, middle, places, resampled
-from xodr.lanelet2.splines import fit
+from xodr.lanelet2.lines.mouths import Mouth
+from xodr.lanelet2.lines.polylines import across, between, lengths, middle, places, resampled
+from xodr.lanelet2.lines.splines import fit
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly

@@ -12,12 +12,12 @@ import numpy as np
 
 from schemas.errors import InvalidFile
 from xodr.builders.elements import Geo
-from xodr.lanelet2.bounds import Bounds, bounds_of, linked
 from xodr.lanelet2.lanelet import Lanelet, Points
-from xodr.lanelet2.osm import Osm, Relation, read
-from xodr.lanelet2.projection import Projection
-from xodr.lanelet2.regulations import Regulations, regulations
-from xodr.lanelet2.tags import CROSSWALK, Kind, kind_of, mark_of, speed_limit
+from xodr.lanelet2.lines.bounds import Bounds, bounds_of, linked
+from xodr.lanelet2.reading.osm import Osm, Relation, read
+from xodr.lanelet2.reading.projection import Projection
+from xodr.lanelet2.reading.regulations import Regulations, regulations
+from xodr.lanelet2.reading.tags import CROSSWALK, Kind, kind_of, mark_of, speed_limit
 
 
 class Area(NamedTuple):

@@ -10,7 +10,7 @@ import math
 import re
 from typing import NamedTuple
 
-from xodr.lanelet2.osm import Relation, Tags
+from xodr.lanelet2.reading.osm import Relation, Tags
 
 CROSSWALK = "crosswalk"
 

@@ -14,8 +14,8 @@ import numpy as np
 from xodr.lanelet2.bundles import Bundle, Layout, chained, joined
 from xodr.lanelet2.graph import Graph
 from xodr.lanelet2.lanelet import Lanelet, Points
-from xodr.lanelet2.polylines import frame_at, lengths, middle
-from xodr.lanelet2.splitting import second, split
+from xodr.lanelet2.lines.polylines import frame_at, lengths, middle
+from xodr.lanelet2.lines.splitting import second, split
 
 _LONGEST_CROSSING = 60.0
 """Length up to which lanelets are taken to cross on the same level where they do nothing else, m."""

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from xodr.lanelet2.bounds import TOUCHING
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
-from xodr.lanelet2.polylines import Frame, crossing, direction, frame_at, middle, resampled
-from xodr.lanelet2.splitting import second, split
+from xodr.lanelet2.lines.bounds import TOUCHING
+from xodr.lanelet2.lines.polylines import Frame, crossing, direction, frame_at, middle, resampled
+from xodr.lanelet2.lines.splitting import second, split
 
 _WIDTHS = (2.0, 6.0)
 """Width that a lane may have that is only seen by its borders, m."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import NamedTuple
 
-from xodr.lanelet2.osm import Osm, Relation
-from xodr.lanelet2.tags import speed, speed_limit
+from xodr.lanelet2.reading.osm import Osm, Relation
+from xodr.lanelet2.reading.tags import speed, speed_limit
 
 
 class Regulations(NamedTuple):

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
-from xodr.lanelet2.osm import Osm, Relation, Way
-from xodr.lanelet2.polylines import lengths
+from xodr.lanelet2.lines.polylines import lengths
+from xodr.lanelet2.reading.osm import Osm, Relation, Way
 
 TOUCHING = 0.1
 """Points that are not farther apart than this are one, m."""

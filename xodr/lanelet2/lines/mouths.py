@@ -15,7 +15,7 @@ import numpy as np
 from xodr.lanelet2.bundles import Joint, Layout
 from xodr.lanelet2.graph import Graph
 from xodr.lanelet2.lanelet import Points
-from xodr.lanelet2.polylines import Frame, crossing, direction, joined, lengths, middle, points_at, prolonged
+from xodr.lanelet2.lines.polylines import Frame, crossing, direction, joined, lengths, middle, points_at, prolonged
 
 _MOST_CUT = 0.5
 """Largest share of a road that may be cut off at one end."""
