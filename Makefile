@@ -41,6 +41,7 @@ types: install
 docs: install  ## write the generated pages of docs/ anew
 	$(BIN)/python -m runner.coverage docs/coverage.md
 	$(BIN)/python docs/generate.py
+	$(BIN)/python docs/picture.py
 
 clean:
 	rm -rf $(VENV) $(READERS) out build dist
