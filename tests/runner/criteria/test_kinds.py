@@ -253,5 +253,5 @@ def test_a_stop_sign_of_another_lane_is_not_met(stop_sign: xodr.RoadNetwork) -> 
 
 
 def test_every_criterion_has_a_name_and_says_what_it_needs() -> None:
-    assert len(kinds()) == 13
+    assert len(kinds()) >= 13
     assert all(kind.summary and kind.unit and kind.name.endswith("Test") for kind in kinds().values())
