@@ -144,7 +144,7 @@ def of_catalogue(path: Path) -> Iterator[Scenario]:
 def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
     """Names and values of a scenario's searchable parameters, and the recording that it is from; None without any.
 
-    The same for a scenario without anybody besides the ego.
+    The same for a scenario with the ego alone.
     """
     document = xosc.load(file)
     if document.kind != "scenario" or len(document.node.need("Entities").children()) < 2:

@@ -30,7 +30,7 @@ def nearest_conflict(recording: Recording, ego: Track, path: RecordedPath, time:
     Args:
         path: the ego's.
         time: when its passage begins, s; the other one has not reached it yet then.
-        partner: whom the event is about; None for anybody who is at the same place up to `_SOON` s earlier or later.
+        partner: whom the event is about; None for any participant at the same place up to `_SOON` s earlier or later.
     """
     from scipy.spatial import cKDTree
 

@@ -60,7 +60,7 @@ class Passage(NamedTuple):
 
     @classmethod
     def of(cls, path: RecordedPath, time: float) -> Passage:
-        """That of an ego on its way whose manoeuvre begins where it is at a time (s), without anybody else."""
+        """That of an ego on its way whose manoeuvre begins where it is at a time (s), without another participant."""
         return cls(path, float(path.at(time)))
 
     def longest(self, speed: float) -> float:

@@ -120,6 +120,7 @@ class Evaluation:
             yield key
 
     def _measure(self, key: Key, trial: Trial) -> list[tuple[Key, dict[str, Any]]]:
+        """Results of an experiment. They differ in what they take, and the report has a table for each: no kinds by module."""
         match key.kind:
             case "open-set":
                 values = open_set.measure_open_set(key.method, trial)
