@@ -126,7 +126,7 @@ ATTACKS: dict[str, tuple[Fault, int, str]] = {
     "zeros": (text(b"\0" * 5000), 3, "bad.xosc"),
     "other XML": (text("\n<html/>"), 3, "bad.xosc:2: "),
     "road file as a scenario": (text("<OpenDRIVE><header revMajor='1' revMinor='6'/></OpenDRIVE>"), 3, "bad.xosc:1: "),
-    "folder": (a_folder, 3, "bad.xosc: this is a folder"),
+    "folder": (a_folder, 2, "bad.xosc: this stands for no .xosc or .xodr file"),
     "pipe": (a_pipe, 3, "bad.xosc: this is not a regular file"),
     "billion laughs": (text(f'{BOMB}\n<OpenSCENARIO a="&c;">&c;</OpenSCENARIO>'), 3, "bad.xosc:1: a document type"),
     "external entity": (text(f"\n{EXTERNAL}<OpenSCENARIO>&c;</OpenSCENARIO>"), 3, "bad.xosc:2: a document type"),

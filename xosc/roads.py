@@ -41,7 +41,7 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         InvalidFile: it is nowhere; the message says what can be done.
     """
     named = logic.file("filepath")
-    if os.path.isfile(named):  # unlike Path.is_file it takes names of any length
+    if os.path.exists(named) and not os.path.isdir(named):  # unlike those of Path they take names of any length
         return RoadFile(named, None)
     names = _names(PurePosixPath(logic.get("filepath").replace("\\", "/")).name)
     asked_for = [Path(folder) for folder in (*folders, *filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)))]

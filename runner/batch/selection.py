@@ -122,7 +122,7 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
         alone = files == [Path(argument)]
         meant = files if alone else [file for file in files if file.suffix.lower() == ".xosc" and not _is_catalog(file)]
         if not meant:
-            raise UsageError(f"{argument!r} stands for no scenario or variation file")
+            raise UsageError("this stands for no scenario or variation file", path=argument)
         found |= dict.fromkeys(meant)
     return list(found)
 

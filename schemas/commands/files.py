@@ -35,7 +35,7 @@ def _expand(argument: str) -> list[Path]:
     matches = [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
     found = [file for match in matches for file in _files(match)]
     if not found:
-        raise UsageError(f"{argument!r} stands for no {' or '.join(SUFFIXES)} file")
+        raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
     return found
 
 

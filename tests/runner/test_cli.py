@@ -112,7 +112,7 @@ def test_no_such_file_and_a_folder_or_glob_without_scenarios(xosc_run: Command, 
     (tmp_path / "cars.xosc").write_text(f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>')
     for nothing in (tmp_path, tmp_path / "*.xosc"):
         answer = xosc_run(nothing)
-        assert answer[::2] == (2, f"xosc-run: '{nothing}' stands for no scenario or variation file\n")
+        assert answer[::2] == (2, f"xosc-run: {nothing}: this stands for no scenario or variation file\n")
 
 
 def test_folders_and_globs_stand_for_what_can_be_run_in_them(xosc_run: Command, tmp_path: Path) -> None:
