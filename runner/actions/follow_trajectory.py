@@ -106,7 +106,8 @@ class FollowTrajectoryAction(PrivateAction):
         elif self.follow and actor.placed:
             s = max(nearest(path, actor.x, actor.y), skip)
         again = path if self.trajectory.closed and pace is None else None
-        motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None)
+        oriented = any(position.oriented for position in self.trajectory.shape.positions)
+        motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None, oriented)
         if self.follow and actor.placed:
             _join(motion, actor, pace, run.time)
         else:
@@ -183,7 +184,7 @@ class _Following:
         if self.pace is not None:
             self.done = self._keep_pace(self.pace, dt)
         elif motion.again is None:
-            self.done = motion.s + abs(self.actor.controls.target_speed) * dt >= motion.path.length - _SAME_PLACE
+            self.done = motion.reached(self.actor.controls.target_speed, dt) >= motion.path.length - _SAME_PLACE
         return self.done
 
     def _keep_pace(self, pace: Pace, dt: float) -> bool:

@@ -26,7 +26,10 @@ _SHORTEST = 1e-3
 
 
 class PathMotion:
-    """Along a path, at the entity's speed; in reverse gear the entity faces backwards.
+    """Along a path, at the entity's speed.
+
+    The first motion, whatever its gear, goes towards the end; the other gear leads back, to the beginning at most. Where the
+    path prescribes no orientation, an entity whose first motion is in reverse faces backwards.
 
     At the end of the path the entity goes back to its lane by itself; one that has to be there for a while may stand there.
 
@@ -36,13 +39,23 @@ class PathMotion:
         again: the path to go round and round afterwards, for closed ones.
         grounded: whether height, pitch and roll are those of the road below.
         timed: whether times say when the end is left.
+        oriented: whether the path prescribes orientations, which then hold in either gear.
     """
 
     def __init__(
-        self, roads: Roads, path: Path, s: float, again: Path | None = None, grounded: bool = True, timed: bool = False
+        self,
+        roads: Roads,
+        path: Path,
+        s: float,
+        again: Path | None = None,
+        grounded: bool = True,
+        timed: bool = False,
+        oriented: bool = False,
     ) -> None:
         self.roads, self.path, self.s, self.again = roads, path, s, again
         self._reach = _AT_END if timed else 0.0
+        self._timed, self._oriented = timed, oriented
+        self._gear = 0.0
         self.ending = False
         """Whether the entity goes back to its lane after the coming step, wherever it is then."""
         known = roads.network.roads.values() if roads.network is not None else ()
@@ -51,7 +64,11 @@ class PathMotion:
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move along the path."""
-        self.s += abs(speed) * dt
+        if self._gear == 0.0 and speed:
+            self._gear = math.copysign(1.0, speed)
+        before, self.s = self.s, max(self.reached(speed, dt), 0.0)
+        if self.s < before and self.s == 0.0:
+            speed = -self._gear * before / dt
         if self.s >= self.path.length and self.again is not None:
             self.s = (self.s - self.path.length) % max(self.again.length, _SHORTEST)
             self.path, self._target = self.again, None
@@ -61,13 +78,23 @@ class PathMotion:
         return speed
 
     def put(self, entity: Entity, speed: float) -> None:
-        """Give the entity the pose of the path where it is; the sign of its speed (m/s) says which way it faces."""
+        """Give the entity the pose of the path where it is.
+
+        Where that says nothing of it, the sign of the first speed (m/s) says which way it faces; who stands keeps facing so.
+        """
+        ahead = tangent(self.path, self.s)
+        reverse = (self._gear or speed or math.cos(entity.h - ahead)) < 0.0 and not self._oriented
         entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = self.path.at(self.s)
-        if speed < 0.0 and math.cos(entity.h - tangent(self.path, self.s)) > 0.0:
+        if reverse and math.cos(entity.h - ahead) > 0.0:
             entity.h += math.pi
         if self._surface:
             place = in_world(self.roads.network, pose_of(entity), z_known=False, hint=self.roads.road_point(entity))
             entity.z, entity.pitch, entity.roll = place.z, place.pitch, place.roll
+
+    def reached(self, speed: float, dt: float) -> float:
+        """Where (s, m) a step of dt (s) at a speed (m/s) leads to; times always lead on."""
+        gear = self._gear or math.copysign(1.0, speed)
+        return self.s + (abs(speed) if self._timed else gear * speed) * dt
 
     def backwards(self) -> bool:
         """Whether the orientation that the path prescribes faces against its direction, so that one reverses along it."""
@@ -77,7 +104,8 @@ class PathMotion:
         """Distance (m) along the path to the point of it nearest to a place; negative once passed."""
         if self._target is None or self._target[0] is not placement:
             self._target = placement, nearest(self.path, placement.x, placement.y)
-        return self._target[1] - self.s
+        left = self._target[1] - self.s
+        return -left if self._gear * entity.speed < 0.0 and not self._timed else left
 
 
 def join(path: Path, s: float, ahead: float, entity: Entity) -> tuple[Path, float] | None:
