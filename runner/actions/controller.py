@@ -30,6 +30,7 @@ def _activate(actor: Entity, domains: dict[str, bool], run: Run) -> None:
         return
     if actor.controls.driver is not None:
         actor.controls.driver.hand_over(domains)
+    actor.controls.activated |= any(domains.values())
     for domain, active in domains.items():
         run.note("controller", actor.name, f"{'activated' if active else 'deactivated'} in the {domain} domain")
 

@@ -10,6 +10,7 @@ from runner.contracts.running import Running
 from runner.motion.following import JOINING, PathMotion, join
 from runner.motion.paths import Chain, Schedule, nearest
 from runner.motion.trajectories import Trajectory
+from schemas.rules.trajectory_timing import UID as TIMING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -69,10 +70,14 @@ class FollowTrajectoryAction(PrivateAction):
     def from_xml(cls, node: Node, context: Context) -> FollowTrajectoryAction:
         """Read trajectory, time reference and following mode, in the forms of all versions."""
         reference = node.find("TrajectoryRef") or node
+        trajectory = Trajectory.from_xml(reference.need("Trajectory"), context)
         timing = node.need("TimeReference").find("Timing")
+        if timing is not None and trajectory.timeless:
+            context.repair(node, TIMING, f"Timing needs times in the trajectory {trajectory.name!r}; it is followed without")
+            timing = None
         return cls(
             node,
-            Trajectory.from_xml(reference.need("Trajectory"), context),
+            trajectory,
             Timing(timing) if timing is not None else None,
             node.need("TrajectoryFollowingMode").choice("followingMode", ("position", "follow")) == "follow",
         )

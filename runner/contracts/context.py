@@ -36,11 +36,6 @@ class Context(Protocol):
         ...
 
     @property
-    def remarks(self) -> Remarks:
-        """What was assumed so far; classes add to it what they repair."""
-        ...
-
-    @property
     def declared(self) -> Entities:
         """All entities of the scenario."""
         ...
@@ -63,6 +58,23 @@ class Context(Protocol):
     @property
     def signals(self) -> TrafficSignals:
         """The traffic signals, for references to them."""
+        ...
+
+    @property
+    def remarks(self) -> Remarks:
+        """What was assumed so far."""
+        ...
+
+    def repair(self, node: Node, rule: str, text: str) -> None:
+        """An element breaks a rule and has one sensible meaning all the same, which its class goes on with.
+
+        Args:
+            rule: uid of the rule.
+            text: what is wrong and what is assumed.
+
+        Raises:
+            InvalidFile: the same, where loading is strict.
+        """
         ...
 
     def need_network(self, node: Node) -> RoadNetwork:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from runner.surroundings.environment import Environment
     from runner.surroundings.signals import TrafficSignals
     from runner.worlds.base import World
+    from schemas.remarks import Remarks
     from schemas.values import Value
 
 
@@ -31,6 +32,11 @@ class Surroundings(Protocol):
     @property
     def random(self) -> Random:
         """The run's source of random numbers."""
+        ...
+
+    @property
+    def remarks(self) -> Remarks:
+        """Repairs that only a run can know of, as `Context.repair` is for those that the files show."""
         ...
 
 

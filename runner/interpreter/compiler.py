@@ -23,6 +23,9 @@ from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings.signals import TrafficSignals
 from schemas.remarks import Remark, Remarks
+from schemas.rules.actors import UID as ACTORS
+from schemas.rules.empty_elements import UID as EMPTY
+from schemas.rules.valid_schema import UID as SCHEMA
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -53,7 +56,6 @@ WRAPPERS = {
 }
 """Elements that only group the action inside them; an action may look at `Node.parent` for their attributes."""
 
-_VALID = "asam.net:xosc:1.0.0:xml.valid_schema"
 _PRIORITIES = ("overwrite", "override", "parallel", "skip")
 
 
@@ -133,6 +135,10 @@ class ScenarioContext:
         for check in self._late:
             check()
 
+    def repair(self, node: Node, rule: str, text: str) -> None:
+        """Go on with the one sensible meaning of an element that breaks a rule, with a remark; refused where strict."""
+        self.remarks.add(node.remark(rule, text))
+
     def need_network(self, node: Node) -> RoadNetwork:
         """The road network, for elements that make no sense without one."""
         if self.network is None:
@@ -173,7 +179,7 @@ class ScenarioContext:
         found: list[Action] = []
         pending = node.children()
         if not pending:
-            self.remarks.add(node.remark(_VALID, "an action is expected inside; without one it does nothing"))
+            self.repair(node, EMPTY, f"{_named(node)}: an action is expected inside; without one it does nothing")
         for child in pending:
             found += self.actions(child) if child.tag in WRAPPERS else [self._build(registry.action, child)]
         return found
@@ -274,7 +280,7 @@ def _read_storyboard(node: Node, context: ScenarioContext) -> None:
     for story_node in node.children("Story"):
         story = Story(story_node.get("name", ""), None)
         board.stories.append(story)
-        for act_node in story_node.children("Act"):
+        for act_node in _parts(story_node, "Act", context):
             _read_act(act_node, story, context)
     board.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
     board.ends_with_stories = context.document.for_carla and board.stop_trigger is None
@@ -285,12 +291,12 @@ def _read_init(node: Node, context: ScenarioContext) -> None:
     for group in actions.children() if actions is not None else []:
         if group.tag == "Private":
             actors = context.entities(group)
-            for private in group.children("PrivateAction"):
-                for actor in actors:
-                    context.storyboard.init.append((actor, _initial(context.actions(private), actor)))
+            for private in _parts(group, "PrivateAction", context):
+                wrapped = context.actions(private)
+                context.storyboard.init += [(actor, _initial(wrapped, actor)) for actor in actors if wrapped]
         elif group.tag in ("GlobalAction", "UserDefinedAction"):
             wrapped = context.actions(group)
-            context.storyboard.init.append((None, _initial(wrapped, None)))
+            context.storyboard.init += [(None, _initial(wrapped, None))] if wrapped else []
         else:
             raise group.unsupported("this element of Init/Actions is not known to the runner")
 
@@ -303,20 +309,14 @@ def _initial(actions: list[Action], actor: Entity | None) -> ActionElement:
 
 def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:
     act = Act(node.get("name", ""), story)
-    for group_node in node.children("ManeuverGroup"):
-        actors_node = group_node.need("Actors")
-        references = [context.entities(reference) for reference in actors_node.children("EntityRef")]
-        group = ManeuverGroup(
-            group_node.get("name", ""),
-            act,
-            _maximum(group_node),
-            list(dict.fromkeys(entity for members in references for entity in members)),
-            actors_node.bool("selectTriggeringEntities", False),
-        )
+    for group_node in _parts(node, "ManeuverGroup", context):
+        references, select_triggering = _actors(group_node, context)
+        actors = list(dict.fromkeys(entity for members in references for entity in members))
+        group = ManeuverGroup(group_node.get("name", ""), act, _maximum(group_node), actors, select_triggering)
         whole = any(len(members) > 1 for members in references)
-        for maneuver_node in group_node.children("Maneuver"):
+        for maneuver_node in _parts(group_node, "Maneuver", context):
             maneuver = Maneuver(maneuver_node.get("name", ""), group)
-            for event_node in maneuver_node.children("Event"):
+            for event_node in _parts(maneuver_node, "Event", context):
                 _read_event(event_node, maneuver, whole, context)
     act.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
     act.stop_trigger = Trigger.from_xml(node.find("StopTrigger"), context)
@@ -324,10 +324,36 @@ def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:
         act.stop_trigger.take_any()
 
 
+def _actors(group: Node, context: ScenarioContext) -> tuple[list[list[Entity]], bool]:
+    """The members of each entity or selection that a ManeuverGroup names, and whether it selects the triggering entities."""
+    node = group.find("Actors")
+    if node is None:
+        context.repair(group, SCHEMA, f"{_named(group)}: the element Actors is missing; no actors are assumed")
+        return [], False
+    references = [context.entities(reference) for reference in node.children("EntityRef")]
+    select_triggering = bool(node.bool("selectTriggeringEntities", False))
+    if not any(references) and not select_triggering and next(group.iter("PrivateAction"), None) is not None:
+        context.repair(node, ACTORS, f"{_named(group)}: its private actions have no actor; they do nothing")
+    return references, select_triggering
+
+
+def _named(node: Node) -> str:
+    """An element in a message, with its name where it has one."""
+    return f"{node.tag} {node.get('name')!r}" if node.has("name") else node.tag
+
+
+def _parts(node: Node, tag: str, context: ScenarioContext) -> list[Node]:
+    """What a storyboard element is made of; without any it does nothing, and ends as soon as it starts."""
+    found = node.children(tag)
+    if not found:
+        context.repair(node, EMPTY, f"{_named(node)}: an element {tag} is expected inside; without one it does nothing")
+    return found
+
+
 def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: ScenarioContext) -> None:
     priority = node.choice("priority", _PRIORITIES)
     event = Event(node.get("name", ""), maneuver, "parallel" if context.document.for_carla else priority, _maximum(node))
-    for action_node in node.children("Action"):
+    for action_node in _parts(node, "Action", context):
         ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)
     event.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
 

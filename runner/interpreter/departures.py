@@ -1,12 +1,29 @@
-"""What is said of an ego that leaves the road, or comes to its end."""
+"""What is said of entities that never appear, and of an ego that leaves the road, or comes to its end."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from schemas.remarks import Remark
+from schemas.rules.entity_positions import UID as PLACED
+
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
+
+
+def absences(scenario: Path, entities: Iterable[Entity]) -> tuple[str, ...]:
+    """A remark on each entity of a scenario's file that no action has put anywhere in a run, its trailers left out."""
+    found = []
+    for entity in entities:
+        if not entity.placed and entity.controls.tractor is None:
+            declared = entity.declared.node.parent if entity.declared.node is not None else None
+            text = f"{entity.name!r} never appears: no action of this run gives it a position"
+            found.append(str(Remark(PLACED, text, str(scenario), declared.line if declared is not None else None)))
+    return tuple(found)
 
 
 class Departures:

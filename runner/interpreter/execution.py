@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.interpreter.compiler import Scenario, compile_scenario
-from runner.interpreter.departures import Departures
+from runner.interpreter.departures import Departures, absences
 from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
@@ -81,7 +81,7 @@ class Prepared:
         if chosen.enforce_constraints and scenario.violations:
             raise scenario.violations[0]
         ego = self.ego(chosen.ego)
-        sim = Simulation(scenario, open_world(chosen.world), chosen.timestep, chosen.seed)
+        sim = Simulation(scenario, open_world(chosen.world), chosen.timestep, chosen.seed, strict=chosen.strict)
         for violation in scenario.violations:
             sim.note("constraint", "parameters", str(violation))
         departures = Departures(ego)
@@ -102,8 +102,9 @@ class Prepared:
             end_time=sim.time,
             verdict=verdict,
             remarks=(
-                *map(str, scenario.remarks),
+                *map(str, (*scenario.remarks, *sim.remarks.found)),
                 *_controller_remarks(scenario, ego if system is not None else None),
+                *absences(scenario.path, scenario.entities.values()),
                 *departures.remarks,
                 *criteria_remarks(scenario.criteria, verdict),
             ),
@@ -133,7 +134,8 @@ def _play(sim: Simulation, ego: Entity | None, settings: RunSettings) -> str:
 
 
 def _controller_remarks(scenario: Scenario, driven: Entity | None) -> tuple[str, ...]:
-    return controller_remarks(scenario.entities.values(), driven, cruise_speed(scenario, driven) if driven else None)
+    cruise = cruise_speed(scenario, driven) if driven else None
+    return controller_remarks(scenario.entities.values(), scenario.activated, driven, cruise)
 
 
 def prepare(

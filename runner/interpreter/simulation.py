@@ -20,6 +20,7 @@ from runner.motion.roads import Roads
 from runner.motion.steering import SteeredMotion
 from runner.participants.trailers import disconnect, line_up, tow, train
 from runner.surroundings.environment import Environment
+from schemas.remarks import Remarks
 
 if TYPE_CHECKING:
     from runner.contracts.running import Running
@@ -43,14 +44,16 @@ class Simulation:
         world: where participants live; opened and closed by the run.
         timestep: s.
         seed: of everything random in the run.
+        strict: refuse repairs.
     """
 
-    def __init__(self, scenario: Scenario, world: World, timestep: float, seed: int) -> None:
+    def __init__(self, scenario: Scenario, world: World, timestep: float, seed: int, *, strict: bool = False) -> None:
         scenario.reset()
         self.world = world
         self.dt = timestep
         self.seed = seed
         self.random = random.Random(seed)
+        self.remarks = Remarks(strict)
         self.roads = Roads(scenario.network)
         self.entities: Entities = scenario.entities
         self.storyboard = scenario.storyboard

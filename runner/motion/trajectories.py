@@ -53,9 +53,11 @@ class Shape(ABC):
     """A trajectory's shape.
 
     Attributes:
-        timed: whether it says when it is where.
+        times: the times (s) of its vertices, control points or ends; None where it has none.
+        timed: whether it says when it is where, from start to end.
     """
 
+    times: Sequence[float | None] = ()
     timed: bool = False
 
     def __init__(self, positions: Sequence[Position]) -> None:
@@ -275,7 +277,8 @@ class Trajectory:
     Attributes:
         name: its name.
         closed: whether its end leads back to its beginning, so that it can be followed round and round.
-        timed: whether it says when it is where.
+        timed: whether it says when it is where, from start to end.
+        timeless: whether it has no times at all.
         fixed: what it is throughout every run, where it is always the same.
     """
 
@@ -290,6 +293,7 @@ class Trajectory:
         self.node, self.shape, self.closed = node, shape, closed
         self.name: str = node.get("name", "")
         self.timed = shape.timed
+        self.timeless = all(time is None for time in shape.times)
         self.fixed = self._build(None, None) if shape.fixed else None
 
     @classmethod

@@ -87,6 +87,8 @@ class Controls:
     """whether lateral motion is taken out of the distance travelled (lane change) or added to it (lane offset)"""
     controllers: dict[str, Mapping[str, str]] = field(default_factory=dict)
     """the controllers assigned: name → properties"""
+    activated: bool = False
+    """whether an action has activated a controller of it in any domain"""
     overrides: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """controller inputs that OverrideControllerValueAction holds"""
     driver: Driver | None = None

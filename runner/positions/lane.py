@@ -14,6 +14,9 @@ from runner.contracts.position import FixedPosition, Position
 from runner.motion.placement import Placement
 from runner.motion.surface import lane_heading
 from runner.positions.orientation import Orientation, on_road
+from schemas.rules.lane_references import UID as LANE
+from schemas.rules.relative_lane_distance import UID as DISTANCE
+from schemas.rules.road_length import UID as LENGTH
 from xodr.model import RoadError, RoadPoint
 from xosc.node import TO_RIGHT
 
@@ -44,14 +47,16 @@ def read_lane_id(node: Node) -> int:
     return int(node.int("laneId"))
 
 
-def _road_and_s(node: Node, network: RoadNetwork) -> tuple[Road, float]:
+def _road_and_s(node: Node, context: Context) -> tuple[Road, float]:
+    """The road, and s on it: beyond an end of the road that end is meant."""
     s = float(node.finite("s"))
     try:
-        road = network.road(node.get("roadId"))
+        road = context.need_network(node).road(node.get("roadId"))
     except RoadError as error:
         raise node.invalid(error.message) from None
     if not -_TOLERANCE <= s <= road.length + _TOLERANCE:
-        raise node.invalid(f"s={s:g} is not on road {road.id!r}, which is {road.length:.3f} m long")
+        end = "its beginning" if s < 0.0 else "its end"
+        context.repair(node, LENGTH, f"s={s:g} is not on road {road.id!r}, which is {road.length:.3f} m long; {end} is assumed")
     return road, min(max(s, 0.0), road.length)
 
 
@@ -63,7 +68,7 @@ class RoadPosition(FixedPosition):
     def from_xml(cls, node: Node, context: Context) -> RoadPosition:
         """Read the attributes and check them against the road network."""
         network = context.need_network(node)
-        road, s = _road_and_s(node, network)
+        road, s = _road_and_s(node, context)
         point = road.point(s, node.finite("t"))
         return cls(node, on_road(network, point, road.heading(s), Orientation.from_xml(node, context)))
 
@@ -76,7 +81,7 @@ class LanePosition(FixedPosition):
     def from_xml(cls, node: Node, context: Context) -> LanePosition:
         """Read the attributes and check them against the road network."""
         network = context.need_network(node)
-        road, s = _road_and_s(node, network)
+        road, s = _road_and_s(node, context)
         try:
             point = road.lane_point(s, read_lane_id(node), node.finite("offset", 0.0))
         except RoadError as error:
@@ -113,16 +118,23 @@ class _RelativeRoadPosition(Position):
         assert point is not None
         return point
 
-    def along(self, origin: RoadPoint, ds: float) -> tuple[RoadPoint, bool]:
-        """The point on the same lane ds further in s, and whether +s is the same direction there."""
+    def repair(self, run: Surroundings | None, rule: str, text: str) -> None:
+        """Go on with what is meant although this position breaks a rule, with a remark; refused where loading is strict."""
+        assert run is not None
+        run.remarks.add(self.node.remark(rule, text))
+
+    def along(self, run: Surroundings | None, origin: RoadPoint, ds: float) -> tuple[RoadPoint, bool]:
+        """The point on the same lane ds further in s, or at the end of the road, and whether +s is the same direction there."""
         route = self.entity.controls.route
         found = travel_s(self.network, origin, ds, route.choose if route is not None else self.network.straightest)
         if found is None:
-            raise self.node.invalid(
-                f"the road ends less than {abs(ds):g} m {'after' if ds > 0.0 else 'before'} {self.entity.name!r}"
-                f" (road {origin.road_id!r}, s = {origin.s:.2f} m)"
-            )
-        return found
+            raise self.node.invalid(f"ds={ds:g} leads from {self.entity.name!r} round the whole road network")
+        point, aligned, left = found
+        if left:
+            side = "after" if ds > 0.0 else "before"
+            text = f"the road ends less than {abs(ds):g} m {side} {self.entity.name!r}; its end is assumed"
+            self.repair(run, LENGTH, text)
+        return point, aligned
 
 
 @registry.position("RelativeRoadPosition")
@@ -141,7 +153,7 @@ class RelativeRoadPosition(_RelativeRoadPosition):
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
         origin = self.origin(run)
-        reached, aligned = self.along(origin, self.ds)
+        reached, aligned = self.along(run, origin, self.ds)
         t = origin.t + self.left(origin) * self.dt
         road = self.network.road(reached.road_id)
         point = road.point(reached.s, t if aligned else -t)
@@ -162,8 +174,11 @@ class RelativeLanePosition(_RelativeRoadPosition):
         self.lanes = int(node.int("dLane"))
         self.offset = node.finite("offset", 0.0)
         self.ds, self.ds_lane = node.finite("ds", None), node.finite("dsLane", None)
-        if (self.ds is None) == (self.ds_lane is None):
+        if self.ds is not None and self.ds_lane is not None:
             raise node.invalid("one of the attributes ds and dsLane is expected, and only one")
+        if self.ds is None and self.ds_lane is None:
+            context.repair(node, DISTANCE, "one of the attributes ds and dsLane is expected; dsLane=0 is assumed")
+            self.ds_lane = 0.0
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> RelativeLanePosition:
@@ -173,36 +188,50 @@ class RelativeLanePosition(_RelativeRoadPosition):
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """Where that is now."""
         origin = self.origin(run)
-        reached, aligned = self.along(origin, self.ds) if self.ds is not None else self._along_lane(origin)
+        reached, aligned = self.along(run, origin, self.ds) if self.ds is not None else self._along_lane(run, origin)
         side = 1 if aligned else -1
-        road = self.network.road(reached.road_id)
-        lane = road.lane_beside(reached.s, reached.lane_id, side * self.lanes)
-        if lane is None:
-            raise self.node.invalid(
-                f"dLane={self.lanes} leads from lane {reached.lane_id} of {self.entity.name!r}"
-                f" beyond the lanes of road {road.id!r} at s = {reached.s:.2f} m"
-            )
+        lane, beside = self._lane(run, reached, side * self.lanes)
         offset = side * self.left(origin) * self.offset
-        point = road.lane_point(reached.s, lane, offset)
+        road = self.network.road(reached.road_id)
+        point = road.lane_point(reached.s, lane, offset + beside)
         if self.ds is None or self.oriented:
             return lane_placement(self.network, point, self.orientation)
         forwards = aligned == (self.facing(origin) > 0)
         return on_road(self.network, point, lane_heading(road, point) + (0.0 if forwards else math.pi), self.orientation)
 
-    def _along_lane(self, origin: RoadPoint) -> tuple[RoadPoint, bool]:
+    def _lane(self, run: Surroundings | None, reached: RoadPoint, steps: int) -> tuple[int, float]:
+        """The lane so many steps towards +t, and how far (m) towards +t of it the place is that is meant.
+
+        One step beyond the outermost lane is beside the road, as far from that lane as another of its width would be.
+        """
+        road, s = self.network.road(reached.road_id), reached.s
+        lane = road.lane_beside(s, reached.lane_id, steps)
+        if lane is not None:
+            return lane, 0.0
+        outward = 1 if steps > 0 else -1
+        outermost = road.lane_beside(s, reached.lane_id, steps - outward)
+        text = f"dLane={self.lanes} leads from {self.entity.name!r} beyond the lanes of road {road.id!r}"
+        if outermost is None:
+            raise self.node.invalid(f"{text} at s = {s:.2f} m")
+        self.repair(run, LANE, f"{text}; a lane beside the road is assumed")
+        return outermost, outward * road.lane_width(s, outermost)
+
+    def _along_lane(self, run: Surroundings | None, origin: RoadPoint) -> tuple[RoadPoint, bool]:
         route, entity = self.entity.controls.route, self.entity
         ahead = self.facing(origin) > 0
         center = self.network.lane_point(origin.road_id, origin.lane_id, origin.s)
         point, forward, left = self.network.travel(center, self.ds_lane, ahead, route.choose if route is not None else None)
         if left > _TOLERANCE:
-            raise self.node.invalid(f"the lane of {entity.name!r} ends {left:.2f} m before dsLane={self.ds_lane:g}")
+            text = f"the lane of {entity.name!r} ends before dsLane={self.ds_lane:g}; its end is assumed"
+            self.repair(run, LENGTH, text)
         return point, forward == ahead
 
 
-def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose) -> tuple[RoadPoint, bool] | None:
+def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose) -> tuple[RoadPoint, bool, float] | None:
     """Go ds (m) along the reference lines, following the lane over road borders.
 
-    Returns the centre of the lane there and whether +s is the direction it was at the origin; None where the road ends.
+    Returns the centre of the lane there, whether +s is the direction it was at the origin, and the distance (m) that is left
+    where the road ends before; None where the way goes round and round.
     """
     road, s, lane = network.road(origin.road_id), origin.s, origin.lane_id
     began = forward = ds >= 0.0
@@ -212,13 +241,13 @@ def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose)
         reached = s + left if forward else s - left
         if left <= room + _TOLERANCE:
             reached = min(max(reached, 0.0), road.length)
-            return road.lane_point(reached, _lane_at(road, s, reached, lane)), forward == began
+            return road.lane_point(reached, _lane_at(road, s, reached, lane)), forward == began, 0.0
         end = road.length if forward else 0.0
         lane = _lane_at(road, s, end, lane)
         link = choose(road.lane_point(end, lane), forward, network.links(road.id, lane, forward))
-        if link is None:
-            return None
         left -= room
+        if link is None:
+            return road.lane_point(end, lane), forward == began, left
         road, lane, forward = network.road(link.road_id), link.lane_id, link.at_start
         s = 0.0 if forward else road.length
     return None

@@ -5,8 +5,10 @@ from collections.abc import Iterator
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
 
+UID = "asam.net:xosc:1.2.0:reference_control.valid_actor_reference_in_private_actions"
 
-@rule("asam.net:xosc:1.2.0:reference_control.valid_actor_reference_in_private_actions", kinds=("scenario",))
+
+@rule(UID, kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """A ManeuverGroup with private actions must have actors, named or selected as the triggering entities."""
     for group in document.elements("ManeuverGroup"):

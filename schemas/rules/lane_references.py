@@ -5,8 +5,10 @@ from collections.abc import Iterator
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
 
+UID = "xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road"
 
-@rule("xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road", kinds=("scenario",))
+
+@rule(UID, kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """The laneId of a LanePosition must be a lane of the road at that s coordinate."""
     network = document.road_network

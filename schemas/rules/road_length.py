@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
 
+UID = "xosc.toolchain:xosc:1.0.0:positioning.position_is_on_the_road"
+
 _TOLERANCE = 0.01
 
 
-@rule("xosc.toolchain:xosc:1.0.0:positioning.position_is_on_the_road", kinds=("scenario",))
+@rule(UID, kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """The s coordinate of a position must be between 0 and the length of the road."""
     network = document.road_network

@@ -6,14 +6,25 @@ from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
 from schemas.xml import local_name
 
+UID = "asam.net:xosc:1.0.0:routing.trajectory_timing_exists_if_requested"
 
-@rule("asam.net:xosc:1.0.0:routing.trajectory_timing_exists_if_requested")
+_TIMES = {
+    "Vertex": ("time",),
+    "ControlPoint": ("time",),
+    "Clothoid": ("startTime", "stopTime"),
+    "ClothoidSplineSegment": ("timeStart",),
+    "ClothoidSpline": ("timeEnd",),
+}
+
+
+@rule(UID)
 def check(document: Document) -> Iterator[Finding]:
-    """A trajectory that is followed with a timing reference shall have a time at each vertex or control point."""
+    """A trajectory that is followed with a timing reference shall have a time at each vertex, control point and clothoid."""
     for action in document.elements("FollowTrajectoryAction"):
         if action.find("TimeReference/Timing") is None:
             continue
-        for point in action.iter("Vertex", "ControlPoint"):
-            if point.get("time") is None:
-                yield Finding(point, f"the {local_name(point)} has no time, which the action's Timing asks for")
+        for part in action.iter(*_TIMES):
+            missing = [name for name in _TIMES[local_name(part)] if part.get(name) is None]
+            if missing:
+                yield Finding(part, f"the {local_name(part)} has no {missing[0]}, which the action's Timing asks for")
                 break

@@ -7,8 +7,10 @@ from schemas.checks.registry import Finding, rule
 from schemas.registry import SCHEMA_DIR, schema_for
 from schemas.validate import find_violations
 
+UID = "asam.net:xosc:1.0.0:xml.valid_schema"
 
-@rule("asam.net:xosc:1.0.0:xml.valid_schema")
+
+@rule(UID)
 @rule("asam.net:xodr:1.0.0:xml.valid_schema")
 def check(document: Document) -> Iterator[Finding]:
     """The document must be valid against the XSD of the version that its header names.

@@ -25,7 +25,7 @@ FAULTS: list[tuple[str, str, str, type[ToolchainError], str]] = [
     ("LateralDistanceAction", '"$System"/>', '"world"/>', Unsupported, "coordinateSystem='world'"),
     ("SynchronizeAction", 'distance="$Steady"', 'distance="-1"', InvalidFile, "steady state"),
     ("SynchronizeAction", 'targetTolerance="0.1"', 'targetTolerance="-1"', InvalidFile, "tolerances"),
-    ("SynchronizeAction", 'laneId="-1" s="400"', 'laneId="-1" s="4000"', InvalidFile, ""),
+    ("SynchronizeAction", 'laneId="-1" s="400"', 'laneId="-7" s="400"', InvalidFile, "no lane -7"),
 ]
 
 

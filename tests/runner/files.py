@@ -119,7 +119,7 @@ def scenario(
   <Entities>{objects}</Entities>
   <Storyboard>
     <Init><Actions>{start}</Actions></Init>
-    {stories or story("Ego", [])}
+    {stories}
     <StopTrigger>{at_time(stop, "end")}</StopTrigger>
   </Storyboard>
 </OpenSCENARIO>

@@ -92,6 +92,21 @@ FAULTS = [
         'maxSpeed="$topSpeed" ',
         'maxSpeed="$topSpeed"  ',
     ),
+    Fault(OWN + "1.0.0:storyboard.elements_are_not_empty", "scenario", "<Init>", '<Story name="none"/><Init>', '"none"'),
+    Fault(
+        OWN + "1.0.0:storyboard.entities_get_a_position",
+        "scenario",
+        "<Entities>",
+        '<Entities><ScenarioObject name="absent"/>',
+        '"absent"',
+    ),
+    Fault(
+        OWN + "1.1.0:positioning.relative_lane_position_has_one_distance",
+        "scenario",
+        "<Init>",
+        '<Position><RelativeLanePosition entityRef="Target" dLane="1"/></Position><Init>',
+        "dLane",
+    ),
     Fault(ASAM + "1.2.0:data_type.allowed_operators", "scenario", "${$twice / 2}", "${$twice ** 2}", "**"),
     Fault(
         OWN + "1.0.0:parameters.value_is_of_the_declared_type",

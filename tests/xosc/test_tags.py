@@ -96,7 +96,7 @@ def test_properties_are_renewed_and_others_stay(tmp_path: Path) -> None:
     assert held(document) == {"openlabel.Old": "goes", "mine": "stays"}, "documents are shared: the original is left alone"
     (tmp_path / "road.xodr").write_bytes((Path(xosc.__file__).parents[1] / "xodr/library/highway_straight.xodr").read_bytes())
     xosc.write(annotated, tmp_path / "two.xosc")
-    assert check(tmp_path / "two.xosc") == []
+    assert not [problem for problem in check(tmp_path / "two.xosc") if problem.level == "error"]
     assert (tmp_path / "one.xosc").read_bytes() == before
 
 

@@ -6,6 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Protocol, Self
 
 from runner.contracts.condition import Condition
+from schemas.rules.empty_elements import UID as EMPTY
 from xosc.dialects.carla import is_criterion
 from xosc.node import Node
 
@@ -22,6 +23,10 @@ class ConditionContext(Protocol):
 
     def timed_condition(self, node: Node) -> TimedCondition:
         """The condition that a Condition element is, with its edge and delay."""
+        ...
+
+    def repair(self, node: Node, rule: str, text: str) -> None:
+        """See `runner.contracts.context.Context`."""
         ...
 
 
@@ -109,10 +114,12 @@ class Trigger:
         if node is None:
             return None
         stop = node.tag == "StopTrigger"
-        groups = [
-            [context.timed_condition(each) for each in group.children("Condition") if not (stop and is_criterion(each))]
-            for group in node.children("ConditionGroup")
-        ]
+        groups: list[list[TimedCondition]] = []
+        for group in node.children("ConditionGroup"):
+            conditions = group.children("Condition")
+            if not conditions:
+                context.repair(group, EMPTY, "an element Condition is expected inside; without one the group is left out")
+            groups.append([context.timed_condition(each) for each in conditions if not (stop and is_criterion(each))])
         groups = [group for group in groups if group]
         return cls(groups) if groups else None
 

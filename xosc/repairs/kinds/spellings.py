@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from schemas.remarks import Remark
+from schemas.rules.valid_schema import UID
 from schemas.values import meant
 from xosc.node import Node
 from xosc.repairs.declared import attributes
 
-UID = "asam.net:xosc:1.0.0:xml.valid_schema"
 BREAKS_SCHEMA = True
 
 
