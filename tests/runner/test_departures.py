@@ -1,4 +1,4 @@
-"""What is said of an ego that leaves the road or comes to its end."""
+"""What is said of entities that never appear, of controllers, and of an ego that leaves the road or comes to its end."""
 
 from __future__ import annotations
 
@@ -66,3 +66,18 @@ def test_equal_remarks_are_printed_once_below_the_table(command: Command, tmp_pa
     assert answer.out.count("(1 remark)") == 2
     cases = etree.parse(tmp_path / "junit.xml").findall(".//testcase")
     assert [case.findtext("system-out") for case in cases] == ["Ego has come to the end of the road at 1.05 s"] * 2
+
+
+def test_an_entity_that_no_action_places_is_a_remark_of_its_line(tmp_path: Path) -> None:
+    path = scenario(tmp_path, entities=(car("Ego"), car("Absent")), init=place("Ego", 100, 10))
+    result = runner.run(path, sut="none", world="kinematic")
+    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if '"Absent"' in text)
+    assert result.remarks[0].startswith(f"{path}:{line}: 'Absent' never appears") and result.verdict.passed
+
+
+@pytest.mark.parametrize(("sut", "text"), [("none", "is not executed"), ("idm", "takes the place of the controller 'driver'")])
+def test_a_controller_that_is_not_executed_is_a_remark(tmp_path: Path, sut: str, text: str) -> None:
+    path = scenario(tmp_path, entities=(car("Ego", controller="driver"), car("Lead", controller="human")))
+    first, second = runner.run(path, sut=sut, world="kinematic").remarks
+    assert first.startswith("Ego: ") and text in first
+    assert second == "Lead: the controller 'human' is not executed: it moves as scripted"
