@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _SAME_PLACE = 1e-6
 """Distance (m) within which an entity is where it was to be."""
+_ROUNDING = 0.01
+"""Distance (m) by which a trajectory may be shorter than its rounded vertices say."""
 _SAME_TIME = 1e-9
 
 
@@ -99,7 +101,7 @@ class FollowTrajectoryAction(PrivateAction):
         """Begin at the trajectory's start, where the time says, or (`follow` without times) where the actor is closest."""
         track = self.trajectory.track(run, actor)
         path = track.path
-        if self.skip > path.length + _SAME_PLACE:
+        if self.skip > path.length + _ROUNDING:
             raise self.node.invalid(f"initialDistanceOffset={self.skip:g} is beyond the trajectory's {path.length:.2f} m")
         pace: Pace | None = None
         s = skip = min(self.skip, path.length)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
+_FROM_ITSELF = "xosc.toolchain:xosc:1.0.0:actions.kept_lane_offset_is_from_another_entity"
 
 
 @action("LaneChangeAction")
@@ -100,7 +101,8 @@ class LaneOffsetAction(PrivateAction):
     """Brings an entity to an offset from its lane's centre, absolute or from another entity's offset in its lane.
 
     The duration is what the shape needs to stay within the lateral acceleration. Where `continuous`, the offset is
-    then kept (to the reference's at any time), and the action never ends by itself.
+    then kept (to the reference's at any time), and the action never ends by itself. From one's own offset, what is kept is
+    the goal of when the action starts: anything else would run away.
     """
 
     domains: ClassVar[tuple[str, ...]] = (LATERAL,)
@@ -130,21 +132,19 @@ class LaneOffsetAction(PrivateAction):
         """The entity that the offset is relative to."""
         return (self.reference,) if self.reference is not None else ()
 
-    def check(self, actor: Entity) -> None:
-        """An offset from one's own can be reached, but not be kept: it would run away."""
-        if self.continuous and self.reference is actor and self.value:
-            raise self.node.invalid(f"{actor.name} can't keep a lane offset of {self.value:g} m from its own")
-
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin to move sideways."""
-        self.check(actor)
+        from_itself = self.reference is actor
+        if from_itself and self.continuous and self.value:
+            text = f"{actor.name} can't keep {self.value:g} m from its own lane offset; its offset at the start counts"
+            run.remarks.add(self.node.remark(_FROM_ITSELF, text))
         follow_road(actor, run, self.node)
         goal = self.goal(actor, run)
         extent = self._duration(goal - actor.offset * actor.direction)
         running = _Transition(actor, goal, self.shape, extent, False, False)
         if not self.continuous:
             return _begin(running, extent, actor, run)
-        return _Kept(running, lambda: goal if self.reference is None else self.goal(actor, run))
+        return _Kept(running, lambda: goal if self.reference is None or from_itself else self.goal(actor, run))
 
     def goal(self, actor: Entity, run: Run) -> float:
         """Offset (m) to be reached, positive to the actor's left."""

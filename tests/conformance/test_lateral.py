@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 import runner
 from runner import RunResult
+from runner.settings import RunSettings
 from schemas.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
@@ -241,11 +243,17 @@ def test_a_distance_in_the_entitys_coordinates_needs_no_road(tmp_path: Path) -> 
         runner.run(path, parameters={"System": "road"}, sut=None, timestep=DT, world="kinematic")
 
 
-def test_a_continuous_offset_from_ones_own_is_refused_before_the_run(tmp_path: Path) -> None:
+def test_a_continuous_offset_from_ones_own_counts_from_the_start(tmp_path: Path) -> None:
     own = ('<RelativeTargetLaneOffset entityRef="Car"', '<RelativeTargetLaneOffset entityRef="Other"')
     path = changed(SCENARIOS / "LaneOffsetAction.xosc", tmp_path, own)
-    with pytest.raises(InvalidFile, match="from its own"):
-        runner.run(path, parameters={"Continuous": True}, sut=None, world="kinematic", max_time=0.0)
+    settings = RunSettings(sut=None, world="kinematic", max_time=20.0)
+    result = runner.run(path, settings, parameters={"Continuous": True})
+    assert sum("can't keep" in remark for remark in result.remarks) == 1
+    offsets = track(result, "Other")["lane_offset"]
+    assert abs(offsets[-1] - offsets[0]) > 0.1
+    assert offsets[-1] == pytest.approx(offsets[len(offsets) // 2])
+    with pytest.raises(InvalidFile, match="can't keep"):
+        runner.run(path, replace(settings, strict=True), parameters={"Continuous": True})
 
 
 def test_headings_are_the_lanes_where_it_slants(tmp_path: Path) -> None:
