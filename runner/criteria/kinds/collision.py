@@ -1,4 +1,4 @@
-"""CollisionTest: the participant hits nobody while it moves."""
+"""CollisionTest: the participant hits no other one while it moves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from runner.criteria.criterion import Contact, Drive, Finding
 CRITERION = {
     "name": "CollisionTest",
     "unit": "collisions",
-    "summary": "it hits nobody while it moves; being hit in standstill does not count",
+    "summary": "it hits no other participant while it moves; being hit in standstill does not count",
     "parameters": {},
     "on_roads": False,
 }

@@ -34,4 +34,5 @@ def test_a_logical_scenario_has_the_seven_and_runs_in_the_corners_of_its_box(nam
     corners = np.array([[0.0] * 7, [1.0] * 7, [0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0], [1.0, 0.0, 1.0, 0.5, 1.0, 0.0, 1.0]])
     for theta in space.scaled(np.vstack([corners, np.random.default_rng(0).random((2, 7))])):
         result = runner.run(path, parameters=space.values(theta), sut=None, world="kinematic", timestep=0.1)
-        assert (result.status, result.remarks) == ("completed", ())
+        assert result.status == "completed"
+        assert all("system_under_test" in remark for remark in result.remarks), "nothing but who drives the ego"
