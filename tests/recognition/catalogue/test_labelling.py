@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from shutil import copytree
 
@@ -95,8 +96,9 @@ def test_in_place_the_scenario_itself_is_annotated(scenario: Path, tmp_path: Pat
 
 
 def test_before_1_2_only_openlabel_is_written(scenario: Path, tmp_path: Path) -> None:
-    text = scenario.read_text().replace('revMinor="3"', 'revMinor="1"')
+    text = re.sub(r"<Properties>.*?</Properties>", "", scenario.read_text(), count=1, flags=re.DOTALL)
     scenario.write_text(text)
+    xosc.write(xosc.convert(xosc.load(scenario), (1, 1)), scenario)
     labelled = label(run(scenario, tmp_path / "runs"))
     assert [path.name for path in labelled.written] == ["highway_cut_in_labelled.openlabel.json"]
     assert json.loads(labelled.written[0].read_text())["openlabel"]["metadata"]["tagged_file"] == "highway_cut_in.xosc"
