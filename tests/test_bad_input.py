@@ -145,8 +145,6 @@ ATTACKS: dict[str, tuple[Fault, int, str]] = {
     "road file that is none": (with_road("OpenDRIVE", "OpenCRG"), 3, "straight.xodr:"),
     "device as road file": (changed("straight.xodr", "/dev/zero"), 3, "not a regular file"),
     "scenario as its own road file": (changed("straight.xodr", "bad.xosc"), 3, "bad.xosc"),
-    "no version": (changed('revMajor="1"', ""), 3, "bad.xosc:"),
-    "version of the future": (changed('revMajor="1"', 'revMajor="7"'), 4, "bad.xosc:"),
     "position that is no number": (changed(' s="', ' s="NaN" was="'), 3, "bad.xosc:"),
     "lane that is not there": (changed('laneId="-1"', 'laneId="-9"'), 3, "bad.xosc:"),
     "vehicle of negative length": (changed('length="5"', 'length="-5"'), 3, "bad.xosc:"),

@@ -113,7 +113,7 @@ class FollowTrajectoryAction(PrivateAction):
         elif self.follow and actor.placed:
             s = max(nearest(path, actor.x, actor.y), skip)
         again = path if self.trajectory.closed and pace is None else None
-        oriented = any(position.oriented for position in self.trajectory.shape.positions)
+        oriented = self.trajectory.shape.faces
         motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None, oriented)
         if self.follow and actor.placed:
             _join(motion, actor, pace, run.time)

@@ -64,6 +64,8 @@ class Shape(ABC):
         self.positions = positions
         self.fixed = all(position.fixed is not None for position in positions)
         self.grounded = all(position.grounded for position in positions)
+        self.faces = False
+        """Whether positions say how one faces along the track; the first one of clothoids says where the track leads."""
 
     @classmethod
     @abstractmethod
@@ -80,6 +82,7 @@ class PolylineShape(Shape):
 
     def __init__(self, node: Node, positions: Sequence[Position], times: Sequence[float | None]) -> None:
         super().__init__(positions)
+        self.faces = any(position.oriented for position in positions)
         self.node, self.times = node, times
         self.timed = times[0] is not None and times[-1] is not None
 

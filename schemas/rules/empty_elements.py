@@ -32,12 +32,12 @@ _CHOICES = (
 def check(document: Document) -> Iterator[Finding]:
     """A story, act, maneuver group, maneuver, event, action or condition group must not be empty.
 
-    A maneuver group without maneuvers is a warning: the XSD allows it, as the XSDs before 1.3 allow an action without content.
+    A maneuver group without maneuvers is told as information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
     """
     for element in document.elements(*_PARTS):
         parts = _PARTS[local_name(element)]
         if not any(local_name(child) in parts for child in element.iterchildren(etree.Element)):
-            level = "warning" if local_name(element) == "ManeuverGroup" else None
+            level = "info" if local_name(element) == "ManeuverGroup" else None
             yield Finding(element, f"{' or '.join(parts)} is expected inside", level)
     for element in document.elements(*_CHOICES):
         if next(element.iterchildren(etree.Element), None) is None:

@@ -12,7 +12,6 @@ _TIMES = {
     "Vertex": ("time",),
     "ControlPoint": ("time",),
     "Clothoid": ("startTime", "stopTime"),
-    "ClothoidSplineSegment": ("timeStart",),
     "ClothoidSpline": ("timeEnd",),
 }
 
