@@ -103,6 +103,8 @@ def with_catalogued_lead(folder: Path, minor: int, stories: str = BRAKES, length
     (folder / "catalogs").mkdir()
     header = f'<FileHeader revMajor="1" revMinor="{minor}" date="2026-01-01T00:00:00" author="t" description="t"/>'
     entry = vehicle[0].replace('length="5"', f'length="{length}"')
+    if minor < 3:  # until 1.3 a vehicle has Properties
+        entry = entry.replace("</Axles>", "</Axles><Properties/>")
     text = f'<OpenSCENARIO>{header}<Catalog name="cars">{entry}</Catalog></OpenSCENARIO>'
     (folder / "catalogs" / "cars.xosc").write_text(text)
     lead = '<ScenarioObject name="Lead"><CatalogReference catalogName="cars" entryName="car"/></ScenarioObject>'
@@ -161,7 +163,9 @@ def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
     assert "RandomRouteAction" in refused(standard.export, path, "1.1", tmp_path)
 
 
-@pytest.mark.parametrize(("road", "reason"), [("nowhere.xodr", "does not exist"), ("/dev/zero", "cannot be taken along: this is not a regular file")])
+@pytest.mark.parametrize(
+    ("road", "reason"), [("nowhere.xodr", "does not exist"), ("/dev/zero", "cannot be taken along: this is not a regular file")]
+)
 @pytest.mark.parametrize("target", ["1.1", "esmini", "carla"])
 def test_a_road_that_cannot_be_taken_along_is_named(road: str, reason: str, target: str, tmp_path: Path) -> None:
     path = scenario(tmp_path, stories=BRAKES)

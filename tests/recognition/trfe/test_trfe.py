@@ -141,7 +141,7 @@ def test_variants_discover_too(name: str) -> None:
 
 def test_delta_is_chosen_where_classes_allow_it() -> None:
     chosen = model(replace(CONFIG, delta=None, trees=20)).known.screening
-    assert isinstance(chosen, EvtJoint) and chosen.delta in DELTAS
+    assert isinstance(chosen, EvtJoint) and any(chosen.delta == pytest.approx(each) for each in DELTAS)
     few = TRFE(replace(CONFIG, delta=None, trees=20)).fit(*clouds([1, 2], 50, seed=0), *clouds([1, 2], 50, seed=1))
     assert few.known.screening.threshold == 0.95, "of two classes none can be left out"
 
