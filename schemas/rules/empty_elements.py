@@ -32,7 +32,7 @@ _CHOICES = (
 def check(document: Document) -> Iterator[Finding]:
     """A story, act, maneuver group, maneuver, event, action or condition group must not be empty.
 
-    A maneuver group without maneuvers is told as information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
+    A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
     """
     for element in document.elements(*_PARTS):
         parts = _PARTS[local_name(element)]
