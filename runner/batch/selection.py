@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.errors import ToolchainError, UsageError
 
 if TYPE_CHECKING:
     from xosc.distributions import ParameterSpace
@@ -132,5 +132,5 @@ def _is_catalog(path: Path) -> bool:
 
     try:
         return xosc.load(path).kind == "catalog"
-    except (ToolchainError, InvalidFile):
+    except ToolchainError:
         return False  # it is told when it is to be run

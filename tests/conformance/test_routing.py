@@ -241,7 +241,8 @@ def test_a_teleport_keeps_the_speed() -> None:
 def test_an_offset_of_all_of_the_trajectory_may_be_rounded() -> None:
     """The trajectory's length comes from its vertices, the offset from the file."""
     length = float(re.findall(r"the trajectory's ([0-9.]+) m", refusal("FollowTrajectoryAction", Skip=1e6))[0])
-    run("FollowTrajectoryAction", parameters={"Skip": length + 1e-7}, world="kinematic", max_time=2.0)
+    result = run("FollowTrajectoryAction", parameters={"Skip": length + 1e-7}, world="kinematic", max_time=2.0)
+    assert events(result, "endTransition", "Follow")[0].time == pytest.approx(1.0), "nothing of it is left to follow"
 
 
 @pytest.mark.parametrize("arm", ["2", "4"])
