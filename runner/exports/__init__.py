@@ -1,9 +1,9 @@
 """Exports for other tools: every module of `xosc.exports` and `runner.exports` that names targets is one.
 
-`TARGETS` in such a module is a dict of names and summaries. Its function `export(source, target, folder)` (of documents, in
-`xosc.exports`) or `export(result, name, folder)` (of runs, here; `name` is the run's, see `runner.batch.jobs.Job`) returns
-remarks on what is changed or left out, and refuses by name what the target cannot say. What each keeps is told in
-docs/exports.md.
+`TARGETS` in such a module is a dict of names and summaries. Its function `export(source, target, folder, settings)` (of
+documents, in `xosc.exports`) or `export(result, name, folder)` (of runs, here; `name` is the run's, see
+`runner.batch.jobs.Job`) returns remarks on what is changed or left out, and refuses by name what the target cannot say. What
+each keeps is told in docs/exports.md.
 """
 
 from __future__ import annotations

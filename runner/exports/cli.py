@@ -62,7 +62,7 @@ def xosc_export(
     elif param:
         raise UsageError(f"--param is for runs, and {to} is written without one")
     else:
-        exports = export_documents(sources, target, Folder(out))
+        exports = export_documents(sources, target, Folder(out), settings)
     with interruptible("xosc-export"):
         raise typer.Exit(_tell(exports, quiet))
 

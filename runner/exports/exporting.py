@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.batch.jobs import Outcome, jobs_of
 from schemas.errors import ToolchainError, describe
 from xosc.document import load
+from xosc.exports.draft import DEFAULTS, ExportSettings, roads_in
 
 if TYPE_CHECKING:
     from runner.exports import Target
@@ -29,14 +30,27 @@ class Exported(NamedTuple):
     remarks: Sequence[str] = ()
 
 
-def export_documents(sources: Sequence[Path], target: Target, folder: Folder) -> Iterator[Exported]:
-    """Export files as they are. What is wrong with one of them is told, the others go on."""
+def export_documents(
+    sources: Sequence[Path], target: Target, folder: Folder, settings: RunSettings | None = None
+) -> Iterator[Exported]:
+    """Export files as they are. What is wrong with one of them is told, the others go on.
+
+    Args:
+        settings: of them, what says how files are read; None for the defaults.
+    """
     module = import_module(target.module)
+    chosen = _export_settings(settings) if settings is not None else DEFAULTS
     for source in sources:
         try:
-            yield Exported(str(source), 0, module.export(source, target.name, folder))
+            yield Exported(str(source), 0, module.export(source, target.name, folder, chosen))
         except (ToolchainError, OSError) as error:
             yield _refused(str(source), error)
+
+
+def _export_settings(settings: RunSettings) -> ExportSettings:
+    from runner.interpreter.roads import made_roads
+
+    return ExportSettings(settings.strict, made_roads if settings.road == "auto" else roads_in(*settings.road_path))
 
 
 def export_runs(

@@ -13,7 +13,9 @@ from schemas.errors import UsageError
 from schemas.remarks import Remark
 from xodr.builders.assumed import RoadUse, assumed_roads
 from xodr.sumo_net.cache import folder as cache_folder
-from xosc.roads import RULE, find_roads
+from xosc.document import load
+from xosc.resolve import resolve
+from xosc.roads import RULE, RoadFile, find_roads
 
 if TYPE_CHECKING:
     from runner.settings import RunSettings
@@ -35,15 +37,19 @@ def load_roads(document: Resolved, settings: RunSettings) -> tuple[RoadNetwork |
     logic = document.node.find("RoadNetwork", "LogicFile")
     if logic is None or not logic.get("filepath").strip():
         return None, ()
-    if settings.road == "auto":
-        return _made(document.node, logic)
-    found = find_roads(logic, settings.road_path)
-    network = xodr.load(found.path, strict=settings.strict)
+    auto = settings.road == "auto"
+    found = _made(document.node, logic) if auto else find_roads(logic, settings.road_path)
+    network = xodr.load(found.path, strict=settings.strict and not auto)
     return network, () if found.remark is None else (found.remark,)
 
 
-def _made(scenario: Node, logic: Node) -> tuple[RoadNetwork, tuple[Remark, ...]]:
-    """Roads as the scenario's positions use them, in a file of the cache folder."""
+def made_roads(logic: Node) -> RoadFile:
+    """Roads as a scenario's positions use them, whatever road network its LogicFile names; errors as in `load_roads`."""
+    return _made(resolve(load(logic.path)).node, logic)
+
+
+def _made(scenario: Node, logic: Node) -> RoadFile:
+    """Roads as the positions of a resolved scenario use them, in a file of the cache folder."""
     used = road_uses(scenario)
     if not used:
         raise logic.invalid("--road auto makes the roads that positions name, and no position of this scenario names one")
@@ -52,7 +58,7 @@ def _made(scenario: Node, logic: Node) -> tuple[RoadNetwork, tuple[Remark, ...]]
     _keep(content, path)
     roads = ", ".join(f"{each.road_id} ({each.right} + {each.left} lanes, {each.length:g} m)" for each in used)
     text = f"the roads of {logic.get('filepath')!r} are not read; straight ones are assumed, not connected: {roads}"
-    return xodr.load(path), (logic.remark(RULE, text),)
+    return RoadFile(path, logic.remark(RULE, text))
 
 
 def _keep(content: bytes, path: Path) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import pytest
 
+import runner
 import runner.exports
 from runner.exports import TARGETS, find_targets
 from runner.exports.exporting import export_runs
@@ -76,6 +78,42 @@ def test_2_the_call_is_wrong(target: str, options: list[str], xosc_export: Comma
     answer = xosc_export(path, "--to", target, "--out", tmp_path / "out", *options)
     assert (answer.code, answer.out) == (2, "")
     assert answer.err.startswith("xosc-export: ") and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("target", ["1.1", "carla", "esmini"])
+def test_roads_are_found_as_in_runs(target: str, xosc_export: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = scenario(tmp_path / "in", stories=BRAKES)
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    (path.parent / "straight.xodr").rename(maps / "straight.xodr")
+    answer = xosc_export(path, "--to", target, "--out", tmp_path / "none")
+    assert (answer.code, "--road-path" in answer.err) == (3, True)
+    assert xosc_export(path, "--to", target, "--out", tmp_path / "named", "--road-path", maps, "--strict").code == 0
+    monkeypatch.setenv("XOSC_ROAD_PATH", str(maps))
+    assert xosc_export(path, "--to", target, "--out", tmp_path / "set").code == 0
+    for out in ("named", "set"):
+        assert (tmp_path / out / "roads" / "straight.xodr").read_bytes() == (maps / "straight.xodr").read_bytes()
+
+
+def test_roads_are_made_as_in_runs(xosc_export: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path / "in", stories=BRAKES)
+    (path.parent / "straight.xodr").unlink()
+    answer = xosc_export(path, "--to", "esmini", "--out", tmp_path / "out", "--road", "auto")
+    assert answer.code == 0 and "straight ones are assumed" in answer.out
+    made, options = RunSettings(world="kinematic", sut="none", max_time=2.0), {"timestep": 0.1}
+    expected = runner.run(path, replace(made, road="auto"), **options).recording.tracks["Lead"].columns
+    got = runner.run(tmp_path / "out" / path.name, made, **options).recording.tracks["Lead"].columns
+    assert all((expected[name] == got[name]).all() for name in ("x", "y", "h", "speed"))
+    strict = xosc_export(path, "--to", "esmini", "--out", tmp_path / "strict", "--road", "auto", "--strict")
+    assert (strict.code, "straight ones are assumed" in strict.err) == (3, True)
+
+
+def test_repairs_are_told_and_strict_exports_refuse_them(xosc_export: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path / "in", stories=BRAKES)
+    path.write_bytes(b"\xef\xbb\xbf" + b"<!DOCTYPE OpenSCENARIO>\n" + path.read_bytes().partition(b"?>\n")[2])
+    answer = xosc_export(path, "--to", "1.1", "--out", tmp_path / "out")
+    assert answer.code == 0 and "DOCTYPE" in answer.out
+    assert xosc_export(path, "--to", "1.1", "--out", tmp_path / "strict", "--strict").code == 3
 
 
 def test_catalogues_alone_cannot_be_run(xosc_export: Command, tmp_path: Path) -> None:

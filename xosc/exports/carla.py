@@ -6,16 +6,17 @@ reads otherwise is refused (`_REFUSED`), unless it can be expressed in its own w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from xosc.document import load, to_bytes
 from xosc.exports.carla_changes import change
 from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.conversion import in_version
+from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
-from xosc.exports.references import Draft, take_roads
+from xosc.exports.references import take_roads
 from xosc.exports.refusals import Rule, refuse, remarks
-from xosc.exports.standard import write_all
 
 TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
@@ -85,7 +86,7 @@ _IGNORED = (
 )
 
 
-def export(source: Path, target: str, folder: Folder) -> list[str]:
+def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
     """Write a scenario, or that of a distribution with each set of its parameters, for scenario_runner.
 
     Returns:
@@ -95,15 +96,12 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
         Unsupported: scenario_runner can't say it, named with file, line and reason.
         InvalidFile, UsageError: a file can't be read, or not be written.
     """
-    if load(source).kind == "catalog":
+    if load(source, strict=settings.strict).kind == "catalog":
         return [f"{source}: its entries are part of the scenarios that use them"]
-    draft: Draft = {}
-    found: dict[str, None] = {}
-    for name, scenario in concrete_scenarios(source):
+    draft = Draft(folder, settings)
+    for name, scenario in concrete_scenarios(source, strict=settings.strict):
         refuse(scenario, _REFUSED)
-        found |= dict.fromkeys(remarks(scenario, _IGNORED))
-        found |= dict.fromkeys(change(scenario))
-        draft |= take_roads(scenario, folder)
-        draft[folder.name(scenario.path, f"{name}.xosc")] = to_bytes(in_version(scenario, (1, 0)))
-    write_all(draft, folder)
-    return list(found)
+        draft.note(*scenario.remarks, *remarks(scenario, _IGNORED))
+        draft.note(*change(scenario, take_roads(scenario, draft)))
+        draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(in_version(scenario, (1, 0))))
+    return draft.write()

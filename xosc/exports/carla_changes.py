@@ -6,6 +6,7 @@ Each change is made in place, in a worked-out document of version 1.1 or later; 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from lxml import etree
 
@@ -15,7 +16,6 @@ from xosc.ego import EGO_NAME
 from xosc.exports.carla_sides import change_sides
 from xosc.exports.starts import Start, actors, beside, first, starts
 from xosc.node import TO_RIGHT, Node
-from xosc.roads import find_roads
 
 HERO = "hero"
 """Name that CARLA's agents look for."""
@@ -24,20 +24,24 @@ _TO_SECONDS = len("2026-01-01T00:00:00")
 _ALONG_ROADS = ("road", "lane")
 _SLOPES = {"linear": 1.0, "sinusoidal": math.pi / 2, "cubic": 1.5}
 """Greatest rate of a shape by its mean rate."""
+_Elements = list[etree._Element]
 
 
-def change(document: Document) -> list[str]:
+def change(document: Document, network: Path | None) -> list[str]:
     """Make all changes; remarks on those that are approximations.
+
+    Args:
+        network: the file of its roads; None where it has none.
 
     Raises:
         Unsupported: something can't be said, named with file and line.
     """
-    known = starts(document.node)
+    known, roads = starts(document.node), _roads(network)
     change_sides(document.node, known)
     for node in list(document.node.iter("RelativeLanePosition")):
         if not node.has(TO_RIGHT):
-            _on_lane(node, known, document)
-    remarks = [_lane_change(node, known, document) for node in document.node.iter("LaneChangeAction")]
+            _on_lane(node, known, roads)
+    remarks = [_lane_change(node, known, document, roads) for node in document.node.iter("LaneChangeAction")]
     for node in document.node.iter("SpeedAction"):
         _speed(node, known, document)
     for node in document.node.iter("RelativeDistanceCondition"):
@@ -55,11 +59,11 @@ def change(document: Document) -> list[str]:
     return [remark for remark in remarks if remark]
 
 
-def _on_lane(position: Node, known: dict[str, Start], document: Document) -> None:
+def _on_lane(position: Node, known: dict[str, Start], roads: _Elements) -> None:
     """The lane that a first position comes to: scenario_runner measures ds with the traffic, the standard with the road."""
     private = next((each for each in position.element.iterancestors() if each.tag == "Private"), None)
     start = known[private.get("entityRef", "")] if private is not None else Start()
-    lengths = {road.get("id"): float(road.get("length", "0")) for road in _roads(document)}
+    lengths = {road.get("id"): float(road.get("length", "0")) for road in roads}
     if start.road is None or not 0.0 <= start.s <= lengths.get(start.road, 0.0):
         raise position.unsupported("scenario_runner measures ds with the traffic of a lane, and here that is not known")
     for attribute in list(position.element.attrib):
@@ -68,7 +72,7 @@ def _on_lane(position: Node, known: dict[str, Start], document: Document) -> Non
     position.element.attrib.update({"roadId": start.road, "laneId": str(start.lane), "s": repr(start.s)})
 
 
-def _lane_change(action: Node, known: dict[str, Start], document: Document) -> str:
+def _lane_change(action: Node, known: dict[str, Start], document: Document, roads: _Elements) -> str:
     """As many lanes to the left of the actor itself, over a distance: what scenario_runner reads."""
     doing = actors(action)
     if len(doing) != 1 or doing[0] not in known:
@@ -76,7 +80,7 @@ def _lane_change(action: Node, known: dict[str, Start], document: Document) -> s
     start, dynamics = known[doing[0]], action.need("LaneChangeActionDynamics")
     target = action.need("LaneChangeTarget").only()
     if target.get("entityRef", None) != doing[0]:
-        steps = _steps(action, target, start, known, document)
+        steps = _steps(action, target, start, known, document, roads)
         target.element.tag = "RelativeTargetLane"
         target.element.set("entityRef", doing[0])
         target.element.set("value", str(steps))
@@ -89,9 +93,9 @@ def _lane_change(action: Node, known: dict[str, Start], document: Document) -> s
     return f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that its first speed makes of it"
 
 
-def _steps(action: Node, target: Node, start: Start, known: dict[str, Start], document: Document) -> int:
+def _steps(action: Node, target: Node, start: Start, known: dict[str, Start], document: Document, roads: _Elements) -> int:
     """How many lanes to its own left an entity changes that is still where it started."""
-    if start.road is None or not first(action, "LateralAction", document.node) or _left_hand(document):
+    if start.road is None or not first(action, "LateralAction", document.node) or _left_hand(roads):
         raise target.unsupported("scenario_runner counts lanes from the actor's own, which is known only when it runs")
     facing = 1 if start.lane < 0 else -1
     if target.tag == "AbsoluteTargetLane":
@@ -107,14 +111,13 @@ def _steps(action: Node, target: Node, start: Start, known: dict[str, Start], do
     return facing * (lane - start.lane)
 
 
-def _left_hand(document: Document) -> bool:
+def _left_hand(roads: _Elements) -> bool:
     """Whether traffic keeps to the left, so that lane ids count the other way round."""
-    return any(road.get("rule") == "LHT" for road in _roads(document))
+    return any(road.get("rule") == "LHT" for road in roads)
 
 
-def _roads(document: Document) -> list[etree._Element]:
-    logic = document.node.find("RoadNetwork", "LogicFile")
-    return list(parse(find_roads(logic).path).getroot().iter("road")) if logic is not None else []
+def _roads(network: Path | None) -> _Elements:
+    return list(parse(network).getroot().iter("road")) if network is not None else []
 
 
 def _speed(action: Node, known: dict[str, Start], document: Document) -> None:

@@ -23,7 +23,7 @@ _REFERENCES = ("parameterRef",)
 """Attributes by which an element names a parameter when the scenario runs."""
 
 
-def concrete(document: Document, parameters: Mapping[str, Argument] | None = None) -> Document:
+def concrete(document: Document, parameters: Mapping[str, Argument] | None = None, *, strict: bool = False) -> Document:
     """A scenario whose attributes are literals, with catalogue entries in the place of the references to them.
 
     Its version is the newest of its own and those of its catalogues.
@@ -32,7 +32,7 @@ def concrete(document: Document, parameters: Mapping[str, Argument] | None = Non
     Raises:
         UsageError, InvalidFile: as in `xosc.resolve`.
     """
-    resolved = resolve(document, parameters)
+    resolved = resolve(document, parameters, strict=strict)
     named = {element.get(name) for element in resolved.root.iter() for name in _REFERENCES if element.get(name)}
     for declarations in list(resolved.root.iter("ParameterDeclarations")):
         for declaration in list(declarations):
@@ -53,7 +53,7 @@ def concrete(document: Document, parameters: Mapping[str, Argument] | None = Non
             if _version_of(element, versions, resolved.version) < SAID_SINCE:
                 say_left_open(element)
     Node(resolved.root, resolved.path).need("FileHeader").element.set("revMinor", str(version[1]))
-    return Document(resolved.path, resolved.root, version, resolved.kind)
+    return Document(resolved.path, resolved.root, version, resolved.kind, remarks=resolved.remarks)
 
 
 def _version_of(element: etree._Element, catalogs: Mapping[str, Version], own: Version) -> Version:
@@ -69,10 +69,13 @@ def _sources(resolved: Document) -> set[str]:
     return {str(element.get(SOURCE)) for element in resolved.root.iter() if element.get(SOURCE)}
 
 
-def concrete_scenarios(path: Path) -> Iterator[tuple[str, Document]]:
+def concrete_scenarios(path: Path, *, strict: bool = False) -> Iterator[tuple[str, Document]]:
     """Name (without ending) and worked-out document of each scenario that a file stands for.
 
     A scenario stands for itself, a distribution for its scenario with every set of parameters, numbered as by `xosc-run`.
+
+    Args:
+        strict: refuse the faults that are otherwise repaired with a remark.
 
     Raises:
         Unsupported: there are more than `MAX_SETS` sets.
@@ -80,16 +83,16 @@ def concrete_scenarios(path: Path) -> Iterator[tuple[str, Document]]:
     """
     document = load(path)
     if document.kind == "scenario":
-        yield path.stem, concrete(document)
+        yield path.stem, concrete(document, strict=strict)
         return
     size = ParameterSpace(path).size
     if size > MAX_SETS:
         raise document.node.unsupported(f"{size} sets of parameters would be {size} files, at most {MAX_SETS} are written")
     for number, (scenario, parameters) in enumerate(variations(path)):
-        yield f"{path.stem}~{number:06d}", concrete(load(scenario), parameters)
+        yield f"{path.stem}~{number:06d}", concrete(load(scenario), parameters, strict=strict)
 
 
 def copied(document: Document) -> Document:
     """A document that may be changed."""
     root = copy.deepcopy(document.root.getroottree()).getroot()
-    return Document(document.path, root, document.version, document.kind)
+    return Document(document.path, root, document.version, document.kind, remarks=document.remarks)

@@ -6,10 +6,12 @@ what it does not read, and no motion depends on, stays and is reported as a rema
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load, to_bytes
+from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
 from xosc.exports.references import catalog_name
 from xosc.exports.refusals import Rule, refuse, remarks
@@ -68,9 +70,10 @@ _IGNORED = (
     Rule("//Event[@priority='skip']", "a skipped event stays in standby in esmini, and is not counted"),
     Rule("/OpenSCENARIO/Storyboard[not(StopTrigger/ConditionGroup)]", "without a StopTrigger esmini goes on for ever"),
 )
+_SETS = "a scenario is written for each set of parameters: esmini has no stochastic distributions"
 
 
-def export(source: Path, target: str, folder: Folder) -> list[str]:
+def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
     """Write a scenario, catalogue or distribution for esmini, with all that it refers to.
 
     Returns:
@@ -80,24 +83,24 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
         Unsupported: esmini would not play it as it is meant, named with file, line and reason.
         InvalidFile, UsageError: a file can't be read, or not be written.
     """
-    document = load(source)
+    document, draft = load(source, strict=settings.strict), Draft(folder, settings)
     if document.kind == "catalog":
-        folder.write(catalog_name(source, folder), to_bytes(document))
-        return []
+        draft.note(*document.remarks)
+        draft.add(catalog_name(source, folder), to_bytes(document))
+        return draft.write()
     if document.kind == "scenario":
-        found = _checked(document)
-        return found + scenario(document, None, folder)
-    varied = load(ParameterSpace(source).scenario)
-    found = _checked(varied)
+        _check(document, draft)
+        return scenario(document, None, draft)
+    _check(load(ParameterSpace(source).scenario, strict=settings.strict), draft)
     if document.node.find("ParameterValueDistribution", "Deterministic") is not None:
-        return found + distribution(document, None, folder)
-    write_sets(document, None, folder)
-    return [*found, f"{source}: a scenario is written for each set of parameters: esmini has no stochastic distributions"]
+        return distribution(document, None, draft)
+    return write_sets(document, None, draft, _SETS)
 
 
-def _checked(document: Document) -> list[str]:
+def _check(document: Document, draft: Draft) -> None:
     """Remarks on a scenario as it stands, and with catalogue entries and values in the place of the references to them."""
-    both = (document, resolve(document))
+    both = (document, resolve(document, strict=draft.settings.strict))
     for each in both:
         refuse(each, _REFUSED)
-    return list(dict.fromkeys(remark for each in both for remark in remarks(each, _IGNORED)))
+    for each in both:
+        draft.note(*remarks(each, _IGNORED))

@@ -9,54 +9,55 @@ from schemas.catalogs import locate
 from schemas.errors import InvalidFile
 from schemas.storage import read_bytes
 from xosc.document import Document, load
+from xosc.exports.draft import Draft
 from xosc.exports.folder import Folder
 from xosc.node import Node
-from xosc.roads import find_roads
 
 ROADS, MODELS, CATALOGS = "roads", "models", "catalogs"
 """Folders of the output."""
 
 Convert = Callable[[Document], bytes]
 """The content that a catalogue gets in the output."""
-Draft = dict[str, bytes]
-"""Content by name, to be written when nothing more can be refused."""
 
 
-def take_roads(document: Document, folder: Folder) -> Draft:
-    """The road network and the 3D model of a scenario, to whose copies its references are changed.
+def take_roads(document: Document, draft: Draft) -> Path | None:
+    """Take along the road network and the 3D model of a scenario, to whose copies its references are changed.
 
     A model that is not there stays as it is referred to: few public scenarios bring their model along.
+
+    Returns:
+        The file of the road network; None where there is none.
 
     Raises:
         InvalidFile: the road network cannot be read.
         Unsupported: a parameter names it.
     """
-    network = document.node.find("RoadNetwork")
-    taken: Draft = {}
+    network, roads = document.node.find("RoadNetwork"), None
     for node in network.children("LogicFile", "SceneGraphFile") if network is not None else ():
         source = _literal(node, "filepath")
         if not node.get("filepath").strip() or (node.tag == "SceneGraphFile" and not source.is_file()):
             continue
         if node.tag == "LogicFile":
-            source = find_roads(node).path
+            found = draft.settings.roads(node)
+            source = roads = found.path
+            draft.note(*filter(None, [found.remark]))
         try:
             content = read_bytes(source)
         except InvalidFile as error:
             raise node.invalid(f"{source} cannot be taken along: {error.message}") from None
-        name = folder.name(source, f"{ROADS if node.tag == 'LogicFile' else MODELS}/{source.name}")
+        name = draft.folder.name(source, f"{ROADS if node.tag == 'LogicFile' else MODELS}/{source.name}")
         node.element.set("filepath", name)
-        taken[name] = content
-    return taken
+        draft.add(name, content)
+    return roads
 
 
-def take_catalogs(document: Document, folder: Folder, convert: Convert) -> Draft:
-    """The catalogues of a scenario, to whose copies its references are changed.
+def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:
+    """Take along the catalogues of a scenario, to whose copies its references are changed.
 
     Raises:
         InvalidFile, Unsupported: a catalogue can't be read or converted.
     """
     locations = document.node.find("CatalogLocations")
-    taken: Draft = {}
     for location in locations.children() if locations is not None else ():
         node = location.need("Directory")
         source = _literal(node, "path")
@@ -64,11 +65,11 @@ def take_catalogs(document: Document, folder: Folder, convert: Convert) -> Draft
             files = [Path(file) for file in locate(source, document.path).files]
         except (OSError, ValueError):
             raise node.invalid(f"the directory {source} does not exist or cannot be read") from None
-        for catalog in [load(file) for file in files]:
+        for catalog in [load(file, strict=draft.settings.strict) for file in files]:
             if catalog.kind == "catalog":
-                taken[catalog_name(catalog.path, folder)] = convert(catalog)
-        node.element.set("path", _directory(files[0].parent if files else source, folder))
-    return taken
+                draft.note(*catalog.remarks)
+                draft.add(catalog_name(catalog.path, draft.folder), convert(catalog))
+        node.element.set("path", _directory(files[0].parent if files else source, draft.folder))
 
 
 def _literal(node: Node, attribute: str) -> Path:

@@ -6,6 +6,7 @@ distributions then become a scenario for each set of parameters, as for 1.0, whi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from schemas.errors import Unsupported
@@ -13,8 +14,9 @@ from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.exports.concrete import concrete, concrete_scenarios, copied
 from xosc.exports.conversion import in_version
+from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
-from xosc.exports.references import Draft, catalog_name, take_catalogs, take_roads
+from xosc.exports.references import catalog_name, take_catalogs, take_roads
 from xosc.versions import Version
 
 TARGETS = {
@@ -27,7 +29,7 @@ _CLOSED_SINCE = (1, 2)
 """Before, the entries of catalogues also saw the parameters at the place of the reference."""
 
 
-def export(source: Path, target: str, folder: Folder) -> list[str]:
+def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
     """Write a file, and all that it refers to, in the version that the target names.
 
     Args:
@@ -43,40 +45,46 @@ def export(source: Path, target: str, folder: Folder) -> list[str]:
     """
     major, minor = target.split(".")
     version = (int(major), int(minor))
-    document = load(source)
-    if document.kind == "catalog":
-        folder.write(catalog_name(source, folder), to_bytes(_catalog(document, version)))
-        return []
+    document = load(source, strict=settings.strict)
     if document.kind == "distribution":
-        return distribution(document, version, folder)
-    return scenario(document, version, folder)
+        return distribution(document, version, Draft(folder, settings))
+    if document.kind == "scenario":
+        return scenario(document, version, Draft(folder, settings))
+    draft = Draft(folder, settings)
+    draft.note(*document.remarks)
+    draft.add(catalog_name(source, folder), to_bytes(_catalog(document, version)))
+    return draft.write()
 
 
-def scenario(document: Document, version: Version | None, folder: Folder) -> list[str]:
-    """Write a scenario with its parameters and catalogues, or worked out where the version can't say them; as in `export`."""
-    try:
-        draft, remarks = package(document, version, folder), []
-    except Unsupported as error:
-        draft, remarks = package(concrete(document), version, folder), [f"everything is worked out: {error}"]
-    write_all(draft, folder)
-    return remarks
-
-
-def package(document: Document, version: Version | None, folder: Folder, name: str = "") -> Draft:
-    """The files of a scenario: itself (under another name, where one is given), its catalogues, its roads.
+def scenario(document: Document, version: Version | None, draft: Draft) -> Sequence[str]:
+    """Write a scenario with its parameters and catalogues, or worked out where the version can't say them; as in `export`.
 
     Args:
         version: of the scenario and its catalogues; None leaves each in its own.
+        draft: what else is to be written and said.
+    """
+    trial = draft.copy()
+    try:
+        add(document, version, trial)
+        return trial.write()
+    except Unsupported as error:
+        add(concrete(document, strict=draft.settings.strict), version, draft)
+        return draft.write(f"everything is worked out: {error}")
+
+
+def add(document: Document, version: Version | None, draft: Draft, name: str = "") -> None:
+    """Add a scenario (under another name, where one is given), its catalogues and its roads to what is to be written.
 
     Raises:
         Unsupported: the version can't say all of it.
         InvalidFile: a file that it refers to can't be read.
     """
     changed = copied(document)
-    draft = take_catalogs(changed, folder, lambda catalog: to_bytes(_catalog(catalog, version)))
-    draft |= take_roads(changed, folder)
-    named = folder.name(document.path, f"{name or document.path.stem}.xosc")
-    return {**draft, named: to_bytes(in_version(changed, version or changed.version))}
+    draft.note(*document.remarks)
+    take_catalogs(changed, draft, lambda catalog: to_bytes(_catalog(catalog, version)))
+    take_roads(changed, draft)
+    named = draft.folder.name(document.path, f"{name or document.path.stem}.xosc")
+    draft.add(named, to_bytes(in_version(changed, version or changed.version)))
 
 
 def _catalog(catalog: Document, version: Version | None) -> Document:
@@ -99,31 +107,25 @@ def _parameters(text: str) -> set[str]:
         return set()
 
 
-def distribution(document: Document, version: Version | None, folder: Folder) -> list[str]:
+def distribution(document: Document, version: Version | None, draft: Draft) -> Sequence[str]:
     """Write a distribution and its scenario, or a scenario for each set of parameters; remarks and errors as in `export`."""
     node = document.node.need("ParameterValueDistribution", "ScenarioFile")
-    varied = load(document.path.parent / node.get("filepath").replace("\\", "/"))
+    trial = draft.copy()
     try:
-        draft = package(varied, version, folder)
+        varied = load(document.path.parent / node.get("filepath").replace("\\", "/"), strict=draft.settings.strict)
+        add(varied, version, trial)
         changed = copied(in_version(document, version or document.version))
         reference = changed.node.need("ParameterValueDistribution", "ScenarioFile")
-        reference.element.set("filepath", folder.name(varied.path, f"{varied.path.stem}.xosc"))
-        write_all(draft | {folder.name(document.path, document.path.name): to_bytes(changed)}, folder)
-        return []
+        reference.element.set("filepath", draft.folder.name(varied.path, f"{varied.path.stem}.xosc"))
+        trial.note(*document.remarks)
+        trial.add(draft.folder.name(document.path, document.path.name), to_bytes(changed))
+        return trial.write()
     except Unsupported as error:
-        write_sets(document, version, folder)
-        return [f"a scenario is written for each set of parameters: {error}"]
+        return write_sets(document, version, draft, f"a scenario is written for each set of parameters: {error}")
 
 
-def write_sets(document: Document, version: Version | None, folder: Folder) -> None:
-    """Write the scenario of a distribution with each set of its parameters worked out; errors as in `export`."""
-    draft: Draft = {}
-    for name, worked_out in concrete_scenarios(document.path):
-        draft |= package(worked_out, version, folder, name)
-    write_all(draft, folder)
-
-
-def write_all(draft: Draft, folder: Folder) -> None:
-    """Write the files of an export, of which nothing is refused any more."""
-    for name, content in draft.items():
-        folder.write(name, content)
+def write_sets(document: Document, version: Version | None, draft: Draft, remark: str) -> Sequence[str]:
+    """Write the scenario of a distribution with each set of its parameters worked out; remarks and errors as in `export`."""
+    for name, worked_out in concrete_scenarios(document.path, strict=draft.settings.strict):
+        add(worked_out, version, draft, name)
+    return draft.write(remark)

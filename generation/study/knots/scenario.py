@@ -22,6 +22,7 @@ from xodr.array_types import FloatArray
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.exports import standard
+from xosc.exports.draft import DEFAULTS, Draft
 from xosc.exports.folder import Folder
 from xosc.maneuvers import Header
 from xosc.maneuvers.base import Number
@@ -63,7 +64,7 @@ def write(folder: Path, space: Space, setting: Setting) -> Path:
         UsageError: another file is in the way.
     """
     name = f"{LOGICAL}_knots.xosc"
-    standard.scenario(_document(SCENARIOS / name, space, setting), None, Folder(folder))
+    standard.scenario(_document(SCENARIOS / name, space, setting), None, Draft(Folder(folder), DEFAULTS))
     return folder / name
 
 

@@ -1,0 +1,88 @@
+"""The files of an export before they are written: what is refused on the way leaves nothing behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from os import PathLike
+
+from schemas.remarks import Remark, Remarks
+from xosc.exports.folder import Folder
+from xosc.node import Node
+from xosc.roads import RoadFile, find_roads
+
+Roads = Callable[[Node], RoadFile]
+"""Where the road network of a scenario is, by its element LogicFile; errors as in `xosc.roads.find_roads`."""
+
+
+def roads_in(*folders: str | PathLike[str]) -> Roads:
+    """The road networks that scenarios name, looked for in these folders too."""
+    return partial(find_roads, folders=folders)
+
+
+@dataclass(frozen=True)
+class ExportSettings:
+    """How documents are exported.
+
+    Args:
+        strict: refuse what is otherwise repaired, changed or left out with a remark.
+        roads: where road networks are.
+    """
+
+    strict: bool = False
+    roads: Roads = field(default_factory=roads_in)
+
+
+DEFAULTS = ExportSettings()
+
+
+class Draft:
+    """Files by name, relative to an output folder, and what is to be said of them.
+
+    Args:
+        folder: it is written into.
+        settings: of the export.
+    """
+
+    def __init__(self, folder: Folder, settings: ExportSettings) -> None:
+        self.folder = folder
+        self.settings = settings
+        self._files: dict[str, bytes] = {}
+        self._remarks: dict[str, None] = {}
+
+    def copy(self) -> Draft:
+        """The same so far, to go on with: what is added to it can be given up."""
+        draft = Draft(self.folder, self.settings)
+        draft._files |= self._files
+        draft._remarks |= self._remarks
+        return draft
+
+    def add(self, name: str, content: bytes) -> None:
+        """Add a file."""
+        self._files[name] = content
+
+    def note(self, *remarks: str | Remark) -> None:
+        """Add remarks, each once.
+
+        Raises:
+            InvalidFile: one is on a repair, and exports are strict.
+        """
+        Remarks(self.settings.strict).add(*(each for each in remarks if isinstance(each, Remark)))
+        self._remarks.update(dict.fromkeys(map(str, remarks)))
+
+    def write(self, *also: str) -> Sequence[str]:
+        """Write the files, of which nothing is refused any more.
+
+        Args:
+            also: remarks that come first.
+
+        Returns:
+            All remarks.
+
+        Raises:
+            UsageError: a file is in the way, or can't be written.
+        """
+        for name, content in self._files.items():
+            self.folder.write(name, content)
+        return list(dict.fromkeys((*also, *self._remarks)))
