@@ -58,8 +58,16 @@ def find_violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violat
             explained = True
             yield violation
     if compiled is not None and not explained:
-        for entry in compiled.error_log:  # type: ignore[attr-defined]  # the stubs forget that it iterates
-            yield Violation(_at(tree, entry.path), entry.message)
+        yield from _logged(tree, compiled)
+
+
+def brief_violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
+    """What a document breaks of a schema in the words of libxml2, which are there at once; `violations` explains more."""
+    if schema.xsd_1_1:
+        return violations(tree, schema)
+    compiled = _compiled(schema)
+    compiled.validate(tree)
+    return _logged(tree, compiled)
 
 
 def is_valid(tree: etree._ElementTree, schema: Schema) -> bool:
@@ -123,6 +131,11 @@ def _expected_value(explainer: Any, error: Any) -> str | None:
         return None
     forms = [_MEANINGS.get(member.local_name or "", member.local_name or "another value") for member in reversed(members)]
     return f"the attribute {name}={error.obj!r} does not fit its type {kind.local_name}: {' or '.join(forms)} is expected"
+
+
+def _logged(tree: etree._ElementTree, compiled: etree.XMLSchema) -> list[Violation]:
+    log: Any = compiled.error_log  # the stubs forget that it iterates
+    return [Violation(_at(tree, entry.path), entry.message) for entry in log]
 
 
 def _at(tree: etree._ElementTree, path: str | None) -> etree._Element:

@@ -25,7 +25,6 @@ from runner.surroundings.signals import TrafficSignals
 from schemas.remarks import Remark, Remarks
 from schemas.rules.actors import UID as ACTORS
 from schemas.rules.empty_elements import UID as EMPTY
-from schemas.rules.valid_schema import UID as SCHEMA
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -192,7 +191,11 @@ class ScenarioContext:
         triggering = by.need("TriggeringEntities")
         every = triggering.choice("triggeringEntitiesRule", ("any", "all")) == "all"
         inner = by.need("EntityCondition").only()
-        return ByEntityCondition(self.triggering_entities(triggering), every, self._build(registry.condition, inner))
+        entities = self.triggering_entities(triggering)
+        if not triggering.children("EntityRef"):
+            truth = "always" if every else "never"
+            self.repair(triggering, EMPTY, f"an element EntityRef is expected inside; without one the condition is {truth} true")
+        return ByEntityCondition(entities, every, self._build(registry.condition, inner))
 
     def timed_condition(self, node: Node) -> TimedCondition:
         """The condition that a Condition element is, with its edge and delay."""
@@ -326,10 +329,7 @@ def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:
 
 def _actors(group: Node, context: ScenarioContext) -> tuple[list[list[Entity]], bool]:
     """The members of each entity or selection that a ManeuverGroup names, and whether it selects the triggering entities."""
-    node = group.find("Actors")
-    if node is None:
-        context.repair(group, SCHEMA, f"{_named(group)}: the element Actors is missing; no actors are assumed")
-        return [], False
+    node = group.need("Actors")
     references = [context.entities(reference) for reference in node.children("EntityRef")]
     select_triggering = bool(node.bool("selectTriggeringEntities", False))
     if not any(references) and not select_triggering and next(group.iter("PrivateAction"), None) is not None:

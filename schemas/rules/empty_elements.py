@@ -19,6 +19,7 @@ _PARTS = {
     "Action": ("GlobalAction", "UserDefinedAction", "PrivateAction"),
     "Private": ("PrivateAction",),
     "ConditionGroup": ("Condition",),
+    "TriggeringEntities": ("EntityRef",),
 }
 _CHOICES = (
     "PrivateAction", "GlobalAction", "UserDefinedAction",
@@ -34,11 +35,17 @@ def check(document: Document) -> Iterator[Finding]:
 
     A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
     """
-    for element in document.elements(*_PARTS):
-        parts = _PARTS[local_name(element)]
-        if not any(local_name(child) in parts for child in element.iterchildren(etree.Element)):
+    for element in document.elements(*_PARTS, *_CHOICES):
+        missing = lacking(element)
+        if missing:
             level = "info" if local_name(element) == "ManeuverGroup" else None
-            yield Finding(element, f"{' or '.join(parts)} is expected inside", level)
-    for element in document.elements(*_CHOICES):
-        if next(element.iterchildren(etree.Element), None) is None:
-            yield Finding(element, "an action is expected inside")
+            yield Finding(element, f"{missing} is expected inside", level)
+
+
+def lacking(element: etree._Element) -> str:
+    """What is missing in an element that is empty by this rule; "" where it is not."""
+    parts = _PARTS.get(local_name(element), ())
+    inside = [local_name(child) for child in element.iterchildren(etree.Element)]
+    if parts and not any(name in parts for name in inside):
+        return " or ".join(parts)
+    return "an action" if local_name(element) in _CHOICES and not inside else ""

@@ -1,13 +1,14 @@
-"""What the official XSDs declare of attributes: their types, and whether they must be there."""
+"""What the official XSDs declare: the types of attributes, and whether they must be there; the order of child elements."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from lxml import etree
 
-from schemas.registry import OPENSCENARIO, schema_for
+from schemas.registry import OPENSCENARIO, available_schemas, schema_for
 from schemas.xml import parse
 
 _KINDS = {
@@ -21,11 +22,28 @@ _KINDS = {
 }
 
 
+T = TypeVar("T")
+
+
 class Attribute(NamedTuple):
-    """An attribute: its type, one of `schemas.values.TYPES` (None for all others), and whether it must be there."""
+    """An attribute.
+
+    kind: its type, one of `schemas.values.TYPES`, None for all others. required: whether it must be there. values: those of its
+    enumeration, in the spelling of the standard.
+    """
 
     kind: str | None
     required: bool
+    values: tuple[str, ...] = ()
+
+
+class Child(NamedTuple):
+    """A child element: place: its number among its siblings, -1 where any will do. required, many: whether it must be there, and
+    may be there more than once."""
+
+    place: int
+    required: bool
+    many: bool
 
 
 @cache
@@ -34,22 +52,79 @@ def attributes(version: tuple[int, int]) -> dict[str, dict[str, Attribute]]:
 
     Elements of the same name and of different types, of which OpenSCENARIO has few, are left out.
     """
-    schema = schema_for(OPENSCENARIO, version)
-    if schema is None:
+    tree = _tree(version)
+    if tree is None:
         return {}
-    tree = parse(schema.path)
+    values = {each.get("name"): _values(each) for each in tree.iter("{*}simpleType") if each.get("name")}
+    return _by_element(tree, lambda body: _attributes(body, values))
+
+
+@cache
+def names_of_attributes() -> dict[str, frozenset[str]]:
+    """The names that attributes have in any version, by element name."""
+    found: dict[str, frozenset[str]] = {}
+    for version in sorted(schema.version[:2] for schema in available_schemas() if schema.standard == OPENSCENARIO):
+        for tag, declared in attributes(version).items():
+            found[tag] = found.get(tag, frozenset()) | declared.keys()
+    return found
+
+
+@cache
+def children(version: tuple[int, int]) -> dict[str, dict[str, Child]]:
+    """Child elements by the name of their parent, then by their own, for parents that may hold more than one of a choice."""
+    tree = _tree(version)
+    if tree is None:
+        return {}
+    groups = {each.get("name"): each for each in tree.iter("{*}group") if each.get("name")}
+
+    def declared(body: etree._Element) -> dict[str, Child]:
+        models = [each for each in body if etree.QName(each).localname in ("sequence", "all")]
+        return {name: child for model in models for name, child in _children(model, groups, 0)[0].items()}
+
+    return _by_element(tree, declared)
+
+
+def _tree(version: tuple[int, int]) -> etree._ElementTree | None:
+    schema = schema_for(OPENSCENARIO, version)
+    return parse(schema.path) if schema is not None else None
+
+
+def _by_element(tree: etree._ElementTree, read: Callable[[etree._Element], dict[str, T]]) -> dict[str, dict[str, T]]:
+    """What is read of the types of elements, by the elements' names, those with several types left out."""
     types = {each.get("name"): each for each in tree.iter("{*}complexType") if each.get("name")}
-    found: dict[str, dict[str, Attribute]] = {}
+    found: dict[str, dict[str, T]] = {}
     ambiguous: set[str] = set()
     for element in tree.iter("{*}element"):
-        declared = _attributes(types.get(element.get("type"), element))
+        declared = read(types.get(element.get("type"), element))
         if found.setdefault(element.get("name") or "", declared) != declared:
             ambiguous.add(element.get("name") or "")
     return {name: declared for name, declared in found.items() if name not in ambiguous}
 
 
-def _attributes(body: etree._Element) -> dict[str, Attribute]:
-    return {
-        each.get("name") or "": Attribute(_KINDS.get((each.get("type") or "").split(":")[-1]), each.get("use") == "required")
-        for each in body.iter("{*}attribute")
-    }
+def _attributes(body: etree._Element, values: dict[str | None, tuple[str, ...]]) -> dict[str, Attribute]:
+    found = {}
+    for each in body.iter("{*}attribute"):
+        kind = (each.get("type") or "").split(":")[-1]
+        found[each.get("name") or ""] = Attribute(_KINDS.get(kind), each.get("use") == "required", values.get(kind, ()))
+    return found
+
+
+def _values(kind: etree._Element) -> tuple[str, ...]:
+    return tuple(str(each.get("value")) for each in kind.iter("{*}enumeration"))
+
+
+def _children(model: etree._Element, groups: dict[str | None, etree._Element], place: int) -> tuple[dict[str, Child], int]:
+    """The children in a sequence, choice, all or group, the first of them at a place; and the place behind them."""
+    found: dict[str, Child] = {}
+    kind, begin, end = etree.QName(model).localname, place, place
+    for each in model.iterchildren("{*}element", "{*}group", "{*}sequence", "{*}choice"):
+        start = begin if kind == "choice" else end
+        many = each.get("maxOccurs", "1") != "1"
+        if name := each.get("name"):
+            inside, after = {name: Child(-1 if kind == "all" else start, each.get("minOccurs") != "0", many)}, start + 1
+        else:
+            inside, after = _children(groups.get(each.get("ref"), each), groups, start)
+            inside = {name: child._replace(many=child.many or many) for name, child in inside.items()}
+        found |= inside
+        end = max(end, after)
+    return found, end

@@ -8,23 +8,30 @@ from schemas.remarks import Remark
 from schemas.rules.valid_schema import UID
 from schemas.values import meant
 from xosc.node import Node
-from xosc.repairs.declared import attributes
+from xosc.repairs.declared import Attribute, attributes
 
 BREAKS_SCHEMA = True
 
 
 def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Write what is meant: `true` for `True`, `2` for `2.0`."""
+    """Write what is meant: `true` for `True`, `2` for `2.0`, `rising` for `Rising`."""
     declared = attributes(version)
     for node in root.iter():
         for name, attribute in declared.get(node.tag, {}).items():
             text = node.element.get(name)
-            if text is None or attribute.kind is None or "$" in text:
-                continue
-            try:
-                value = meant(attribute.kind, text)
-            except ValueError:
-                continue
-            if value != text:
+            value = _meant(attribute, text) if text is not None and "$" not in text else None
+            if value is not None and value != text:
                 node.element.set(name, value)
-                yield node.remark(UID, f"{name}={text!r} is no {attribute.kind}; {value} is meant")
+                what = f"no {attribute.kind}" if attribute.kind else f"none of {', '.join(attribute.values)}"
+                yield node.remark(UID, f"{name}={text!r} is {what}; {value} is meant")
+
+
+def _meant(attribute: Attribute, text: str) -> str | None:
+    """What a text stands for as the value of an attribute; None where that is not known."""
+    if attribute.values:
+        alike = [value for value in attribute.values if value.lower() == text.strip().lower()]
+        return text if text in attribute.values else alike[0] if len(alike) == 1 else None
+    try:
+        return meant(attribute.kind, text) if attribute.kind else None
+    except ValueError:
+        return None
