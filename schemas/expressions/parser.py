@@ -1,0 +1,241 @@
+"""From the text of an expression to a function that gives its value."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+from schemas.expressions.language import (
+    CONSTANTS,
+    EXACT_INTEGERS,
+    FUNCTIONS,
+    LARGEST,
+    OPERATORS,
+    ExpressionError,
+    Number,
+    Value,
+    finite,
+    literal,
+)
+
+Lookup = Callable[[str], Value]
+"""Value of the parameter with that name (without `$`); raises KeyError, or a ToolchainError that says more."""
+
+MAX_LENGTH = 10_000
+MAX_NESTING = 50
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|\$(?P<parameter>[A-Za-z_]\w*)"
+    r"|(?P<name>[A-Za-z_]\w*)|(?P<symbol>[-+*/%(),]))",
+    re.ASCII,
+)
+
+Node = Callable[[Lookup], Value]
+
+
+class Expression(NamedTuple):
+    """A parsed expression: its value by a look-up of parameters, and the names of the parameters and functions in it."""
+
+    node: Node
+    parameters: frozenset[str]
+    functions: frozenset[str]
+
+
+@lru_cache(maxsize=8192)
+def parse(body: str) -> Expression:
+    """Parse what stands between `${` and `}`.
+
+    Raises:
+        ExpressionError: it is malformed.
+    """
+    parser = _Parser(_tokens(body))
+    node = parser.expression()
+    parser.expect_end()
+    return Expression(node, frozenset(parser.parameters), frozenset(parser.functions))
+
+
+def _tokens(body: str) -> list[tuple[str, str]]:
+    if len(body) > MAX_LENGTH:
+        raise ExpressionError(f"an expression of {len(body)} characters is longer than the {MAX_LENGTH} allowed")
+    tokens, position, end = [], 0, len(body.rstrip())
+    while position < end:
+        match = _TOKEN.match(body, position)
+        if match is None:
+            character = body[position:].lstrip()[0]
+            raise ExpressionError(f"{character!r} has no meaning in an expression")
+        kind = str(match.lastgroup)
+        tokens.append((kind, match[kind]))
+        position = match.end()
+    return tokens
+
+
+class _Parser:
+    """Recursive descent; chains of equal operators become one node, so that only brackets and functions nest."""
+
+    def __init__(self, tokens: list[tuple[str, str]]) -> None:
+        self.tokens = [*tokens, ("end", "")]
+        self.position = 0
+        self.nesting = 0
+        self.parameters: set[str] = set()
+        self.functions: set[str] = set()
+
+    def accept(self, *texts: str) -> str | None:
+        kind, text = self.tokens[self.position]
+        if kind in ("symbol", "name") and text in texts:
+            self.position += 1
+            return text
+        return None
+
+    def expect(self, text: str) -> None:
+        if self.accept(text) is None:
+            raise ExpressionError(f"{text!r} is expected {self._here()}")
+
+    def expect_end(self) -> None:
+        if self.tokens[self.position][0] != "end":
+            raise ExpressionError(f"an operator is expected {self._here()}")
+
+    def _here(self) -> str:
+        kind, text = self.tokens[self.position]
+        return "at the end" if kind == "end" else f"before {'$' * (kind == 'parameter') + text!r}"
+
+    def expression(self) -> Node:
+        """The expression that begins at the next token, as far as it goes; `or` binds weakest.
+
+        Raises:
+            ExpressionError: there is none, or its brackets nest too deep.
+        """
+        self.nesting += 1
+        if self.nesting > MAX_NESTING:
+            raise ExpressionError(f"brackets nest deeper than the {MAX_NESTING} levels allowed")
+        node = self._logical("or", lambda: self._logical("and", self._sum))
+        self.nesting -= 1
+        return node
+
+    def _logical(self, word: str, operand: Callable[[], Node]) -> Node:
+        nodes = [operand()]
+        while self.accept(word):
+            nodes.append(operand())
+        if len(nodes) == 1:
+            return nodes[0]
+        combine = any if word == "or" else all
+        return lambda lookup: combine([_boolean(node(lookup), word, node) for node in nodes])
+
+    def _sum(self) -> Node:
+        return self._chain(("+", "-"), lambda: self._chain(("*", "/", "%"), self._unary))
+
+    def _chain(self, symbols: tuple[str, ...], operand: Callable[[], Node]) -> Node:
+        first = operand()
+        rest = []
+        while symbol := self.accept(*symbols):
+            rest.append((symbol, OPERATORS[symbol], operand()))
+        if not rest:
+            return first
+
+        def node(lookup: Lookup) -> Value:
+            value = _number(first(lookup), rest[0][0], first)
+            for symbol, apply, right in rest:
+                value = finite(apply(value, _number(right(lookup), symbol, right)), symbol)
+            return value
+
+        return node
+
+    def _unary(self) -> Node:
+        prefixes = []
+        while prefix := self.accept("-", "+", "not"):
+            prefixes.append(prefix)
+        operand = self._primary()
+        if not prefixes:
+            return operand
+
+        def node(lookup: Lookup) -> Value:
+            value = operand(lookup)
+            for prefix in reversed(prefixes):
+                if prefix == "not":
+                    value = not _boolean(value, prefix, operand)
+                else:
+                    value = _number(value, prefix, operand) * (-1 if prefix == "-" else 1)
+            return value
+
+        return node
+
+    def _primary(self) -> Node:
+        kind, text = self.tokens[self.position]
+        if kind == "symbol" and text == "(":
+            self.position += 1
+            node = self.expression()
+            self.expect(")")
+            return node
+        if kind in ("end", "symbol") or text in ("and", "or"):
+            raise ExpressionError(f"a value is expected {self._here()}")
+        self.position += 1
+        if kind == "number":
+            number = _literal_number(text)
+            return lambda lookup: number
+        if kind == "parameter":
+            self.parameters.add(text)
+            return _Parameter(text)
+        return self._named(text)
+
+    def _named(self, name: str) -> Node:
+        if name in CONSTANTS:
+            value = CONSTANTS[name]
+            return lambda lookup: value
+        if name not in FUNCTIONS:
+            raise ExpressionError(f"{name!r} is neither a function nor a constant (a parameter is written ${name})")
+        self.functions.add(name)
+        arity, apply, _ = FUNCTIONS[name]
+        self.expect("(")
+        arguments = [self.expression()]
+        while self.accept(","):
+            arguments.append(self.expression())
+        self.expect(")")
+        if len(arguments) != arity:
+            raise ExpressionError(f"{name} takes {arity} argument{'s'[: arity - 1]}, not {len(arguments)}")
+
+        def node(lookup: Lookup) -> Value:
+            values = [_number(argument(lookup), name, argument) for argument in arguments]
+            try:
+                return finite(apply(*values), name)
+            except (ValueError, OverflowError):
+                raise ExpressionError(f"{name}({', '.join(map(literal, values))}) has no finite value") from None
+
+        return node
+
+
+def _literal_number(text: str) -> Number:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ExpressionError(f"the number {text[:40]} is too large")
+    return int(value) if text.isdigit() and value < EXACT_INTEGERS else value
+
+
+@dataclass(frozen=True, slots=True)
+class _Parameter:
+    """The node of a parameter, which errors name."""
+
+    name: str
+
+    def __call__(self, lookup: Lookup) -> Value:
+        return lookup(self.name)
+
+
+def _shown(value: Value, node: Node) -> str:
+    return f"{literal(value)!r}{f', the value of ${node.name}' if isinstance(node, _Parameter) else ''}"
+
+
+def _number(value: Value, operator: str, node: Node) -> Number:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ExpressionError(f"{operator!r} needs a number, not {_shown(value, node)}")
+    if not -LARGEST <= value <= LARGEST:
+        raise ExpressionError(f"{operator!r} needs a finite number")
+    return value
+
+
+def _boolean(value: Value, operator: str, node: Node) -> bool:
+    if not isinstance(value, bool):
+        raise ExpressionError(f"{operator!r} needs true or false, not {_shown(value, node)}")
+    return value
