@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from runner.measures.limits import Limit
@@ -69,12 +70,16 @@ class RunSettings:
             raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
         if self.road not in (None, *ROADS):
             raise UsageError(f"the road {self.road!r} is not one of {', '.join(ROADS)}")
-        for text in self.fail_if:
-            Limit.parse(text)
+        _ = self.limits  # parsed once, or refused here
         if isinstance(self.sut, str):
             from runner.sut import find_system
 
             find_system(self.sut)
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """What `fail_if` says."""
+        return tuple(map(Limit.parse, self.fail_if))
 
     def as_json(self) -> dict[str, Any]:
         """The values by name, as JSON has them; a system under test by its name."""

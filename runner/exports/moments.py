@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from xodr.array_types import FloatArray
 from xosc.document import load
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.recording import Recording, Track
 
-Floats = np.ndarray
 _STILL = 1e-9
 """What is never further (m) than this from where it was first stands"""
 Moment = tuple[float, list[tuple[int, int]]]
 """A time (s), and for everyone who is there then the number of the track and of its row."""
 
 
-def fixed_point(track: Track, x: float, y: float, z: float) -> Floats:
+def fixed_point(track: Track, x: float, y: float, z: float) -> FloatArray:
     """World positions (n, 3) in m of a point of a participant's own frame (m from its reference point) at every row.
 
     The frame is turned by heading, then pitch, then roll about the axes turned with it (ISO 8855).
@@ -38,17 +38,17 @@ def fixed_point(track: Track, x: float, y: float, z: float) -> Floats:
     )
 
 
-def box_centre(track: Track) -> Floats:
+def box_centre(track: Track) -> FloatArray:
     """World positions (n, 3) in m of the centre of a participant's bounding box."""
     return fixed_point(track, track.box.x, track.box.y, track.box.z)
 
 
-def rate(values: Floats, time: Floats) -> Floats:
+def rate(values: FloatArray, time: FloatArray) -> FloatArray:
     """Derivative of the rows of `values` by time (s), zero where there is one row only."""
     return np.gradient(values, time, axis=0) if len(time) > 1 else np.zeros_like(values)
 
 
-def wrapped(angles: Floats) -> Floats:
+def wrapped(angles: FloatArray) -> FloatArray:
     """Angles (rad) from -π to π."""
     return np.arctan2(np.sin(angles), np.cos(angles))
 

@@ -15,7 +15,6 @@ from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
-from runner.measures.limits import Limit
 from runner.participants.controllers import controller_remarks
 from runner.settings import RunSettings
 from runner.sut import load_system, system_name
@@ -115,7 +114,7 @@ class Prepared:
             recording=recording,
             sut_parameters=parameters_of(system) if ego is not None and system is not None else {},
         )
-        apply_limits(result, [Limit.parse(text) for text in chosen.fail_if])
+        apply_limits(result, chosen.limits)
         return result
 
 

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.measures import rss
-from runner.measures.relations import Flags, Floats, Motion, Rows, View, boxes_overlap, relation
+from runner.measures.relations import Motion, View, boxes_overlap, relation
 from runner.participants.boxes import reach
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from runner.recording import Recording
@@ -40,8 +41,8 @@ _STILL = 1e-3
 class Measure(NamedTuple):
     """A measure over time, and where it is defined; its value is 0 elsewhere."""
 
-    value: Floats
-    valid: Flags
+    value: FloatArray
+    valid: BoolArray
 
 
 class Extreme(NamedTuple):
@@ -55,38 +56,38 @@ class Extreme(NamedTuple):
 # measures -----------------------------------------------------------------------------------
 
 
-def time_to_collision(gap: Floats, closing: Floats) -> Measure:
+def time_to_collision(gap: FloatArray, closing: FloatArray) -> Measure:
     """gap / closing speed, where the gap is closing; 0 where the boxes overlap."""
     return _quotient(gap, closing, (closing > _STILL) | (gap <= 0.0))
 
 
-def time_headway(gap: Floats, speed: Floats) -> Measure:
+def time_headway(gap: FloatArray, speed: FloatArray) -> Measure:
     """gap / own speed, while driving: the time after which the ego's front is where the lead's rear is now."""
     return _quotient(gap, speed, speed > _STILL)
 
 
-def deceleration_to_avoid_crash(gap: Floats, closing: Floats) -> Measure:
+def deceleration_to_avoid_crash(gap: FloatArray, closing: FloatArray) -> Measure:
     """closing² / (2 gap): the constant deceleration that just avoids the collision with a lead that keeps its speed."""
     return _quotient(closing**2, 2.0 * gap, (closing > _STILL) & (gap > 0.0))
 
 
-def _quotient(numerator: Floats, denominator: Floats, valid: Flags) -> Measure:
+def _quotient(numerator: FloatArray, denominator: FloatArray, valid: BoolArray) -> Measure:
     value = np.zeros_like(numerator)
     np.divide(numerator, denominator, out=value, where=valid & (np.abs(denominator) > 0.0) & (numerator != 0.0))
     return Measure(value, valid)
 
 
-def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> Flags:
+def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> BoolArray:
     """Where the longitudinal gap is below RSS's safe distance; boxes side by side count."""
     return (seen.ahead == 0.0) | (_longitudinal_margin(seen, parameters) < 0.0)
 
 
-def lateral_violation(seen: View, parameters: rss.RssParameters) -> Flags:
+def lateral_violation(seen: View, parameters: rss.RssParameters) -> BoolArray:
     """Where the lateral gap is below RSS's safe distance; boxes one behind the other count."""
     return (seen.aside == 0.0) | (_lateral_margin(seen, parameters) < 0.0)
 
 
-def rss_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+def rss_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
     """Distance (m) left before RSS is violated, negative by what is missing where it is.
 
     One behind the other, the longitudinal gap minus its safe distance; side by side, the lateral one; else the greater of
@@ -100,14 +101,14 @@ def rss_margin(seen: View, parameters: rss.RssParameters) -> Floats:
     )
 
 
-def _longitudinal_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+def _longitudinal_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
     behind = replace(parameters, response=parameters.response_other)
     following = rss.longitudinal_distance(np.maximum(seen.speed, 0.0), seen.other_speed, parameters)
     followed = rss.longitudinal_distance(np.maximum(seen.other_speed, 0.0), seen.speed, behind)
     return np.abs(seen.ahead) - np.where(seen.ahead >= 0.0, following, followed)
 
 
-def _lateral_margin(seen: View, parameters: rss.RssParameters) -> Floats:
+def _lateral_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
     own, other = parameters.response, parameters.response_other
     ego_left = rss.lateral_distance(-seen.sideways, -seen.other_sideways, own, other, parameters)
     ego_right = rss.lateral_distance(-seen.other_sideways, -seen.sideways, other, own, parameters)
@@ -147,7 +148,7 @@ def _areas_meet(ego: Motion, other: Motion, near: float) -> bool:
     return all(len(a) and len(b) and a.min() <= b.max() + near and b.min() <= a.max() + near for a, b in ranges)
 
 
-def _ticks(m: Motion, step: float) -> tuple[Rows, Rows]:
+def _ticks(m: Motion, step: float) -> tuple[IntArray, IntArray]:
     """Instants on a time grid of this step (s), as multiples of it, and their rows."""
     multiples = np.round(m.time / step).astype(np.int64)
     ticks, rows = np.unique(multiples, return_index=True)
@@ -172,15 +173,15 @@ class Criticality:
         active: instants that count for the shares: somebody else is there, and no collision has happened before.
     """
 
-    time: Floats
+    time: FloatArray
     ttc: Measure
     thw: Measure
     drac: Measure
     distance: Measure
     lead: NDArray[np.object_]
-    violation: dict[str, Flags]
+    violation: dict[str, BoolArray]
     margin: dict[str, Measure]
-    active: Flags
+    active: BoolArray
     nearest: NDArray[np.object_] = field(repr=False)
     _motions: tuple[Motion, Sequence[Motion]] = field(repr=False)
 
@@ -220,7 +221,7 @@ class Criticality:
         return {name: extreme._asdict() if extreme else None for name, extreme in extremes.items()} | risks
 
 
-def _extreme(measure: Measure, whom: NDArray[np.object_], time: Floats, pick: Callable[[Floats], Any]) -> Extreme | None:
+def _extreme(measure: Measure, whom: NDArray[np.object_], time: FloatArray, pick: Callable[[FloatArray], Any]) -> Extreme | None:
     rows = np.flatnonzero(measure.valid)
     if rows.size == 0:
         return None
@@ -268,12 +269,12 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
     )
 
 
-def _earlier(happened: Flags) -> Flags:
+def _earlier(happened: BoolArray) -> BoolArray:
     """Where something has happened at an earlier instant."""
     return np.logical_or.accumulate(np.concatenate(([False], happened)))[:-1]
 
 
-def _where(defined: Flags, measure: Measure) -> Measure:
+def _where(defined: BoolArray, measure: Measure) -> Measure:
     valid = measure.valid & defined
     return Measure(np.where(valid, measure.value, 0.0), valid)
 

@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.participants.declaration import BoundingBox
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Rows = NDArray[np.int64]
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 _STEEPEST = 0.3
 """Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
@@ -40,15 +37,15 @@ class Motion:
 
     name: str
     box: BoundingBox
-    time: Floats
-    x: Floats
-    y: Floats
-    z: Floats
-    h: Floats
-    speed: Floats
+    time: FloatArray
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    h: FloatArray
+    speed: FloatArray
     road: NDArray[np.object_]
-    s: Floats
-    t: Floats
+    s: FloatArray
+    t: FloatArray
 
     @classmethod
     def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> Motion:
@@ -56,7 +53,7 @@ class Motion:
         values = {key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "z", "h", "speed", "s", "t")}
         return cls(name, box, road=np.asarray(columns["road_id"], dtype=object), **values)
 
-    def at(self, rows: Rows) -> Motion:
+    def at(self, rows: IntArray) -> Motion:
         """The same at some of its instants."""
         names = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
@@ -69,19 +66,19 @@ class View(NamedTuple):
     speed, sideways: velocity of the ego, and other_speed, other_sideways: of the other, ahead and to the left.
     """
 
-    ahead: Floats
-    aside: Floats
-    speed: Floats
-    sideways: Floats
-    other_speed: Floats
-    other_sideways: Floats
+    ahead: FloatArray
+    aside: FloatArray
+    speed: FloatArray
+    sideways: FloatArray
+    other_speed: FloatArray
+    other_sideways: FloatArray
 
 
 class Relation(NamedTuple):
     """The instants (rows of the ego) at which ego and other both exist, the shortest distance of their boxes, and the view."""
 
-    rows: Rows
-    distance: Floats
+    rows: IntArray
+    distance: FloatArray
     view: View
 
 
@@ -91,10 +88,10 @@ class Relation(NamedTuple):
 class _Sight(NamedTuple):
     """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own one."""
 
-    x: Floats
-    y: Floats
-    cos: Floats
-    sin: Floats
+    x: FloatArray
+    y: FloatArray
+    cos: FloatArray
+    sin: FloatArray
 
 
 def _sight(a: Motion, b: Motion) -> _Sight:
@@ -104,12 +101,12 @@ def _sight(a: Motion, b: Motion) -> _Sight:
     return _Sight(dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y, cb * ca + sb * sa, sb * ca - cb * sa)
 
 
-def boxes_overlap(a: Motion, b: Motion) -> Flags:
+def boxes_overlap(a: Motion, b: Motion) -> BoolArray:
     """Where two upright boxes overlap or touch, row by row."""
     return _outlines_overlap(a, b) & (vertical_gap(a, b) == 0.0)
 
 
-def _outlines_overlap(a: Motion, b: Motion) -> Flags:
+def _outlines_overlap(a: Motion, b: Motion) -> BoolArray:
     """The same in the plane, by the separating-axis theorem."""
     x, y, c, s = _sight(a, b)
     al, aw, bl, bw = a.box.length / 2, a.box.width / 2, b.box.length / 2, b.box.width / 2
@@ -120,19 +117,19 @@ def _outlines_overlap(a: Motion, b: Motion) -> Flags:
     return np.logical_not(apart)
 
 
-def vertical_gap(a: Motion, b: Motion) -> Floats:
+def vertical_gap(a: Motion, b: Motion) -> FloatArray:
     """Height between the vertical spans of two upright boxes, row by row; 0 where they overlap."""
     middle = np.abs(b.z + b.box.z - a.z - a.box.z)
     return np.maximum(middle - (a.box.height + b.box.height) / 2, 0.0)
 
 
-def box_distance(a: Motion, b: Motion) -> Floats:
+def box_distance(a: Motion, b: Motion) -> FloatArray:
     """Shortest distance of two boxes in the plane, row by row; 0 where they overlap."""
     squares = np.minimum(_corner_squares(_sight(a, b), b.box, a.box), _corner_squares(_sight(b, a), a.box, b.box))
     return np.where(_outlines_overlap(a, b), 0.0, np.sqrt(squares))
 
 
-def _corner_squares(seen: _Sight, other: BoundingBox, box: BoundingBox) -> Floats:
+def _corner_squares(seen: _Sight, other: BoundingBox, box: BoundingBox) -> FloatArray:
     """Squared distance of the nearest corner of a box seen from another's centre to that box."""
     nearest = np.full(seen.x.shape, np.inf)
     for along in (-other.length / 2, other.length / 2):
@@ -163,13 +160,13 @@ def relation(ego: Motion, other: Motion) -> Relation:
     return Relation(rows, distance, view)
 
 
-def _common(a: Floats, b: Floats) -> tuple[Rows, Rows]:
+def _common(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
     """Rows of both with equal time (to the microsecond)."""
     _, mine, theirs = np.intersect1d(np.round(a * 1e6), np.round(b * 1e6), return_indices=True)
     return mine, theirs
 
 
-def _interval_gap(low_a: Floats, high_a: Floats, low_b: Floats, high_b: Floats) -> Floats:
+def _interval_gap(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high_b: FloatArray) -> FloatArray:
     return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)
 
 
@@ -189,7 +186,7 @@ def _in_ego_frame(a: Motion, b: Motion) -> View:
     )
 
 
-def _on_road(ego: Motion, other: Motion, rows: Rows, theirs: Rows) -> View:
+def _on_road(ego: Motion, other: Motion, rows: IntArray, theirs: IntArray) -> View:
     """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the road."""
     side, other_side = _facing(ego)[rows], _facing(other)[theirs]
     a, b = ego.at(rows), other.at(theirs)
@@ -205,12 +202,12 @@ def _on_road(ego: Motion, other: Motion, rows: Rows, theirs: Rows) -> View:
     )
 
 
-def _extent(m: Motion, side: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _extent(m: Motion, side: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     s, t = m.s + side * m.box.x, m.t + side * m.box.y
     return s - m.box.length / 2, s + m.box.length / 2, t - m.box.width / 2, t + m.box.width / 2
 
 
-def _facing(m: Motion) -> Floats:
+def _facing(m: Motion) -> FloatArray:
     """+1 where a participant faces increasing s, −1 else: by its last movement, or its next one while it has not moved yet."""
     change = np.sign(np.diff(m.s, prepend=m.s[:1])) * np.sign(m.speed)
     change[1:][m.road[1:] != m.road[:-1]] = 0.0
@@ -220,7 +217,7 @@ def _facing(m: Motion) -> Floats:
     return change[known[np.maximum(np.searchsorted(known, np.arange(len(change)), side="right") - 1, 0)]]
 
 
-def _drift(m: Motion) -> Floats:
+def _drift(m: Motion) -> FloatArray:
     """dt/dτ: lateral speed towards +t; 0 in the step in which the road changes."""
     drift = np.zeros_like(m.t)
     if len(m.t) > 1:
