@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 from recognition.datasets import Source
@@ -52,7 +51,7 @@ def site_at(
     Raises:
         InvalidFile: the map or the roles are malformed, or don't fit each other.
     """
-    network = network or _loaded(path, path.stat().st_mtime_ns)
+    network = network or load(path)
     return Site(path, network, roles_of(network, propose(network, graph(network), lights), folder or path.parent))
 
 
@@ -75,8 +74,3 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     if recording.network is None:
         require_fit(recording, site.network, (source.map or path).name, source.path)
     return site
-
-
-@lru_cache(maxsize=8)
-def _loaded(path: Path, _version: int) -> RoadNetwork:
-    return load(path)

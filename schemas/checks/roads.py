@@ -11,6 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from schemas.errors import InvalidFile
+from schemas.storage import Stamp, stamp
 from schemas.xml import local_name, parse
 
 
@@ -44,15 +45,11 @@ def read(path: Path) -> Roads:
     Raises:
         InvalidFile: the file cannot be read, or is no OpenDRIVE file.
     """
-    try:
-        status = path.stat()
-    except (OSError, ValueError):
-        raise InvalidFile("no such file", path=path) from None
-    return _read(path, status.st_mtime_ns, status.st_size)
+    return _read(path, stamp(path))
 
 
 @lru_cache(maxsize=64)
-def _read(path: Path, mtime: int, size: int) -> Roads:
+def _read(path: Path, _stamp: Stamp) -> Roads:
     root = parse(path).getroot()
     if local_name(root) != "OpenDRIVE":
         raise InvalidFile(f"the root element is <{local_name(root)}>, not OpenDRIVE", path=path)

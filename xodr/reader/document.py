@@ -12,6 +12,7 @@ from lxml import etree
 
 from schemas.errors import InvalidFile, ToolchainError
 from schemas.remarks import Remark
+from schemas.storage import Stamp, stamp
 from schemas.xml import local_name, parse
 from xodr.model import Header, Junction
 from xodr.network import RoadNetwork
@@ -36,17 +37,11 @@ def load(path: str | PathLike[str], *, strict: bool = False) -> RoadNetwork:
         InvalidFile: missing, malformed, or not OpenDRIVE; names file, line and element.
         Unsupported: valid, but uses something that is not supported.
     """
-    path = Path(path)
-    try:
-        status = path.stat()
-        key = (status.st_mtime_ns, status.st_size)
-    except (OSError, ValueError):
-        key = (0, 0)
-    return _load(path, key, strict)
+    return _load(Path(path), stamp(path), strict)
 
 
 @lru_cache(maxsize=_CACHED_FILES)
-def _load(path: Path, _version: tuple[int, int], strict: bool) -> RoadNetwork:
+def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
     root = parse(path).getroot()
     try:
         _plain_names(root)

@@ -6,13 +6,14 @@ from functools import lru_cache
 from os import PathLike
 from pathlib import Path
 
-from schemas.errors import InvalidFile
+from schemas.storage import Stamp, read_bytes, stamp
 from xodr.reader import load
 from xodr.sumo_net.cache import Entry
 from xodr.sumo_net.convert import convert
 from xodr.sumo_net.net import SignalLink, SumoNet, Track
 
 _REMEMBERED = 64
+_NO_FILE: Stamp = (0, 0)
 
 
 def build(path: str | PathLike[str] | None) -> SumoNet:
@@ -25,19 +26,12 @@ def build(path: str | PathLike[str] | None) -> SumoNet:
         InvalidFile, Unsupported: the OpenDRIVE file cannot be read.
         UsageError: the cache folder cannot be written.
     """
-    if path is None:
-        return _build(None, 0, 0)
-    path = Path(path)
-    try:
-        status = path.stat()
-    except (OSError, ValueError):
-        return _build(path, 0, 0)
-    return _build(path, status.st_mtime_ns, status.st_size)
+    return _build(None, _NO_FILE) if path is None else _build(Path(path), stamp(path))
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _build(path: Path | None, _time: int, _size: int) -> SumoNet:
-    entry = Entry(_content(path))
+def _build(path: Path | None, _stamp: Stamp) -> SumoNet:
+    entry = Entry(read_bytes(path) if path else b"")
     index = entry.read()
     if index is None:
         network, index = convert(load(path) if path else None)
@@ -49,11 +43,3 @@ def _build(path: Path | None, _time: int, _size: int) -> SumoNet:
         {signal: tuple(SignalLink(*link) for link in links) for signal, links in index["signals"].items()},
         index["fallback"],
     )
-
-
-def _content(path: Path | None) -> bytes:
-    try:
-        return path.read_bytes() if path else b""
-    except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise InvalidFile(f"the file cannot be read: {reason}", path=path) from None
