@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -31,41 +31,50 @@ _GRAVEST_FIRST = (5, 3, 4, 2, 1, 0)
 app = new_app()
 
 
+Files = Annotated[
+    list[str],
+    typer.Argument(metavar="PATH...", help="Scenarios, and distributions: every parameter set is run; folders, globs."),
+]
+Only = Annotated[
+    str | None, typer.Option(metavar="NUMBERS", help="Run these parameter sets of variation files only, as 3,7-9, from 0.")
+]
+Sample = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Run N parameter sets of each variation file, drawn by --seed.")
+]
+Repeat = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Run everything N times, with seeds that count up from --seed.")
+]
+Osi = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
+]
+Replay = Annotated[
+    bool,
+    typer.Option("--replay", help="Write an HTML page that plays each run, to --out with a report, else to this folder."),
+]
+Ray = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
+]
+
+
 @app.command(epilog=_EPILOG)
 @with_run_settings()
 def xosc_run(
-    files: Annotated[
-        list[str],
-        typer.Argument(metavar="PATH...", help="Scenarios, and distributions: every parameter set is run; folders, globs."),
-    ],
+    files: Files,
     settings: RunSettings,
     param: Param = None,
-    only: Annotated[
-        str | None, typer.Option(metavar="NUMBERS", help="Run these parameter sets of variation files only, as 3,7-9, from 0.")
-    ] = None,
-    sample: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Run N parameter sets of each variation file, drawn by --seed.")
-    ] = None,
-    repeat: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Run everything N times, with seeds that count up from --seed.")
-    ] = None,
+    only: Only = None,
+    sample: Sample = None,
+    repeat: Repeat = None,
     out: Annotated[Path | None, out_folder("Folder for trajectories, event log and result of each run.")] = None,
-    osi: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
-    ] = None,
+    osi: Osi = None,
     plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
-    replay: Annotated[
-        bool,
-        typer.Option("--replay", help="Write an HTML page that plays each run, to --out with a report, else to this folder."),
-    ] = False,
+    replay: Replay = False,
     gui: Annotated[bool, typer.Option("--gui", help="Play each run in SUMO's own window.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
-    ray: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
-    ] = None,
+    ray: Ray = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Load and compile everything, run nothing.")] = False,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures and errors only.")] = False,
@@ -79,9 +88,6 @@ def xosc_run(
 
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
-    if junit is not None:
-        junit.parent.mkdir(parents=True, exist_ok=True)
-        junit.open("a").close()  # what can't be written is better known before the runs than after them
     selection = Selection(spans(only) if only is not None else (), sample, settings.seed, None if dry_run else repeat)
     source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection)
     table = Table(verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0)
@@ -91,23 +97,34 @@ def xosc_run(
 
         chosen = alone(source, osi)
     also = list(_also(osi, replay, gui, out))
-    if dry_run:
-        outcomes = rehearse_batch(chosen, settings)
-    else:
-        outcomes = run_batch(chosen, settings, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
-    kept: list[Outcome] | None = [] if junit is not None else None
-    try:
+    with _reporting(junit) as kept:
+        if dry_run:
+            outcomes = rehearse_batch(chosen, settings)
+        else:
+            outcomes = run_batch(chosen, settings, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
         code = _follow(outcomes, table, kept)
-    finally:
-        if junit is not None and kept is not None:
-            from runner.outputs.report import write_junit
-
-            write_junit(kept, junit)
     if replay and out is not None and not dry_run:
         from runner.replay.report import write_report
 
         write_report(out)
     raise typer.Exit(code)
+
+
+@contextmanager
+def _reporting(junit: Path | None) -> Iterator[list[Outcome] | None]:
+    """Collects outcomes for a JUnit report, which is written in the end, also when the runs are interrupted."""
+    if junit is None:
+        yield None
+        return
+    from runner.outputs.report import write_junit
+
+    junit.parent.mkdir(parents=True, exist_ok=True)
+    junit.open("a").close()  # what can't be written is better known before the runs than after them
+    outcomes: list[Outcome] = []
+    try:
+        yield outcomes
+    finally:
+        write_junit(outcomes, junit)
 
 
 def _also(osi: Path | None, replay: bool, gui: bool, out: Path | None) -> Iterator[Also]:
