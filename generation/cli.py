@@ -26,7 +26,7 @@ NAME = "xosc-generate"
 _LISTED = 3
 """Files that are named on the screen"""
 _EPILOG = (
-    "Exit codes: 0 edge cases are written, 1 no episode was critical, 2 wrong usage, 3 invalid file, 4 valid file that asks for "
+    "Exit codes: 0 edge cases are written, 1 there is none, 2 wrong usage, 3 invalid file, 4 valid file that asks for "
     "something the runner does not do, 5 internal error."
 )
 
@@ -64,6 +64,9 @@ def xosc_generate(
     ] = None,
     most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases to write.")] = 100,
     apart: Annotated[float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")] = 0.05,
+    violations: Annotated[
+        bool, typer.Option("--violations", help="Write violations of RSS distances as edge cases too, after the failures.")
+    ] = False,
     concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
     rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = "ad-rss",
     timestep: Timestep = RunSettings.timestep,
@@ -72,7 +75,7 @@ def xosc_generate(
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
-    """Search for plausible edge cases of a logical scenario: collisions, and violations of RSS distances.
+    """Search for edge cases of a logical scenario: collisions that traffic may cause and a careful driver prevents.
 
     Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
     parameters as a stochastic variation file, and copies of all that they need to run.
@@ -82,7 +85,7 @@ def xosc_generate(
 
     settings = SearchSettings(
         RunSettings(sut=sut, timestep=timestep), method, budget, seed, density, weight, rss, jobs,
-        parameters_of(pin or [], "--pin"), tuple(free or ()), Choice(most, apart), concrete,
+        parameters_of(pin or [], "--pin"), tuple(free or ()), Choice(most, apart, violations), concrete,
     )  # fmt: skip
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, settings, quiet, source.is_dir()) for each in _searches(source, recorded, kind, out)]
@@ -136,11 +139,11 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         f"  {len(outcomes)} runs: {outcomes.collision.mean():.1%} collisions, "
         f"mean R_risk {outcomes.r_risk.mean():.3f}; prior from {generated.recorded} recorded manoeuvres"
     )
-    collisions = int(cases.outcomes.collision.sum())
-    avoidable, unknown = int(cases.avoidable.sum()), int((cases.outcomes.collision & ~cases.careful.executed).sum())
-    yield f"  {len(cases)} edge cases: {collisions} collisions, {avoidable} of them avoidable by a careful driver"
-    if unknown:
-        yield f"  {unknown} of them not judged, as the careful driver's run failed: {_first_error(cases.careful)}"
+    collision = cases.outcomes.collision
+    yield f"  {len(cases)} edge cases: {int(collision.sum())} foreseeable and preventable collisions"
+    survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())
+    if collision.any():
+        yield f"  of these, reference drivers survive: {survived}"
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield f"  and {len(generated.files) - _LISTED} more files in {generated.files[0].parent}"

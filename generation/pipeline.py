@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from generation.density.base import Density
-from generation.outcomes.cases import CAREFUL, Cases, Choice, choose
+from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluator
 from generation.recorded import Recorded
 from generation.search.memory import Memory
@@ -113,8 +113,7 @@ def generate(
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
         problem = Problem(space, evaluate, reward, real.theta, found)
         history = search(problem, settings.budget, settings.seed)
-    with _evaluator(scenario, space, settings, replace(settings.run, sut=CAREFUL)) as careful:
-        cases = choose(space, history, realism.density, careful, settings.choice, found)
+        cases = choose(space, history, realism.judged, evaluator, settings.choice, found)
     files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
     return Generated(space, len(real.theta), history, cases, files)
 

@@ -52,5 +52,5 @@ class LoopSettings:
         seed = self.seed + 1000 * (number - 1)
         return SearchSettings(
             run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes,
-            choice=Choice(self.most), concrete=True,
+            choice=Choice(self.most, violations=True), concrete=True,
         )  # fmt: skip

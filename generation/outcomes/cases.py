@@ -1,23 +1,27 @@
-"""Edge cases: the critical ones among episodes, the best first, none of them much like another."""
+"""Edge cases: failures that traffic may cause and a careful driver prevents, none of them much like another."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from generation.density.base import Density
 from generation.outcomes.outcomes import Episodes, Outcomes
-from generation.search.diversity import apart, diverse
-from generation.search.problem import Evaluate
+from generation.outcomes.references import CAREFUL, REFERENCES, Drivers, matrix, survivors
+from generation.search.diversity import apart, distinctive, diverse
 from generation.search.space import Space
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 COLLISION, VIOLATION = "collision", "violation of RSS distances"
 AVOIDED, UNKNOWN = "avoids a collision", "unknown: the run failed"
-CAREFUL = "r157-cc"
-"""System under test that says which collisions can be avoided."""
+Judged = Callable[[FloatArray], tuple[FloatArray, BoolArray]]
+"""Log-densities (n,) of points (n, d), and which of them are foreseeable."""
+
+
+_FARTHEST = 1e3
+"""Clearances above this (m) are written as this"""
 
 
 class Choice(NamedTuple):
@@ -25,32 +29,39 @@ class Choice(NamedTuple):
 
     Attributes:
         most: how many.
-        apart: least distance of two in the unit cube, root mean square over the parameters.
+        apart: least distance of two in the unit cube, root mean square over the parameters that tell cases apart.
+        violations: whether episodes that violate RSS distances without a failure are cases too, after the failures.
     """
 
     most: int = 100
     apart: float = 0.05
+    violations: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """Edge cases, one a row, the best first.
+    """Edge cases, one a row: failures first, the likelier first.
 
     Attributes:
         theta: parameters (n, d).
         outcomes, rewards: what came of them.
-        log_likelihood: log-density (n,) of recorded parameters at theta.
-        careful: what came of the careful and competent driver of UN R157 there.
+        log_likelihood: log-density (n,) at theta.
+        drivers: what came of the reference drivers there, by their names (`generation.outcomes.references.REFERENCES`).
     """
 
     theta: FloatArray
     outcomes: Outcomes
     rewards: FloatArray
     log_likelihood: FloatArray
-    careful: Outcomes
+    drivers: Mapping[str, Outcomes]
 
     def __len__(self) -> int:
         return len(self.rewards)
+
+    @property
+    def careful(self) -> Outcomes:
+        """What came of the careful and competent driver of UN R157."""
+        return self.drivers[CAREFUL]
 
     @property
     def avoidable(self) -> BoolArray:
@@ -59,51 +70,76 @@ class Cases:
 
     def tags(self) -> dict[str, list[str] | list[float]]:
         """The values of each case, by the names of their tags."""
+        outcomes = self.outcomes
+        survived = {name: found.survived for name, found in self.drivers.items()}
         return {
-            "Verdict": [COLLISION if collided else VIOLATION for collided in self.outcomes.collision],
+            "Verdict": [COLLISION if collided else VIOLATION for collided in outcomes.collision],
             "CarefulDriver": np.select([self.careful.survived, self.careful.collision], [AVOIDED, COLLISION], UNKNOWN).tolist(),
+            "SurvivedBy": [", ".join(name for name in survived if survived[name][row]) for row in range(len(self))],
             "Reward": _rounded(self.rewards),
             "LogLikelihood": _rounded(self.log_likelihood),
-            "RRisk": _rounded(self.outcomes.r_risk),
+            "RRisk": _rounded(outcomes.r_risk),
+            "Risk": _rounded(outcomes.risk),
+            "ConflictTime": _rounded(outcomes.conflict),
+            "Clearance": _rounded(np.minimum(outcomes.clearance, _FARTHEST)),
+            "MaxDRAC": _rounded(outcomes.max_drac),
+            "ImpactSpeed": _rounded(outcomes.impact_speed),
+            "ImpactSide": outcomes.side.tolist(),
+            "Striking": np.where(outcomes.striking, "ego", np.where(outcomes.side != "", "other", "")).tolist(),
         }
-
-
-def critical(outcomes: Outcomes) -> BoolArray:
-    """Episodes (n,) with a collision or a violation of RSS distances."""
-    return outcomes.executed & (outcomes.collision | (outcomes.r_risk > 0.0))
 
 
 def choose(
     space: Space,
     episodes: Episodes,
-    density: Density,
-    careful: Evaluate,
+    judged: Judged,
+    drivers: Drivers,
     choice: Choice = Choice(),  # noqa: B008 - frozen
     found: FloatArray | None = None,
 ) -> Cases:
-    """The critical episodes with the greatest rewards, of equal ones the likeliest, that are far enough from each other.
+    """The foreseeable and preventable failures that are far enough from each other, the likelier first.
 
     Args:
-        density: of recorded parameters.
-        careful: runs scenarios with the system under test `CAREFUL`.
+        judged: says how likely points are, and which are foreseeable.
+        drivers: runs scenarios with a system under test of a name.
         found: points (m, d) that the cases are to be far enough from as well.
     """
-    log_likelihood = density.log_density(episodes.theta)
-    chosen = best(space, episodes, log_likelihood, choice, found)
-    outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
+    log_likelihood, foreseeable = judged(episodes.theta)
+    executed, collision = episodes.outcomes.executed, episodes.outcomes.collision
+    order = np.argsort(-log_likelihood, kind="stable")
+    taken = _Taken(space, choice, found)
+    taken.add(episodes.theta, order[(executed & collision & foreseeable)[order]], lambda rows: survivors(rows, drivers))
+    if choice.violations:
+        touched = executed & ~collision & foreseeable & (episodes.outcomes.risk > 0.0)
+        taken.add(episodes.theta, order[touched[order]], lambda rows: np.ones(len(rows), bool))
+    chosen = np.array(taken.rows, np.int64)
     theta = episodes.theta[chosen]
-    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], careful(theta))
+    references = matrix(theta, drivers) if len(chosen) else {name: Outcomes.of(0) for name in REFERENCES}
+    return Cases(theta, episodes.outcomes.take(chosen), episodes.rewards[chosen], log_likelihood[chosen], references)
 
 
-def best(
-    space: Space, episodes: Episodes, log_likelihood: FloatArray, choice: Choice, found: FloatArray | None = None
-) -> IntArray:
-    """Indices of the episodes that `choose` chooses, given their log-densities (n,)."""
-    order = np.lexsort((-log_likelihood, -episodes.rewards))
-    order = order[critical(episodes.outcomes)[order]]
-    if found is not None:
-        order = order[apart(space.unit(episodes.theta[order]), space.unit(found), choice.apart)]
-    return order[diverse(space.unit(episodes.theta[order]), choice.apart, choice.most)]
+class _Taken:
+    """The rows that are cases so far."""
+
+    def __init__(self, space: Space, choice: Choice, found: FloatArray | None) -> None:
+        self.rows: list[int] = []
+        self._space, self._choice, self._told = space, choice, distinctive(space)
+        self._found = np.empty((0, len(space.parameters))) if found is None else found
+
+    def add(self, theta: FloatArray, order: IntArray, counts: Callable[[FloatArray], BoolArray]) -> None:
+        """Take rows in an order, those that count and are apart; no row is looked at that is near to one taken.
+
+        Args:
+            theta: all points (n, d). order: of the rows that may be taken.
+            counts: which of some points (k, d) count; to be asked of as few as possible.
+        """
+        unit, found = (self._space.unit(rows)[:, self._told] for rows in (theta, self._found))
+        order = order[apart(unit[order], np.concatenate([unit[self.rows], found]), self._choice.apart)]
+        while order.size and len(self.rows) < self._choice.most:
+            some = order[diverse(unit[order], self._choice.apart, self._choice.most - len(self.rows))]
+            self.rows += some[counts(theta[some])].tolist()
+            order = order[~np.isin(order, some)]
+            order = order[apart(unit[order], unit[self.rows], self._choice.apart)]
 
 
 def _rounded(values: FloatArray) -> list[float]:

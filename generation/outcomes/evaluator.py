@@ -7,15 +7,13 @@ road, SUMO's network) each of them reads once.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
-
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes.outcomes import NOTHING, RISK_WINDOW, Outcomes
 from runner.batch.jobs import Job, Outcome, failure
 from runner.batch.pool import Pool
 from runner.measures.rss import parameter_set
@@ -24,7 +22,22 @@ from xodr.array_types import FloatArray
 
 if TYPE_CHECKING:
     from generation.search.space import Space
-    from runner.measures.criticality import Criticality
+    from runner.interpreter.result import RunResult
+
+
+Evaluate = Callable[[FloatArray], Outcomes]
+"""Outcomes of the points (n, d), in their order; `Evaluator` is one."""
+
+
+@dataclass(frozen=True)
+class Episode(Job):
+    """A run.
+
+    Args:
+        sut: name of the system under test that drives the ego; None for that of the settings.
+    """
+
+    sut: str | None = None
 
 
 @dataclass(eq=False)
@@ -64,16 +77,8 @@ class Simulator:
         """The outcomes of jobs, in their order."""
         found = list(self._pool.execute(iter(jobs)))
         self.calls += len(found)
-        collision = np.array([one.state == "failed" for one in found], bool)
-        times = np.array([one.measures.get("min_ttc", math.inf) for one in found], float)
-        return Outcomes(
-            collision=collision,
-            r_risk=np.array([one.measures.get("r_risk", 0.0) for one in found], float),
-            min_ttc=np.where(collision, 0.0, times),  # a side touched is no lead's rear
-            end_time=np.array([one.end_time or 0.0 for one in found], float),
-            status=np.array([one.status or "error" for one in found], str),
-            error=np.array([one.message if one.state == "error" else "" for one in found], str),
-        )
+        rows = [_row(one) for one in found]
+        return Outcomes.of(len(rows), **{name: [row[name] for row in rows] for name in NOTHING})
 
 
 @dataclass(eq=False)
@@ -88,27 +93,60 @@ class Evaluator(Simulator):
     scenario: Path
     space: Space
 
-    def __call__(self, theta: FloatArray) -> Outcomes:
-        """The outcomes at points (n, d), in their order."""
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d), in their order.
+
+        Args:
+            sut: name of the system under test, where another one than that of the settings is to drive.
+        """
         values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
-        return self.of(Job(str(number), self.scenario, self.scenario, each) for number, each in enumerate(values))
+        return self.of(Episode(str(number), self.scenario, self.scenario, each, sut=sut) for number, each in enumerate(values))
+
+    def driven_by(self, sut: str) -> Evaluate:
+        """The same scenario and processes, driven by another system under test."""
+        return partial(self, sut=sut)
 
 
-def _measures(criticality: Criticality, rss: str) -> dict[str, Any]:
-    ttc = criticality.ttc.value[criticality.ttc.valid]
-    return {"r_risk": criticality.risk(rss) or 0.0, "min_ttc": float(ttc.min(initial=math.inf))}
+def measures(result: RunResult, rss: str) -> dict[str, Any]:
+    """The columns of `Outcomes` that a run says something about.
+
+    Args:
+        rss: name of the RSS parameter set.
+    """
+    collision, seen = not result.verdict.passed, result.criticality
+    if seen is None or seen.conflict is None:
+        return {"collision": collision}
+    found = {
+        "collision": collision,
+        "r_risk": seen.risk(rss) or 0.0,
+        "min_ttc": 0.0 if collision else float(seen.ttc.value[seen.ttc.valid].min(initial=math.inf)),  # a side is no lead's rear
+        "risk": seen.risk_before(rss, seen.conflict, RISK_WINDOW),
+        "max_drac": float(seen.drac.value[seen.drac.valid].max(initial=0.0)),
+        "clearance": float(seen.distance.value[seen.distance.valid].min()),
+        "conflict": seen.conflict,
+    }
+    impact = seen.impact
+    return found if impact is None else found | {"impact_speed": impact.speed, "side": impact.side, "striking": impact.striking}
+
+
+def _row(found: Outcome) -> dict[str, Any]:
+    """The columns of `Outcomes` for one run."""
+    error = found.message if found.state == "error" else ""
+    ended = {"end_time": found.end_time or 0.0, "status": found.status or "error", "error": error}
+    return {**NOTHING, **found.measures, **ended}
 
 
 def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
     from runner.interpreter.execution import run
 
     try:
-        result = run(job.scenario, settings, parameters=job.parameters)
-        measures = _measures(result.criticality, rss) if result.criticality is not None else {}
+        chosen = replace(settings, sut=job.sut) if isinstance(job, Episode) and job.sut is not None else settings
+        result = run(job.scenario, chosen, parameters=job.parameters)
+        found = measures(result, rss)
     except Exception as error:  # whatever it is, the search goes on
         return failure(job, error)
     state = "passed" if result.verdict.passed else "failed"
-    return Outcome(job, state, 0, status=result.status, end_time=result.end_time, measures=measures)
+    return Outcome(job, state, 0, status=result.status, end_time=result.end_time, measures=found)
 
 
 def _lost(job: Job) -> Outcome:

@@ -7,18 +7,13 @@ to be stored: it starts anew, is answered from memory up to where it was, and go
 from __future__ import annotations
 
 import json
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from generation.outcomes.outcomes import Outcomes
-from generation.search.problem import Evaluate
+from generation.outcomes.evaluator import Evaluate
+from generation.outcomes.outcomes import NOTHING, Outcomes
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray
-
-_KINDS = {"collision": bool, "status": str, "error": str}
 
 
 class Memory:
@@ -52,16 +47,11 @@ class Memory:
         if len(known) < len(theta):
             known = known + self._ask(theta[len(known) :])
         self._asked += len(theta)
-        return Outcomes(
-            **{
-                each.name: np.array([entry[each.name] for entry in known], _KINDS.get(each.name, float))
-                for each in fields(Outcomes)
-            }
-        )
+        return Outcomes.of(len(known), **{name: [entry[name] for entry in known] for name in NOTHING})
 
     def _ask(self, theta: FloatArray) -> list[dict[str, Any]]:
         outcomes = self._evaluate(theta)
-        columns = {each.name: getattr(outcomes, each.name).tolist() for each in fields(Outcomes)}
+        columns = {name: getattr(outcomes, name).tolist() for name in NOTHING}
         fresh = [
             {"theta": row, **{name: values[number] for name, values in columns.items()}}
             for number, row in enumerate(theta.tolist())
@@ -79,7 +69,7 @@ def _read(path: Path) -> list[dict[str, Any]]:
     complete = content[: content.rfind(b"\n") + 1]
     if len(complete) < len(content):
         path.write_bytes(complete)
-    expected = {"theta", *(each.name for each in fields(Outcomes))}
+    expected = {"theta", *NOTHING}
     entries = []
     for number, line in enumerate(complete.splitlines(), 1):
         try:

@@ -9,6 +9,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from generation.outcomes.evaluator import Evaluate
 from generation.outcomes.outcomes import Episodes, Outcomes, joined
 from generation.search.reward import Reward
 from generation.search.space import Space
@@ -17,8 +18,6 @@ from xodr.array_types import FloatArray
 
 BATCH = 50
 """Points asked for at a time, wherever a method has no number of its own."""
-Evaluate = Callable[[FloatArray], Outcomes]
-"""Outcomes of the points (n, d), in their order; `generation.outcomes.evaluator.Evaluator` is one."""
 
 
 class History(Episodes):

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import CAREFUL
 from generation.outcomes.evaluator import Simulator
 from generation.outcomes.outcomes import Outcomes
+from generation.outcomes.references import CAREFUL
 from runner.batch.jobs import Job, Outcome
 from runner.settings import RunSettings
 from xodr.array_types import BoolArray

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.measures import rss
+from runner.measures.impact import Impact, first_impact
 from runner.measures.relations import Motion, View, boxes_overlap, relation
 from runner.participants.boxes import reach
 from xodr.array_types import BoolArray, FloatArray, IntArray
@@ -36,6 +37,8 @@ _BLOCK = 1024
 """Footprints of the ego that are compared with those of another one at once"""
 _STILL = 1e-3
 """Speeds below this (m/s) count as standing, slower closing as not closing"""
+_INSTANT = 1e-6
+"""Instants nearer to each other than this (s) are one"""
 
 
 class Measure(NamedTuple):
@@ -191,6 +194,30 @@ class Criticality:
         ego, others = self._motions
         found = [pet for other in others if (pet := post_encroachment_time(ego, other)) is not None]
         return min(found, default=None)
+
+    @cached_property
+    def impact(self) -> Impact | None:
+        """The first contact with anyone; None without one."""
+        return first_impact(*self._motions)
+
+    @property
+    def conflict(self) -> float | None:
+        """When it was nearest (s): the time of the first contact, else of the shortest distance; None where nobody was there."""
+        if self.impact is not None:
+            return self.impact.time
+        nearest = _extreme(self.distance, self.nearest, self.time, np.argmin)
+        return nearest.time if nearest is not None else None
+
+    def risk_before(self, parameters: str, until: float, window: float) -> float:
+        """Share of a time window (s) that ends at an instant (s) in which RSS is violated, by parameter set.
+
+        The window is as long for every run: time before the run's beginning counts as safe.
+        """
+        if len(self.time) < 2:
+            return 0.0
+        inside = (self.time > until - window + _INSTANT) & (self.time <= until + _INSTANT)
+        step = float(np.diff(self.time).min())
+        return min(float((self.violation[parameters] & inside).sum()) * step / window, 1.0)
 
     def table(self) -> dict[str, Any]:
         """One column for each measure over time; `<measure>_valid` says where it is defined."""

@@ -50,13 +50,12 @@ class Kinematic:
             braking = danger & (between < SENSOR) & (ahead > 0)
             ego = np.where(braking, np.maximum(ego - BRAKE * STEP, 0.0), ego)
             ahead = ahead + (speed - ego) * STEP
-        return Outcomes(
+        return Outcomes.of(
+            n,
             collision=collision,
             r_risk=risky / np.maximum(steps, 1.0),
             min_ttc=np.where(collision, 0.0, least),
             end_time=steps * STEP,
-            status=np.full(n, "completed"),
-            error=np.full(n, ""),
         )
 
 

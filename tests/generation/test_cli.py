@@ -25,7 +25,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
 def test_a_scenario_becomes_edge_cases(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pinned = ("--pin", "Ego_Speed_mps=36", "--most", 3, "--concrete")
+    pinned = ("--pin", "Ego_Speed_mps=36", "--most", 3, "--violations", "--concrete")
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *QUICK, *pinned) == 0
     told = capsys.readouterr().out
     assert "kde against cas, seed 0, with Ego_Speed_mps=36" in told
@@ -38,7 +38,7 @@ def test_a_scenario_becomes_edge_cases(
 
 def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a", "b"):
-        assert call(monkeypatch, CUT_IN, "--out", tmp_path / name, *QUICK, "-q") == 0
+        assert call(monkeypatch, CUT_IN, "--out", tmp_path / name, *QUICK, "--violations", "-q") == 0
     one, other = (
         {path.relative_to(tmp_path / name): path.read_bytes() for path in sorted((tmp_path / name).rglob("*")) if path.is_file()}
         for name in ("a", "b")

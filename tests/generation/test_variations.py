@@ -14,12 +14,11 @@ import schemas
 import xosc
 from generation.density.models.gaussian import Gaussian
 from generation.logical.library import SCENARIOS
-from generation.outcomes.cases import CAREFUL, Cases, Choice, choose
+from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluator
 from generation.outcomes.outcomes import Episodes
 from generation.search.space import Space
 from generation.variations import Evidence, Writer
-from runner.settings import RunSettings
 from schemas.errors import UsageError
 from xosc.tags import read
 
@@ -36,13 +35,11 @@ def density() -> Gaussian:
 @pytest.fixture(scope="module")
 def cases(density: Gaussian) -> Cases:
     theta = SPACE.draw(40, np.random.default_rng(3))
-    with (
-        Evaluator(CUT_IN, SPACE, processes=1) as evaluate,
-        Evaluator(CUT_IN, SPACE, run=RunSettings(sut=CAREFUL), processes=1) as careful,
-    ):
+    with Evaluator(CUT_IN, SPACE, processes=1) as evaluate:
         outcomes = evaluate(theta)
         episodes = Episodes(theta, outcomes, outcomes.r_risk + outcomes.collision)
-        return choose(SPACE, episodes, density, careful, Choice(6, 0.1))
+        likelihood = density.log_density(theta)
+        return choose(SPACE, episodes, lambda _: (likelihood, np.ones(40, bool)), evaluate, Choice(6, 0.1, violations=True))
 
 
 @pytest.fixture(scope="module")

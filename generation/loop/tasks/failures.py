@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import Choice, critical
+from generation.outcomes.cases import Choice
 from generation.outcomes.outcomes import Episodes
 from generation.search.diversity import apart, diverse
 from generation.search.space import Space
@@ -41,6 +41,6 @@ def failures(space: Space, episodes: Episodes, before: FloatArray | None = None)
     distinct = collided[diverse(space.unit(episodes.theta[collided]), _ALIKE)]
     unit = space.unit(episodes.theta[distinct])
     new = len(distinct) if before is None else int(apart(unit, space.unit(before), _ALIKE).sum())
-    order = order[critical(episodes.outcomes)[order]]
+    order = order[episodes.outcomes.critical[order]]
     chosen = order[diverse(space.unit(episodes.theta[order]), _ALIKE)]
     return Failures(episodes.theta[chosen], len(distinct), new)

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.outcomes.cases import Choice, best
+from generation.outcomes.cases import Choice
 from generation.outcomes.outcomes import Episodes, joined
 from generation.recorded import kind_of, of_recordings, of_samples
+from generation.search.diversity import distinctive, diverse
 from generation.study.comparison.study import Study, StudySettings
 from generation.study.methods import TRAJECTORIES
 from runner.batch.jobs import Job
@@ -43,7 +44,7 @@ def opened(folder: Path, library: Path, recorded: Path | None = None) -> Study:
 
 
 def edge_cases(study: Study, method: str, choice: Choice) -> list[Job]:
-    """The best episodes of all searches of one method, chosen as `xosc-generate` chooses what it writes.
+    """The foreseeable collisions of all searches of one method that are apart from each other, the likelier first.
 
     Raises:
         UsageError: the method's searches are not there, or are of trajectories.
@@ -53,8 +54,11 @@ def edge_cases(study: Study, method: str, choice: Choice) -> list[Job]:
         raise UsageError(f"there are no manoeuvres that {method} searched", path=study.out)
     thetas, outcomes, rewards = zip(*searches, strict=True)
     episodes = Episodes(np.concatenate(thetas), joined(outcomes), np.concatenate(rewards))
-    likelihood = study.problem.reward.realism.density.log_density(episodes.theta)
-    chosen = best(study.space, episodes, likelihood, choice)
+    likelihood, foreseeable = study.problem.reward.realism.judged(episodes.theta)
+    order = np.argsort(-likelihood, kind="stable")
+    order = order[(episodes.outcomes.collision & foreseeable)[order]]
+    told = distinctive(study.space)
+    chosen = order[diverse(study.space.unit(episodes.theta[order])[:, told], choice.apart, choice.most)]
     return [
         Job(f"{method}~{number:06d}", study.scenario, study.scenario, {**study.space.pinned, **study.space.values(row)})
         for number, row in enumerate(episodes.theta[chosen])

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from generation.outcomes.cases import Choice
-from generation.outcomes.outcomes import Episodes, Outcomes
+from generation.outcomes.evaluator import Evaluate
+from generation.outcomes.outcomes import Episodes
 from generation.search.diversity import diverse
-from generation.search.problem import Evaluate, History, Problem
+from generation.search.problem import History, Problem
 from xodr.array_types import BoolArray, FloatArray
 
 JUDGED = 100
@@ -51,8 +52,7 @@ def last_third(history: History) -> Episodes:
 
 def taken(episodes: Episodes, chosen: BoolArray) -> Episodes:
     """Some episodes, by a mask (n,)."""
-    outcomes = Outcomes(**{name: values[chosen] for name, values in vars(episodes.outcomes).items()})
-    return Episodes(episodes.theta[chosen], outcomes, episodes.rewards[chosen])
+    return Episodes(episodes.theta[chosen], episodes.outcomes.take(chosen), episodes.rewards[chosen])
 
 
 def measure(episodes: Episodes, problem: Problem) -> Measures:

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import CAREFUL
-from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.evaluator import Evaluate, Evaluator
+from generation.outcomes.references import CAREFUL
 from generation.recorded import Recorded
 from generation.search.memory import Memory
 from generation.search.method import method
-from generation.search.problem import Evaluate, History, Problem, counted
+from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
 from generation.search.space import Space
 from generation.study.comparison.measures import avoided

@@ -32,7 +32,7 @@ from xodr.array_types import FloatArray
 
 def outcomes(collision: list[bool], r_risk: list[float]) -> Outcomes:
     n = len(collision)
-    return Outcomes(np.array(collision), np.array(r_risk), np.ones(n), np.ones(n), np.full(n, "completed"), np.full(n, ""))
+    return Outcomes.of(n, collision=collision, r_risk=r_risk)
 
 
 def test_a_collision_counts_on_top_of_risk() -> None:

@@ -8,72 +8,85 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.density.base import Density
-from generation.outcomes.cases import Choice, choose
+from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.outcomes import Episodes, Outcomes
+from generation.outcomes.references import JUDGES, REFERENCES, survivors
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
+from xodr.array_types import FloatArray
 
-SPACE = Space((Parameter("A", 0.0, 10.0), Parameter("B", 0.0, 10.0)))
-
-
-class First(Density):
-    """Says that what has a large first parameter is likely."""
-
-    def _learn(self, theta: Any, groups: Any) -> None:
-        raise NotImplementedError
-
-    def log_density(self, theta: Any) -> Any:
-        return theta[:, 0]
-
-    def sample(self, n: int, generator: Any) -> Any:
-        raise NotImplementedError
+SPACE = Space((Parameter("Other_A", 0.0, 10.0), Parameter("Other_B", 0.0, 10.0), Parameter("Other_StartTime_s", 0.0, 10.0)))
 
 
-def outcomes(collision: list[bool], risk: list[float], status: str = "completed") -> Outcomes:
+def outcomes(collision: list[bool], status: str = "completed", risk: float = 0.0) -> Outcomes:
     n = len(collision)
-    return Outcomes(np.array(collision, bool), np.array(risk, float), np.ones(n), np.ones(n), np.full(n, status), np.full(n, ""))
+    return Outcomes.of(n, collision=collision, r_risk=[risk] * n, risk=[risk] * n, status=[status] * n)
 
 
-def careful(theta: Any) -> Outcomes:
-    """Collides where B is above 5."""
-    return outcomes((theta[:, 1] > 5.0).tolist(), [0.0] * len(theta))
+def judged(theta: FloatArray) -> Any:
+    """Says that what has a large A is likely, and that none below 1 is foreseeable."""
+    return theta[:, 0], theta[:, 0] >= 1.0
 
 
-def test_only_critical_episodes_are_cases_the_best_first_the_likelier_first() -> None:
-    theta = np.array([[1.0, 1.0], [2.0, 9.0], [9.0, 5.0], [5.0, 5.0]])
-    found = outcomes([False, True, True, False], [0.5, 0.9, 1.0, 0.0])
-    cases = choose(SPACE, Episodes(theta, found, np.array([0.0, 0.25, 0.25, 0.3])), First(), careful)
-    np.testing.assert_array_equal(cases.theta, theta[[2, 1, 0]])
-    told = cases.tags()
-    assert told["Verdict"] == ["collision", "collision", "violation of RSS distances"]
-    assert told["CarefulDriver"] == ["avoids a collision", "collision", "avoids a collision"]
-    assert told["LogLikelihood"] == [9.0, 2.0, 1.0]
+def drivers(theta: FloatArray, sut: str) -> Outcomes:
+    """`r157-cc` collides where B is above 5, `fsm` above 8, all others everywhere."""
+    limits = {"r157-cc": 5.0, "fsm": 8.0}
+    return outcomes((theta[:, 1] > limits.get(sut, -1.0)).tolist())
 
 
-def test_failed_episodes_are_no_cases() -> None:
-    found = outcomes([True, True], [1.0, 1.0], status="error")
-    assert len(choose(SPACE, Episodes(np.ones((2, 2)), found, np.ones(2)), First(), careful)) == 0
+def chosen(rows: list[list[float]], found: Outcomes, choice: Choice = Choice()) -> Cases:  # noqa: B008 - frozen
+    theta = np.array(rows)
+    return choose(SPACE, Episodes(theta, found, np.zeros(len(theta))), judged, drivers, choice)
 
 
-def test_what_the_careful_driver_avoids_is_unknown_where_its_run_failed() -> None:
-    theta = np.array([[3.0, 1.0], [6.0, 9.0], [9.0, 1.0]])
-    hit = Episodes(theta, outcomes([True] * 3, [1.0] * 3), np.array([3.0, 2.0, 1.0]))
-    judged = careful(theta)
-    judged.status[0] = "error"
-    cases = choose(SPACE, hit, First(), lambda theta: judged)
-    assert cases.avoidable.tolist() == [False, False, True]
-    assert cases.tags()["CarefulDriver"] == ["unknown: the run failed", "collision", "avoids a collision"]
+def test_cases_are_foreseeable_and_preventable_failures_the_likelier_first() -> None:
+    rows = [[3.0, 1.0, 0.0], [9.0, 7.0, 0.0], [6.0, 9.0, 0.0], [0.5, 1.0, 0.0], [8.0, 2.0, 0.0]]
+    cases = chosen(rows, outcomes([True, True, True, True, False]))
+    np.testing.assert_array_equal(cases.theta, np.array(rows)[[1, 0]])  # the third is not preventable, the fourth not foreseeable
+    tags = cases.tags()
+    assert tags["CarefulDriver"] == ["collision", "avoids a collision"]
+    assert tags["SurvivedBy"] == ["fsm", "r157-cc, fsm"]
+    assert set(cases.drivers) == set(REFERENCES)
 
 
-@given(st.lists(st.tuples(st.floats(0, 10), st.floats(0, 10), st.floats(-1, 1)), min_size=1, max_size=30), st.integers(1, 9))
-def test_cases_are_apart_and_no_more_than_asked_for(rows: list[tuple[float, float, float]], most: int) -> None:
-    table = np.array(rows)
-    n = len(table)
-    episodes = Episodes(table[:, :2], outcomes([True] * n, [0.0] * n), table[:, 2])
-    cases = choose(SPACE, episodes, First(), careful, Choice(most, 0.2))
+def test_violations_of_distances_are_cases_on_request_only() -> None:
+    rows, found = [[3.0, 1.0, 0.0], [9.0, 9.0, 0.0]], outcomes([True, False], risk=0.5)
+    assert chosen(rows, found).tags()["Verdict"] == ["collision"]
+    assert chosen(rows, found, Choice(violations=True)).tags()["Verdict"] == ["collision", "violation of RSS distances"]
+
+
+def test_cases_that_differ_in_nothing_but_the_scene_are_one() -> None:
+    assert len(chosen([[3.0, 1.0, 0.0], [3.0, 1.0, 10.0]], outcomes([True, True]))) == 1
+
+
+def test_a_case_that_is_not_preventable_hides_no_neighbour() -> None:
+    cases = chosen([[9.0, 8.05, 0.0], [8.9, 7.95, 0.0]], outcomes([True, True]))
+    np.testing.assert_array_equal(cases.theta, [[8.9, 7.95, 0.0]])
+
+
+def test_failed_episodes_are_no_cases_and_failed_judges_prevent_nothing() -> None:
+    assert len(chosen([[9.0, 1.0, 0.0]] * 2, outcomes([True, True], status="error"))) == 0
+    theta = np.array([[9.0, 1.0, 0.0]])
+    assert not survivors(theta, lambda rows, sut: outcomes([False], status="error")).any()
+
+
+def test_the_second_judge_is_asked_only_where_the_first_one_fails() -> None:
+    asked: list[tuple[str, int]] = []
+
+    def asking(theta: FloatArray, sut: str) -> Outcomes:
+        asked.append((sut, len(theta)))
+        return drivers(theta, sut)
+
+    theta = np.array([[9.0, 1.0, 0.0], [9.0, 7.0, 0.0], [9.0, 9.0, 0.0]])
+    assert survivors(theta, asking).tolist() == [True, True, False]
+    assert asked == [(JUDGES[0], 3), (JUDGES[1], 2)]
+
+
+@given(st.lists(st.tuples(st.floats(1, 10), st.floats(0, 8)), min_size=1, max_size=30), st.integers(1, 9))
+def test_cases_are_apart_and_no_more_than_asked_for(rows: list[tuple[float, float]], most: int) -> None:
+    cases = chosen([[*row, 0.0] for row in rows], outcomes([True] * len(rows)), Choice(most, 0.2))
     assert 1 <= len(cases) <= most
-    assert (np.diff(cases.rewards) <= 0).all()
-    unit = SPACE.unit(cases.theta)
+    assert (np.diff(cases.log_likelihood) <= 0).all()
+    unit = SPACE.unit(cases.theta)[:, :2]
     distance = np.sqrt(np.square(unit[:, None] - unit[None]).mean(axis=2))
     assert (distance[~np.eye(len(cases), dtype=bool)] >= 0.2).all()
