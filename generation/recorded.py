@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import xosc
-from generation.logical.maneuvers import EGO, MANEUVERS
+from generation.density.recorded_prior import Box, RecordedPrior
+from generation.density.roles import ROLES, Role, roles_of
+from generation.logical.maneuvers import MANEUVERS
 from generation.search.space import Space
-from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import KINDS, OWN, Samples, extract
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray
 from xosc.node import Node
 from xosc.tags import PREFIX
 
-_ROLES = tuple(PARAMETERS.values())
 _RECORDING = f"{PREFIX}Recording"
 
 
@@ -32,17 +33,36 @@ class Recorded(NamedTuple):
         recordings: the recording (n,) that each row is from.
         errors: root mean squares (n, 2), m, across and along the lane, of the motion that all seven parameters of the unit stand
             for; None where that is not known.
+        values: recorded values (n,) by parameter, of pinned ones too.
+        roles: of these parameters.
     """
 
     theta: FloatArray
     recordings: NDArray[np.str_]
     errors: FloatArray | None = None
+    values: Mapping[str, FloatArray] = MappingProxyType({})
+    roles: Mapping[str, Role] = MappingProxyType({})
+
+    def prior(self, space: Space, density: str) -> RecordedPrior:
+        """What they say of a space.
+
+        Args:
+            density: name of the model (`generation.density.model`).
+
+        Raises:
+            UsageError: there is no such density, or it can't be made of them.
+        """
+        box = Box(
+            space.names, space.low, space.high, {name: float(space.pinned[name]) for name in self.values if name in space.pinned}
+        )
+        return RecordedPrior(box, self.values, self.recordings, self.roles, density)
 
     def within(self, space: Space) -> Recorded:
         """Those inside the box."""
         inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
         errors = None if self.errors is None else self.errors[inside]
-        return Recorded(self.theta[inside], self.recordings[inside], errors)
+        values = {name: each[inside] for name, each in self.values.items()}
+        return Recorded(self.theta[inside], self.recordings[inside], errors, values, self.roles)
 
 
 class Scenario(NamedTuple):
@@ -62,7 +82,8 @@ class Scenario(NamedTuple):
         if unknown:
             raise UsageError(f"the catalogue has no values of the parameter {unknown[0]}: pin it")
         columns = [self.names.index(name) for name in space.names]
-        return Recorded(self.recorded.theta[:, columns], self.recorded.recordings)
+        values = dict(zip(self.names, self.recorded.theta.T, strict=True))
+        return Recorded(self.recorded.theta[:, columns], self.recorded.recordings, None, values, roles_of(self.names))
 
 
 def of_recordings(path: Path | None, kind: str) -> Samples:
@@ -105,20 +126,14 @@ def of_samples(samples: Samples, space: Space) -> Recorded:
     Raises:
         UsageError: recordings have no values of one of the parameters.
     """
-    columns = {
-        f"{actor}_{each.name}": column for actor in _actors(space) for each, column in zip(_ROLES, samples.theta.T, strict=True)
-    }
-    columns[f"{'Lead' if EGO in _actors(space) else EGO}_Speed_mps"] = samples.ego_speeds
-    unknown = [name for name in space.names if name not in columns]
+    roles = roles_of([*space.names, *space.pinned])
+    table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds], strict=True))
+    values = {name: each.factor * table[each.role] for name, each in roles.items()}
+    unknown = [name for name in space.names if name not in values]
     if unknown:
         raise UsageError(f"recordings have no values of the parameter {unknown[0]}: pin it")
-    return Recorded(np.stack([columns[name] for name in space.names], axis=1), samples.recordings, samples.errors)
-
-
-def _actors(space: Space) -> set[str]:
-    """Participants of which the space has one of the seven."""
-    names = {each.name for each in _ROLES}
-    return {participant for participant, _, short in (name.partition("_") for name in space.names) if short in names}
+    theta = np.stack([values[name] for name in space.names], axis=1)
+    return Recorded(theta, samples.recordings, samples.errors, values, roles)
 
 
 def of_catalogue(path: Path) -> Iterator[Scenario]:

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from generation.density.components import Components
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 
@@ -51,6 +52,11 @@ class Density(ABC):
     @abstractmethod
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
+
+    @property
+    def gaussians(self) -> Components | None:
+        """The sum of Gaussians that it is after `fit`, which can be conditioned; None where it is none."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,10 @@ class Whitening:
 
         whitened: FloatArray = solve_triangular(self.factor, (theta - self.mean).T, lower=True).T
         return whitened
+
+    def gaussians(self, log_weights: FloatArray, means: FloatArray, covariances: FloatArray) -> Components:
+        """Components (k,), (k, d), (k or 1, d, d) of z as those of θ."""
+        return Components(log_weights, self.back(means), self.factor @ covariances @ self.factor.T)
 
     def back(self, white: FloatArray) -> FloatArray:
         """θ (n, d) of z (n, d)."""

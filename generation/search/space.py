@@ -14,6 +14,7 @@ from os import PathLike
 import numpy as np
 
 import xosc
+from generation.density.roles import roles_of
 from recognition.maneuvers.parameters import PARAMETERS, Parameter
 from schemas.errors import UsageError, nearest
 from xodr.array_types import FloatArray
@@ -85,8 +86,9 @@ class Space:
     ) -> Space:
         """The space of a logical scenario: its double parameters that have a lower and an upper limit.
 
-        Of those, the ones of the actors are searched, participants that have one of the seven; where no participant has one, all
-        but the ego's. A parameter is a participant's where its name begins with the participant's.
+        Of those, the ones of the actors are searched, participants that have one of the seven, and the speed of the ego, or where
+        that acts, of its leader. Where no participant has one of the seven, all but the ego's are. A parameter is a
+        participant's where its name begins with the participant's.
 
         Args:
             scenario: the file.
@@ -130,12 +132,11 @@ def _declarations(root: Node) -> list[Node]:
 
 
 def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
-    """Names of the actors' parameters, or of all but the ego's where there is no actor."""
-    seven = {each.name for each in PARAMETERS.values()}
-    actors = tuple(f"{prefix}_" for prefix, _, rest in (name.partition("_") for name in bounded) if rest in seven)
-    if actors:
-        return {name for name in bounded if name.startswith(actors)}
-    return {name for name in bounded if not name.startswith(f"{ego}_")}
+    """Names of the actors' parameters and of what recordings tell besides; where there is no actor, of all but the ego's."""
+    roles = roles_of(bounded, ego=ego)
+    actors = tuple(f"{role.actor}_" for role in roles.values() if role.actor)
+    found = {name for name in bounded if name in roles or name.startswith(actors)}
+    return found or {name for name in bounded if not name.startswith(f"{ego}_")}
 
 
 def _bounded(declaration: Node, scope: Scope) -> bool:

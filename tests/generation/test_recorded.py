@@ -26,7 +26,7 @@ def samples(n: int = 4) -> Samples:
 
 
 def test_columns_go_by_name_and_the_egos_speed_is_that_of_the_other() -> None:
-    space = Space.of(CUT_IN, pinned={"CutIn_StartTime_s": "1"}, free=["Ego_Speed_mps"])
+    space = Space.of(CUT_IN, pinned={"CutIn_StartTime_s": "1"})
     found = of_samples(samples(), space)
     np.testing.assert_array_equal(found.theta[0], [0.0, 1.0, 3.0, 4.0, 5.0, 6.0, 33.0])
     assert len(found.recordings) == 4
@@ -46,7 +46,7 @@ def test_what_recordings_do_not_tell_is_refused(name: str, pinned: dict[str, str
 
 
 def test_where_the_ego_acts_the_other_is_the_leader() -> None:
-    space = Space.of(SCENARIOS / "lane_change_left_highway.xosc", free=["Lead_Speed_mps"])
+    space = Space.of(SCENARIOS / "lane_change_left_highway.xosc")
     assert of_samples(samples(), space).theta[0].tolist() == [*range(7), 33.0]
 
 
@@ -69,9 +69,10 @@ def test_a_catalogue_gives_its_middle_scenario_and_what_all_declare(tmp_path: Pa
     assert found.path.name == "2.xosc"
     space = Space.of(found.path, pinned={"CutIn_Duration_s": "3"})
     assert found.on(space).theta[:, 0].tolist() == [10.0, 30.0, 25.0]
-    assert found.on(space).theta.shape == (3, 6)
-    with pytest.raises(UsageError, match="Ego_Speed_mps"):
-        found.on(Space.of(found.path, free=["Ego_Speed_mps"]))
+    assert found.on(space).theta.shape == (3, 7)
+    other = Space.of(SCENARIOS / "cut_out_highway.xosc")
+    with pytest.raises(UsageError, match="no values of the parameter CutOut_Gap_m"):
+        found.on(other)
     assert found.recorded.recordings.tolist() == ["site/0", "site/1", "site/2"]
 
 

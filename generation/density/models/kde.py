@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Density, Whitening, folds
+from generation.density.components import Components
 from xodr.array_types import FloatArray, IntArray
 
 DENSITY = {"class": "KDE", "title": "KDE, full covariance"}
@@ -47,6 +48,12 @@ class KDE(Density):
         chunks = np.array_split(white, max(1, -(-len(white) * len(self._centres) // _CHUNK)))
         parts = [_log_kernels(chunk, self._centres, np.array([self.bandwidth]))[0] for chunk in chunks]
         return np.concatenate(parts) + self._whitening.log_jacobian
+
+    @property
+    def gaussians(self) -> Components:
+        """A kernel for each sample."""
+        n, d = self._centres.shape
+        return self._whitening.gaussians(np.full(n, -np.log(n)), self._centres, self.bandwidth**2 * np.eye(d)[None])
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d): a sample each, moved by its kernel."""

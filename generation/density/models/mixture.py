@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Density, Whitening
+from generation.density.components import Components
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 
@@ -45,6 +46,11 @@ class Mixture(Density):
         """log p of rows (n, d): (n,)."""
         density: FloatArray = self._model.score_samples(self._whitening.forward(theta)) + self._whitening.log_jacobian
         return density
+
+    @property
+    def gaussians(self) -> Components:
+        """The mixture's."""
+        return self._whitening.gaussians(np.log(self._model.weights_), self._model.means_, self._model.covariances_)
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""

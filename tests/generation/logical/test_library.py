@@ -30,9 +30,9 @@ def test_the_checked_in_files_are_up_to_date(tmp_path: Path) -> None:
 def test_a_logical_scenario_has_the_seven_and_runs_in_the_corners_of_its_box(name: str) -> None:
     path = SCENARIOS / f"{name}.xosc"
     space = Space.of(path)
-    assert [each.partition("_")[2] for each in space.names] == [each.name for each in PARAMETERS.values()]
-    corners = np.array([[0.0] * 7, [1.0] * 7, [0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0], [1.0, 0.0, 1.0, 0.5, 1.0, 0.0, 1.0]])
-    for theta in space.scaled(np.vstack([corners, np.random.default_rng(0).random((2, 7))])):
+    assert [each.partition("_")[2] for each in space.names] == [*(each.name for each in PARAMETERS.values()), "Speed_mps"]
+    corners = [[0.0] * 8, [1.0] * 8, [0.0, *[1.0] * 6, 0.5], [0.0, *[1.0] * 6, 0.0], [1.0, 0.0, 1.0, 0.5, 1.0, 0.0, 1.0, 1.0]]
+    for theta in space.scaled(np.vstack([corners, np.random.default_rng(0).random((2, 8))])):
         result = runner.run(path, parameters=space.values(theta), sut=None, world="kinematic", timestep=0.1)
         assert result.status == "completed"
         assert all("system_under_test" in remark for remark in result.remarks), "nothing but who drives the ego"

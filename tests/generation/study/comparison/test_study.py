@@ -28,6 +28,7 @@ from tests.generation.kinematic import Kinematic, driven
 from xodr.array_types import FloatArray
 
 SCENARIO = Path(xosc.__file__).with_name("library") / "cut_in_highway.xosc"
+PINNED = {"Ego_Speed_mps": "30.0"}
 METHODS = ["mcsg", "kde", "random", "no-elite"]
 
 
@@ -41,7 +42,7 @@ def study(out: Path, evaluate: Callable[[FloatArray], Outcomes] | None = None, b
         own = evaluate or Kinematic()
         return own if scenario == SCENARIO else lambda knots: own(maneuvers_of(knots, Setting(30.0, 3.75)).theta)
 
-    return Study(SCENARIO, recorded, out, StudySettings(budget=budget), evaluators=evaluators)
+    return Study(SCENARIO, recorded, out, StudySettings(budget=budget, pinned=PINNED), evaluators=evaluators)
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +122,7 @@ def test_searches_of_trajectories_are_told_by_both_kinds_of_parameters(tmp_path:
 def test_there_are_trajectories_beside_all_seven_parameters_only(tmp_path: Path) -> None:
     part = Study(
         SCENARIO, lambda space: Recorded(driven(60)[:, :6], np.arange(60).astype(str)), tmp_path,
-        StudySettings(pinned={"CutIn_RestTime_s": "2"}), evaluators=lambda sut, scenario, space: Kinematic(),
+        StudySettings(pinned={"CutIn_RestTime_s": "2", **PINNED}), evaluators=lambda sut, scenario, space: Kinematic(),
     )  # fmt: skip
     with pytest.raises(UsageError, match="all seven parameters of cut_in_highway only"):
         list(part.run([Key("no-maneuver", 0)]))

@@ -1,0 +1,71 @@
+"""What accelerations a manoeuvre's parameters stand for, and how far traffic goes: the hard limits of what is foreseeable.
+
+Between the three speeds of a manoeuvre acceleration is constant, and a lane change is sinusoidal over its duration
+(`recognition.maneuvers.scenario.storyboard`). So the parameters alone tell the accelerations of the run, without simulating it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from xodr.array_types import BoolArray, FloatArray
+
+QUANTILE = 0.999
+"""Share of the recorded units that keep within a limit, of each quantity."""
+LANE = 3.5
+"""Width (m) that the lateral acceleration of lane changes is worked out for"""
+_BRIEF = 1.0
+"""Rest times (s) that are shorter say nothing of an acceleration: differences of speeds are as large as their errors"""
+
+ByRole = Mapping[str, FloatArray]
+"""Values (n,) by the names of their roles, in SI units; roles that are not known are missing."""
+
+
+def quantities(values: ByRole) -> dict[str, FloatArray]:
+    """Deceleration, acceleration, jerk and lateral acceleration (n,), those that follow from the roles that are known.
+
+    m/s², jerk m/s³: the change from the mean acceleration of the manoeuvre to that of what follows, over the time between their
+    middles. 0 where nothing can be said.
+    """
+    found: dict[str, FloatArray] = {}
+    duration = values.get("duration")
+    phases = []
+    if duration is not None:
+        found["lateral acceleration"] = 0.5 * np.pi**2 * LANE / np.square(duration)
+        if {"start_speed", "end_speed"} <= values.keys():
+            phases.append((values["end_speed"] - values["start_speed"]) / duration)
+    if {"end_speed", "final_speed", "rest_time"} <= values.keys():
+        rest = values["rest_time"]
+        phases.append(np.where(rest >= _BRIEF, (values["final_speed"] - values["end_speed"]) / np.maximum(rest, _BRIEF), 0.0))
+        if duration is not None and len(phases) == 2:
+            found["jerk"] = np.where(rest >= _BRIEF, np.abs(phases[1] - phases[0]) / (0.5 * (duration + rest)), 0.0)
+    if phases:
+        found["deceleration"] = np.max([-each for each in phases], axis=0)
+        found["acceleration"] = np.max(phases, axis=0)
+    return found
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Greatest values of `quantities`.
+
+    Attributes:
+        most: by the name of the quantity.
+    """
+
+    most: Mapping[str, float]
+
+    @classmethod
+    def of(cls, values: ByRole) -> Limits:
+        """Those that all but 0.1 % of recorded units keep within."""
+        return cls({name: float(np.quantile(each, QUANTILE)) for name, each in quantities(values).items()})
+
+    def kept(self, values: ByRole) -> BoolArray:
+        """Whether each is within them (n,)."""
+        found = quantities(values)
+        n = len(next(iter(values.values()), np.zeros(0)))
+        within = [found[name] <= most for name, most in self.most.items() if name in found]
+        return np.all(within, axis=0) if within else np.ones(n, bool)

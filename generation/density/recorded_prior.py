@@ -1,0 +1,210 @@
+"""The prior of recordings: their density in logarithms, conditioned on what is pinned, within physical limits.
+
+All that is searched is positive: gaps, speeds, durations. Their logarithms have no edges, so that no draw crosses one. As
+densities with full covariances do not change with linear maps, ratios of speeds and time headways (differences of logarithms)
+are as good in them. Rows at zero are left out. Start and rest time, of which up to a half are cut off at 10 s, are no part of the
+density.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from generation.density.base import Density, folds
+from generation.density.components import Components
+from generation.density.model import model
+from generation.density.physics import ByRole, Limits
+from generation.density.prior import Prior
+from generation.density.roles import NUISANCES, Role
+from schemas.errors import UsageError
+from xodr.array_types import BoolArray, FloatArray
+
+FORESEEABLE = 0.01
+"""Share of the recorded units that are less likely than what counts as foreseeable."""
+_TRIES = 200
+"""Times that draws are made before it is given up."""
+_COUNTED = 20_000
+"""Draws that say which share of the density is possible."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """Names, least and greatest values of what is searched, and the values of what is pinned."""
+
+    names: tuple[str, ...]
+    low: FloatArray
+    high: FloatArray
+    pinned: Mapping[str, float]
+
+
+class RecordedPrior(Prior):
+    """See the module.
+
+    Args:
+        box: of the space.
+        values: recorded values (m,) by parameter, of searched and of pinned ones.
+        recordings: of each value (m,).
+        roles: of these parameters.
+        name: of the density (`generation.density.model`).
+
+    Attributes:
+        left_out: how many units have no logarithm.
+
+    Raises:
+        UsageError: there is no such density, it can't be conditioned, or the units make none.
+    """
+
+    def __init__(
+        self, box: Box, values: Mapping[str, FloatArray], recordings: NDArray[np.str_], roles: Mapping[str, Role], name: str
+    ) -> None:
+        self.names, self.low, self.high, self._roles = box.names, box.low, box.high, dict(roles)
+        self.nuisances = tuple(each for each in box.names if roles[each].role in NUISANCES)
+        self._pinned = {each: value for each, value in box.pinned.items() if each in values}
+        self._given = [each for each in self._pinned if roles[each].role not in NUISANCES]
+        held = [*self.searched, *self._given]
+        rows = np.stack([values[each] for each in held], axis=1)
+        usable = (rows > 0.0).all(axis=1)
+        self.left_out = int((~usable).sum())
+        self._log_rows, self._recordings, self._model = np.log(rows[usable]), recordings[usable], name
+        everything = np.stack([values[each] for each in box.names], axis=1)[usable]
+        inside = self.inside(everything)
+        self.theta, self.recordings = everything[inside], self._recordings[inside]
+        self._limits = {actor: Limits.of(each) for actor, each in self._by_actor(values).items()}
+
+    # physics
+
+    def _by_actor(self, values: Mapping[str, FloatArray]) -> dict[str, ByRole]:
+        """Values in SI units by role, for each actor."""
+        found: dict[str, dict[str, FloatArray]] = {}
+        for name, (actor, role, factor) in self._roles.items():
+            if name in values:
+                found.setdefault(actor, {})[role] = values[name] / factor
+        return dict(found)
+
+    def possible(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are in the box and within the physical limits: (n,)."""
+        values = {name: np.full(len(theta), value) for name, value in self._pinned.items()}
+        values |= dict(zip(self.names, theta.T, strict=True))
+        kept = [self._limits[actor].kept(each) for actor, each in self._by_actor(values).items()]
+        return np.all([self.inside(theta), *kept], axis=0)
+
+    # density
+
+    @cached_property
+    def _density(self) -> Density | Components:
+        """Of the logarithms of what is searched, given what is pinned."""
+        fitted = model(self._model).fit(self._log_rows, self._recordings)
+        return self._conditioned(fitted) if self._given else fitted
+
+    def _conditioned(self, fitted: Density) -> Components:
+        values = np.array([self._pinned[name] for name in self._given])
+        if not (values > 0.0).all():
+            name = self._given[int(np.flatnonzero(values <= 0.0)[0])]
+            raise UsageError(f"{name} is pinned at {self._pinned[name]:g}, where recordings have no density")
+        return _gaussians(fitted, self._model).given(self._given_columns, np.log(values))
+
+    @property
+    def _given_columns(self) -> list[int]:
+        return list(range(len(self.searched), len(self.searched) + len(self._given)))
+
+    def _logs(self, theta: FloatArray) -> FloatArray:
+        """Logarithms of what is searched."""
+        return np.log(np.maximum(theta[:, self.columns(self.searched)], np.finfo(float).tiny))
+
+    def _raw(self, theta: FloatArray) -> FloatArray:
+        """log p over all that is positive, whether possible or not (n,)."""
+        logs = self._logs(theta)
+        return self._density.log_density(logs) - logs.sum(axis=1)
+
+    @cached_property
+    def _log_share(self) -> float:
+        """log of the share of the density that is possible."""
+        drawn = self._draw(_COUNTED, np.random.default_rng(0))
+        share = float(self.possible(drawn).mean())
+        if not share:
+            raise UsageError("the density of recordings has nothing inside the limits of the parameters")
+        return float(np.log(share))
+
+    def log_density(self, theta: FloatArray) -> FloatArray:
+        """log p(searched | pinned) of rows (n, d): (n,)."""
+        theta = np.asarray(theta, np.float64)
+        found = np.full(len(theta), -np.inf)
+        possible = self.possible(theta)
+        if possible.any():
+            found[possible] = self._raw(theta[possible]) - self._log_share
+        return found
+
+    def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
+        theta = np.empty((n, len(self.names)))
+        theta[:, self.columns(self.searched)] = np.exp(self._density.sample(n, generator))
+        return self.with_nuisances(theta)
+
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
+        """Draws (n, d), all `possible`."""
+        parts: list[FloatArray] = []
+        for _ in range(_TRIES):
+            drawn = self._draw(max(n, 64), generator)
+            parts.append(drawn[self.possible(drawn)])
+            if sum(map(len, parts)) >= n:
+                return np.concatenate(parts)[:n]
+        raise UsageError("nearly nothing that the density of recordings draws is inside the limits of the parameters")
+
+    # what is foreseeable
+
+    @cached_property
+    def limit(self) -> float:
+        """log p that all but 1 % of the recorded units reach, each by the density of other recordings and given its own values
+        of what is pinned."""
+        found = np.empty(len(self._log_rows))
+        for rows, tested in folds(self._recordings):
+            fitted = model(self._model).fit(self._log_rows[rows], self._recordings[rows])
+            found[tested] = fitted.log_density(self._log_rows[tested])
+            if self._given:
+                given = _gaussians(fitted, self._model).marginal(self._given_columns)
+                found[tested] -= given.log_density(self._log_rows[tested][:, self._given_columns])
+        return float(np.quantile(found - self._log_rows[:, : len(self.searched)].sum(axis=1), FORESEEABLE))
+
+    def foreseeable(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that traffic does: (n,)."""
+        theta = np.asarray(theta, np.float64)
+        found = self.possible(theta)
+        if found.any():
+            found[found] = self._raw(theta[found]) >= self.limit
+        return found
+
+    # nuisances
+
+    @cached_property
+    def _donors(self) -> tuple[FloatArray, FloatArray]:
+        """Standardised logarithms of recorded rows, and these rows."""
+        if not len(self.theta):
+            raise UsageError("no recorded manoeuvre is inside the limits of its parameters")
+        return self._logs(self.theta) / self._spread, self.theta
+
+    @cached_property
+    def _spread(self) -> FloatArray:
+        return np.maximum(self._log_rows[:, : len(self.searched)].std(axis=0), np.finfo(float).eps)
+
+    def with_nuisances(self, theta: FloatArray) -> FloatArray:
+        """Rows (n, d) with the nuisances of the recorded unit that is most like each of them."""
+        from scipy.spatial import cKDTree
+
+        if not self.nuisances:
+            return theta
+        standard, donors = self._donors
+        columns, drawn = self.columns(self.nuisances), theta.copy()
+        nearest = cKDTree(standard).query(self._logs(theta) / self._spread)[1]
+        drawn[:, columns] = donors[nearest][:, columns]
+        return drawn
+
+
+def _gaussians(fitted: Density, name: str) -> Components:
+    found = fitted.gaussians
+    if found is None:
+        raise UsageError(f"the density {name} can't be conditioned on pinned values; kde, mixture and gaussian can")
+    return found

@@ -1,0 +1,99 @@
+"""The prior of recordings: conditioned, within limits, without clipping."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generation.density.physics import quantities
+from generation.density.recorded_prior import RecordedPrior
+from generation.logical.library import SCENARIOS
+from generation.recorded import of_recordings, of_samples
+from generation.search.space import Space
+from schemas.errors import UsageError
+
+CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+ROWS = slice(None, None, 8)
+
+
+def prior(density: str = "kde", **pinned: str) -> tuple[RecordedPrior, Space]:
+    samples = of_recordings(None, "cut_in")
+    space = Space.of(CUT_IN, pinned)
+    return of_samples(samples.where(np.arange(len(samples.theta))[ROWS]), space).prior(space, density), space
+
+
+def test_the_speed_of_the_ego_is_searched_and_times_before_and_after_are_nuisances() -> None:
+    found, space = prior()
+    assert "Ego_Speed_mps" in found.searched
+    assert found.nuisances == ("CutIn_StartTime_s", "CutIn_RestTime_s")
+    assert found.names == space.names
+    assert len(found.theta) == len(found.recordings) > 300
+
+
+@pytest.mark.parametrize("density", ["kde", "mixture", "gaussian"])
+def test_draws_need_no_clipping_and_are_possible(density: str) -> None:
+    found, space = prior(density)
+    drawn = found.sample(500, np.random.default_rng(0))
+    assert drawn.shape == (500, 8)
+    assert found.possible(drawn).all()
+    searched = found.columns(found.searched)
+    assert not (np.isclose(drawn, space.low) | np.isclose(drawn, space.high))[:, searched].any()
+    assert np.isfinite(found.log_density(drawn)).all()
+    assert found.foreseeable(drawn).mean() > 0.95
+
+
+def test_the_density_integrates_to_one_over_what_is_possible() -> None:
+    found, space = prior(
+        "gaussian", CutIn_FinalSpeed_mps="25", CutIn_EndSpeed_mps="25", CutIn_RestTime_s="5", CutIn_StartTime_s="3"
+    )
+    theta = space.draw(200_000, np.random.default_rng(0))
+    volume = float(np.prod(space.high - space.low))
+    assert np.exp(found.log_density(theta)).mean() * volume == pytest.approx(1.0, abs=0.05)
+
+
+def test_what_is_pinned_moves_what_is_drawn() -> None:
+    slow, _ = prior(Ego_Speed_mps="14")
+    fast, _ = prior(Ego_Speed_mps="30")
+    speeds = [each.sample(300, np.random.default_rng(0))[:, 1].mean() for each in (slow, fast)]
+    assert speeds[0] < 18 < 25 < speeds[1]
+
+
+def test_a_flow_can_not_be_conditioned_and_pins_at_zero_have_no_density() -> None:
+    found, _ = prior("flow", Ego_Speed_mps="14")
+    with pytest.raises(UsageError, match="flow can't be conditioned"):
+        assert found.limit
+
+
+def test_what_is_outside_is_neither_possible_nor_foreseeable() -> None:
+    found, space = prior()
+    drawn = found.sample(50, np.random.default_rng(1))
+    violent = drawn.copy()
+    violent[:, 4], violent[:, 3] = 1.0, np.minimum(drawn[:, 1] + 9.0, space.high[3])
+    below = drawn.copy()
+    below[:, 0] = space.low[0] - 1.0
+    for rows in (violent, below):
+        assert not found.possible(rows).any()
+        assert not found.foreseeable(rows).any()
+        assert np.isneginf(found.log_density(rows)).all()
+
+
+def test_about_all_recorded_units_are_foreseeable_and_hardly_anything_drawn_anywhere() -> None:
+    found, space = prior()
+    assert found.foreseeable(found.theta).mean() > 0.97
+    assert found.foreseeable(space.draw(500, np.random.default_rng(0))).mean() < 0.3
+
+
+def test_accelerations_follow_from_speeds_and_times() -> None:
+    found = quantities(
+        {
+            "start_speed": np.array([20.0, 20.0]),
+            "end_speed": np.array([16.0, 24.0]),
+            "final_speed": np.array([16.0, 14.0]),
+            "duration": np.array([2.0, 4.0]),
+            "rest_time": np.array([0.5, 5.0]),
+        }
+    )
+    assert found["deceleration"].tolist() == [2.0, 2.0]
+    assert found["acceleration"].tolist() == [0.0, 1.0]
+    assert found["jerk"].tolist() == [0.0, pytest.approx(3.0 / 4.5)]
+    assert found["lateral acceleration"][0] == pytest.approx(0.5 * np.pi**2 * 3.5 / 4.0)
