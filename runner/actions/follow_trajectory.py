@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+from runner.actions.longitudinal import demanded_speed
 from runner.contracts import registry
 from runner.contracts.action import LATERAL, LONGITUDINAL, PrivateAction
 from runner.contracts.running import Running
+from runner.motion.dynamics import GapController
 from runner.motion.following import JOINING, PathMotion, join
-from runner.motion.paths import Chain, Schedule, nearest
-from runner.motion.trajectories import Trajectory
+from runner.motion.paths import Chain, nearest, turns_back
+from runner.motion.schedules import Schedule, smooth, steady
+from runner.motion.trajectories import Track, Trajectory
+from runner.participants.declaration import Performance
 from schemas.rules.trajectory_timing import UID as TIMING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from runner.contracts.context import Context
     from runner.contracts.run import Run
@@ -25,6 +30,8 @@ _SAME_PLACE = 1e-6
 _ROUNDING = 0.01
 """Distance (m) by which a trajectory may be shorter than its rounded vertices say."""
 _SAME_TIME = 1e-9
+_SAME_CHANGE = 1e-6
+"""Change of speed (m/s) by which rounding may exceed a limit."""
 
 
 class Timing:
@@ -39,14 +46,9 @@ class Timing:
         if self.scale <= 0.0:
             raise node.invalid(f"scale={self.scale:g} must be positive")
 
-    def origin(self, start: float, skipped: float) -> float:
-        """The simulation time (s) at which the trajectory's own time is 0.
-
-        Args:
-            start: simulation time at which the action starts, s.
-            skipped: trajectory time that the initial distance offset takes, s.
-        """
-        return (start if self.relative else 0.0) + self.offset - skipped * self.scale
+    def origin(self, start: float) -> float:
+        """The simulation time (s) at which the trajectory's own time is 0, for an action that starts at a time (s)."""
+        return (start if self.relative else 0.0) + self.offset
 
 
 @registry.action("FollowTrajectoryAction")
@@ -54,8 +56,9 @@ class FollowTrajectoryAction(PrivateAction):
     """Moves the actor along a trajectory.
 
     With a Timing the trajectory's times prescribe the motion, so the action takes over both control domains; without, the
-    actor keeps the speed that other actions give it. followingMode `position` puts the actor on the trajectory at once;
-    `follow` lets it steer there when it is elsewhere.
+    actor keeps the speed that other actions give it. followingMode `position` puts the actor on the trajectory at once, and
+    has it at each vertex at its time, whatever speeds that takes; `follow` lets it steer there when it is elsewhere, with
+    continuous speeds (`schedules.smooth`) and within its Performance: where that does not suffice it is late, and catches up.
     """
 
     def __init__(self, node: Node, trajectory: Trajectory, timing: Timing | None, follow: bool) -> None:
@@ -66,7 +69,7 @@ class FollowTrajectoryAction(PrivateAction):
         if timing is not None and not trajectory.timed:
             raise node.invalid(f"TimeReference/Timing needs times in the trajectory {trajectory.name!r}, from start to end")
         if timing is not None and trajectory.fixed is not None:
-            trajectory.schedule(trajectory.fixed, timing.scale)
+            trajectory.timetable(trajectory.fixed, timing.scale)
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> FollowTrajectoryAction:
@@ -106,9 +109,7 @@ class FollowTrajectoryAction(PrivateAction):
         pace: Pace | None = None
         s = skip = min(self.skip, path.length)
         if self.timing is not None:
-            schedule = self.trajectory.schedule(track, self.timing.scale)
-            skipped = schedule.time(skip) - schedule.times[0] if skip else 0.0
-            pace = Pace(schedule, self.timing.origin(run.time, skipped), self.timing.scale)
+            pace = self._pace(self.timing, track, skip, actor, run.time)
             s = max(pace.station(run.time), skip)
         elif self.follow and actor.placed:
             s = max(nearest(path, actor.x, actor.y), skip)
@@ -121,7 +122,27 @@ class FollowTrajectoryAction(PrivateAction):
             motion.put(actor, actor.controls.target_speed)
             actor.placed = True
         actor.controls.motion, actor.on_lane, actor.controls.target_offset = motion, False, None
-        return _Following(actor, run, motion, pace)
+        return _Following(actor, run, motion, pace, self._limits(actor))
+
+    def _limits(self, actor: Entity) -> Performance:
+        """What bounds changes of speed; not jerk, as accelerations that are constant between vertices jump there."""
+        if not self.follow:
+            return Performance()
+        return actor.declared.performance._replace(max_acceleration_rate=math.inf, max_deceleration_rate=math.inf)
+
+    def _pace(self, timing: Timing, track: Track, skip: float, actor: Entity, now: float) -> Pace:
+        """The times, from now (s) on, of an actor that begins at a distance (m) along the track."""
+        times, stations = self.trajectory.timetable(track, timing.scale)
+        origin, rests = timing.origin(now), list[float]()
+        if not self.follow:
+            schedule = steady(times, stations)
+        else:
+            wait = origin + times[0] - now
+            begins = not skip and wait >= -_SAME_TIME
+            speed = 0.0 if wait > _SAME_TIME else abs(demanded_speed(actor))
+            rests = [s for s in stations[1:-1] if turns_back(track.path, s)]
+            schedule = smooth(times, stations, speed if begins else None, rests)
+        return Pace(schedule, origin - (schedule.time(skip) - times[0] if skip else 0.0), rests)
 
 
 def _join(motion: PathMotion, actor: Entity, pace: Pace | None, now: float) -> None:
@@ -133,7 +154,7 @@ def _join(motion: PathMotion, actor: Entity, pace: Pace | None, now: float) -> N
         motion.path = Chain(way, motion.path, station)
         motion.s = 0.0
         if pace is not None:
-            pace.detour(now, way.length, station)
+            pace.detour(now, way.length, station, abs(demanded_speed(actor)))
 
 
 class Pace:
@@ -142,44 +163,51 @@ class Pace:
     An entity that a system under test has slowed down goes on by the times of the place where it is.
 
     Args:
-        schedule: by the trajectory's own times.
+        schedule: by the trajectory's own times, scaled.
         origin: simulation time at which the trajectory's own time is 0, s.
-        scale: seconds of simulation for one of the trajectory.
+        rests: stations (m) at which the follower has to stop.
     """
 
-    def __init__(self, schedule: Schedule, origin: float, scale: float) -> None:
-        self.schedule = Schedule([origin + scale * time for time in schedule.times], schedule.stations)
-        self.late = 0.0
+    def __init__(self, schedule: Schedule, origin: float, rests: Sequence[float]) -> None:
+        self._schedule, self._origin, self._rests = schedule, origin, rests
+
+    def due(self, time: float) -> bool:
+        """Whether the path's end is due at a time of the simulation (s)."""
+        return time >= self._schedule.times[-1] + self._origin - _SAME_TIME
 
     @property
-    def end(self) -> float:
-        """Run time (s) at which the path's end is due."""
-        return self.schedule.times[-1] + self.late
+    def length(self) -> float:
+        """Where the schedule ends, m."""
+        return self._schedule.stations[-1]
 
     def station(self, time: float) -> float:
         """Where (m) the follower is to be at a time of the simulation (s); after the end it goes on evenly."""
-        schedule = self.schedule
-        time -= self.late
+        schedule = self._schedule
+        time -= self._origin
         over = time - schedule.times[-1]
-        return schedule.station(time) + (over * schedule.final_speed() if over > 0.0 else 0.0)
+        return schedule.station(time) + (over * schedule.final_speed if over > 0.0 else 0.0)
 
     def resume(self, time: float, station: float) -> None:
         """Go on from where (m) the follower is at a time (s)."""
-        self.late = time - self.schedule.time(station)
+        self._origin = time - self._schedule.time(station)
 
-    def detour(self, now: float, length: float, station: float) -> None:
-        """Go a way of some length (m) first, from now (s) on, that leads to the path at a station (m)."""
-        arrival = max(self.schedule.time(station), now + JOINING)
-        rest = [(t, s) for t, s in zip(self.schedule.times, self.schedule.stations, strict=True) if t > arrival and s > station]
-        times, stations = [t for t, _ in rest], [length + s - station for _, s in rest]
-        self.schedule = Schedule([now, arrival, *times], [0.0, length, *stations])
+    def detour(self, now: float, length: float, station: float, speed: float) -> None:
+        """Go a way of some length (m) first, from now (s) and a speed (m/s) on, that leads to the path at a station (m)."""
+        arrival = max(self._schedule.time(station) + self._origin, now + JOINING)
+        vertices = zip(self._schedule.times, self._schedule.stations, strict=True)
+        rest = [(t + self._origin, s - station) for t, s in vertices if t + self._origin > arrival and s > station]
+        times, stations = [t for t, _ in rest], [length + s for _, s in rest]
+        rests = [length + s - station for s in self._rests]
+        self._schedule, self._origin = smooth([now, arrival, *times], [0.0, length, *stations], speed, rests), 0.0
 
 
 class _Following:
     """One actor on a trajectory."""
 
-    def __init__(self, actor: Entity, run: Run, motion: PathMotion, pace: Pace | None) -> None:
+    def __init__(self, actor: Entity, run: Run, motion: PathMotion, pace: Pace | None, limits: Performance) -> None:
         self.actor, self.run, self.motion, self.pace = actor, run, motion, pace
+        self.limits = limits
+        self.catch_up = GapController(limits)
         self.expected = motion.s
         self.done = False
 
@@ -198,10 +226,19 @@ class _Following:
         motion, now = self.motion, self.run.time
         if abs(motion.s - self.expected) > _SAME_PLACE:
             pace.resume(now, motion.s)
-        self.expected = max(pace.station(now + dt), motion.s)
-        speed = (self.expected - motion.s) / dt
+        speed = self._possible(pace, now, dt)
+        self.expected = motion.s + speed * dt
         self.actor.controls.target_speed = -speed if motion.backwards() else speed
-        return now + dt >= pace.end - _SAME_TIME
+        return pace.due(now + dt) and self.expected >= pace.length - _SAME_PLACE
+
+    def _possible(self, pace: Pace, now: float, dt: float) -> float:
+        """The speed (m/s) that leads to where the times ask for, or towards it within the limits."""
+        here, there, s = pace.station(now), pace.station(now + dt), self.motion.s
+        wanted, own, limits = max(there - s, 0.0) / dt, abs(demanded_speed(self.actor)), self.limits
+        slowest, fastest = own - limits.max_deceleration * dt, min(own + limits.max_acceleration * dt, limits.max_speed)
+        if slowest - _SAME_CHANGE <= wanted <= fastest + _SAME_CHANGE:
+            return wanted
+        return max(self.catch_up.speed(here - s, own, (there - here) / dt, dt), 0.0)
 
     def stop(self) -> None:
         """Back to the lane: at the end of this step where the trajectory is done, else at once."""

@@ -250,6 +250,12 @@ def tangent(path: Path, s: float) -> float:
     return math.atan2(b.y - a.y, b.x - a.x)
 
 
+def turns_back(path: Path, s: float) -> bool:
+    """Whether a path goes back the way it came at s, so that nobody gets past without a stop."""
+    before, here, after = (path.at(min(max(s + shift, 0.0), path.length)) for shift in (-_SHORT, 0.0, _SHORT))
+    return (here.x - before.x) * (after.x - here.x) + (here.y - before.y) * (after.y - here.y) < 0.0
+
+
 def nearest(path: Path, x: float, y: float) -> float:
     """The s of the point of a path that is nearest to x, y (m); of several the first."""
     knots = path.knots()
@@ -274,38 +280,3 @@ def _refined(path: Path, x: float, y: float, low: float, high: float, s: float) 
             return moved
         s = moved
     return s
-
-
-class Schedule:
-    """When a follower is where on its path: linear between (time, s) pairs, standing at the first and last outside.
-
-    Args:
-        times: in seconds, not decreasing.
-        stations: places on the path (s, in m), not decreasing.
-    """
-
-    def __init__(self, times: Sequence[float], stations: Sequence[float]) -> None:
-        self.times, self.stations = times, stations
-
-    def station(self, time: float) -> float:
-        """s (m) at a time (s)."""
-        return _interpolated(self.times, self.stations, time)
-
-    def time(self, station: float) -> float:
-        """The time (s) at which s (m) is reached."""
-        return _interpolated(self.stations, self.times, station)
-
-    def final_speed(self) -> float:
-        """Speed (m/s) at the end."""
-        duration = self.times[-1] - self.times[-2] if len(self.times) > 1 else 0.0
-        return (self.stations[-1] - self.stations[-2]) / duration if duration > 0.0 else 0.0
-
-
-def _interpolated(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
-    if x <= xs[0]:
-        return ys[0]
-    if x >= xs[-1]:
-        return ys[-1]
-    index = bisect_right(xs, x)
-    x0, x1 = xs[index - 1], xs[index]
-    return ys[index - 1] + (ys[index] - ys[index - 1]) * (x - x0) / (x1 - x0)

@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner.motion.nurbs import ControlPoint, sampled
-from runner.motion.paths import Chain, Corner, Path, Polyline, Schedule, Segments
+from runner.motion.paths import Chain, Corner, Path, Polyline, Segments
 from runner.motion.placement import Placement
 from xodr.geometry import Arc, Line, Segment, Spiral, Start
 
@@ -47,6 +47,13 @@ class Track(NamedTuple):
     times: Sequence[float | None]
     stations: Sequence[float]
     grounded: bool = True
+
+
+class Timetable(NamedTuple):
+    """The times (s, scaled) at which a follower is to be at stations (m) of a track; neither decreases."""
+
+    times: Sequence[float]
+    stations: Sequence[float]
 
 
 class Shape(ABC):
@@ -322,8 +329,8 @@ class Trajectory:
         """
         return self.fixed or self._build(run, actor)
 
-    def schedule(self, track: Track, scale: float) -> Schedule:
-        """When a follower is where on a track of this trajectory; between the times given it moves evenly.
+    def timetable(self, track: Track, scale: float) -> Timetable:
+        """When a follower is to be where on a track of this trajectory.
 
         Args:
             scale: what the times are multiplied by when they are used.
@@ -338,7 +345,7 @@ class Trajectory:
             duration = scale * (after - before)
             if there - here > _FASTEST * duration + _JUMP:
                 raise self.node.invalid(f"the trajectory covers {there - here:g} m in {duration:g} s, after {before:g} s")
-        return Schedule([time for time, _ in known], [station for _, station in known])
+        return Timetable([scale * time for time, _ in known], [station for _, station in known])
 
     def _build(self, run: Surroundings | None, actor: Entity | None) -> Track:
         track = self.shape.build(run, actor)

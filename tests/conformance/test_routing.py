@@ -180,7 +180,53 @@ def test_a_heading_prescribed_against_the_motion_means_driving_backwards() -> No
 def test_follow_mode_with_times_catches_up_with_the_schedule() -> None:
     columns = drive("Timing", Mode="follow", Y0=-3.25)
     assert np.hypot(np.diff(columns["x"]), np.diff(columns["y"])).max() < 0.3
-    assert (at(columns, 4.0, "x"), at(columns, 4.0, "y")) == pytest.approx((135.0, -1.75), abs=1e-3)
+    assert (at(columns, 5.0, "x"), at(columns, 5.0, "y")) == pytest.approx((150.0, -1.75), abs=1e-3)
+
+
+VERTICES = {0.0: 100.0, 2.0: 120.0, 4.0: 150.0, 6.0: 160.0, 7.0: 160.0, 10.0: 165.0}
+"""x (m) of the vertices of TrajectoryFollowingMode, by the simulation time (s) at which they are due"""
+
+
+@pytest.mark.parametrize("mode", ["follow", "position"])
+def test_in_both_modes_an_entity_is_at_each_vertex_at_its_time(mode: str) -> None:
+    columns = drive("TrajectoryFollowingMode", Mode=mode)
+    for time, x in VERTICES.items():
+        assert at(columns, time, "x") == pytest.approx(x, abs=1e-6)
+
+
+def test_follow_mode_changes_speed_within_the_performance_where_position_mode_jumps() -> None:
+    jumps = {mode: np.abs(np.diff(drive("TrajectoryFollowingMode", Mode=mode)["speed"])).max() for mode in ("position", "follow")}
+    assert jumps["position"] == pytest.approx(10.0)
+    assert jumps["follow"] <= 20.0 * 0.01 + 1e-6
+
+
+def test_follow_mode_stands_where_vertices_are_at_one_place_and_arrives_with_the_speed_of_its_last_interval() -> None:
+    columns = drive("TrajectoryFollowingMode")
+    assert np.all(columns["speed"][(columns["time"] > 6.015) & (columns["time"] < 6.995)] == 0.0)
+    # 5 m in 3 s from standstill: one acceleration
+    assert at(columns, 8.5, "x") == pytest.approx(160.0 + 5.0 / 4.0, abs=0.02)
+    assert at(columns, 9.995, "speed") == pytest.approx(2.0 * 5.0 / 3.0, abs=0.02)
+
+
+def test_the_speed_that_the_entity_has_is_that_of_its_first_vertex_in_follow_mode() -> None:
+    columns = drive("TrajectoryFollowingMode", Speed=4)
+    assert at(columns, 0.02, "speed") == pytest.approx(4.0, abs=0.3)
+    assert at(columns, 2.0, "x") == pytest.approx(120.0, abs=1e-6)
+
+
+def test_who_cannot_keep_the_times_is_late_and_catches_up_within_its_performance() -> None:
+    result = run("TrajectoryFollowingMode", parameters={"Limit": 2, "Speed": 0}, world="kinematic")
+    columns = track(result, "Car")
+    assert np.diff(columns["speed"]).max() <= 2.0 * 0.01 + 1e-6
+    assert at(columns, 2.0, "x") < 105.0
+    assert at(columns, 10.0, "x") == pytest.approx(165.0, abs=0.5)
+
+
+def test_the_action_ends_when_the_late_arrive() -> None:
+    result = run("TrajectoryFollowingMode", parameters={"Limit": 2, "Speed": 0, "Last": 200}, world="kinematic")
+    (end,) = events(result, "endTransition", "Follow")
+    assert 10.1 < end.time < 14.0
+    assert at(track(result, "Car"), end.time, "x") == pytest.approx(200.0, abs=0.3)
 
 
 def test_a_timing_without_times_is_refused() -> None:

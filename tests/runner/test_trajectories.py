@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runner.motion.nurbs import ControlPoint, sampled
-from runner.motion.paths import Chain, Corner, Path, Polyline, Schedule, Segments, approach, nearest, tangent
+from runner.motion.paths import Chain, Corner, Path, Polyline, Segments, approach, nearest, tangent, turns_back
+from runner.motion.schedules import Schedule, smooth, steady
 from xodr.geometry import Arc, Line, Spiral, Start
 from xodr.model import Pose
 
@@ -124,17 +126,69 @@ def test_numbers_that_make_no_curve_are_refused(order: int, count: int, knots: t
         sampled(order, points, tuple(map(float, knots)))
 
 
-@given(st.lists(st.tuples(st.floats(0.0, 10.0), st.floats(0.0, 50.0)), min_size=1, max_size=6), st.floats(-10.0, 100.0))
-def test_a_schedule_never_goes_back(steps: list[tuple[float, float]], time: float) -> None:
-    times, stations = np.cumsum([t for t, _ in steps]).tolist(), np.cumsum([s for _, s in steps]).tolist()
-    schedule = Schedule(times, stations)
-    assert stations[0] <= schedule.station(time) <= stations[-1]
+STEPS = st.lists(st.tuples(st.floats(0.01, 10.0), st.floats(0.0, 50.0)), min_size=2, max_size=8)
+
+
+def scheduled(kind: Callable[..., Schedule], steps: list[tuple[float, float]]) -> Schedule:
+    """A schedule from durations (s) and ways (m)."""
+    return kind(np.cumsum([t for t, _ in steps]).tolist(), np.cumsum([s for _, s in steps]).tolist())
+
+
+@pytest.mark.parametrize("kind", [steady, smooth])
+@given(steps=STEPS, time=st.floats(-10.0, 100.0))
+def test_a_schedule_never_goes_back(kind: Callable[..., Schedule], steps: list[tuple[float, float]], time: float) -> None:
+    schedule = scheduled(kind, steps)
+    assert schedule.stations[0] <= schedule.station(time) <= schedule.stations[-1]
     assert schedule.station(time) <= schedule.station(time + 1.0) + 1e-9
 
 
-def test_a_schedule_says_when_as_well_as_where() -> None:
-    schedule = Schedule([0.0, 2.0, 5.0, 6.0], [0.0, 20.0, 20.0, 30.0])
+@pytest.mark.parametrize("kind", [steady, smooth])
+@given(steps=STEPS, share=st.floats(0.0, 1.0))
+def test_a_schedule_passes_its_vertices_and_says_when_as_well_as_where(
+    kind: Callable[..., Schedule], steps: list[tuple[float, float]], share: float
+) -> None:
+    schedule = scheduled(kind, steps)
+    for time, station in zip(schedule.times, schedule.stations, strict=True):
+        assert schedule.station(time) == pytest.approx(station, abs=1e-6)
+    station = schedule.stations[0] + share * (schedule.stations[-1] - schedule.stations[0])
+    assert schedule.station(schedule.time(station)) == pytest.approx(station, abs=1e-4)
+
+
+@given(STEPS)
+def test_a_smooth_schedule_has_no_jumps_of_speed(steps: list[tuple[float, float]]) -> None:
+    schedule = scheduled(smooth, steps)
+    fastest = max(4.0 * way / time for time, way in steps[1:])
+    quickest = max(fastest / (0.5 * time) for time, _ in steps[1:])
+    times = np.linspace(schedule.times[0], schedule.times[-1], 401)
+    speeds = np.diff([schedule.station(float(time)) for time in times]) / np.diff(times)
+    assert np.abs(np.diff(speeds)).max() <= quickest * (times[1] - times[0]) * (1.0 + 1e-6) + 1e-6
+
+
+@pytest.mark.parametrize("start", [None, 3.0])
+def test_a_motion_of_one_acceleration_is_met_by_its_vertices(start: float | None) -> None:
+    times = np.arange(0.0, 6.0, 0.5)
+    schedule = smooth(times.tolist(), (3.0 * times + 0.7 * times**2).tolist(), start)
+    for time in np.linspace(0.0, 5.5, 100):
+        assert schedule.station(float(time)) == pytest.approx(3.0 * time + 0.7 * time**2, abs=1e-9)
+    assert schedule.final_speed == pytest.approx(3.0 + 1.4 * 5.5)
+
+
+def test_where_a_way_turns_back_a_smooth_schedule_stops() -> None:
+    path = Polyline([Corner(x, 0, 0) for x in (0, 10, 20, 10, 0)])
+    assert [turns_back(path, s) for s in path.stations[1:-1]] == [False, True, False]
+    schedule = smooth([0.0, 1.0, 2.0, 3.0, 4.0], path.stations, rests=[20.0])
+    assert schedule.station(2.01) - schedule.station(1.99) < 0.01
+
+
+def test_vertices_at_one_time_are_one_in_a_smooth_schedule() -> None:
+    schedule = smooth([0.0, 1.0, 1.0, 2.0], [0.0, 10.0, 10.0, 20.0])
+    assert [schedule.station(t) for t in (0.5, 1.0, 1.5)] == pytest.approx([5.0, 10.0, 15.0])
+    assert smooth([1.0, 1.0], [0.0, 0.0]).station(2.0) == 0.0
+
+
+def test_a_steady_schedule_stands_and_goes_on() -> None:
+    schedule = steady([0.0, 2.0, 5.0, 6.0], [0.0, 20.0, 20.0, 30.0])
     assert schedule.station(3.0) == 20.0
     assert schedule.time(10.0) == 1.0
     assert schedule.time(25.0) == 5.5
-    assert schedule.final_speed() == 10.0
+    assert schedule.final_speed == 10.0
