@@ -306,6 +306,7 @@ RULES: tuple[Rule, ...] = (
     Rule((1, 1), "RelativeDistanceCondition", down=_implied("coordinateSystem", "entity")),
     *(Rule((1, 1), tag, down=_straight_line) for tag in _ALONG_ROUTE),
     Rule((1, 1), "LongitudinalDistanceAction", down=_implied("coordinateSystem", "entity")),
+    Rule((1, 1), "LongitudinalDistanceAction", down=_implied("displacement", "trailingReferencedEntity")),
     Rule((1, 1), "LateralDistanceAction", down=_implied("coordinateSystem", "entity")),
     Rule((1, 1), "LateralDistanceAction", down=_implied("displacement", "any")),
     Rule((1, 1), "FollowTrajectoryAction", down=_unwrapped("TrajectoryRef")),

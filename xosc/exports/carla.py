@@ -103,5 +103,5 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         refuse(scenario, _REFUSED)
         draft.note(*scenario.remarks, *remarks(scenario, _IGNORED))
         draft.note(*change(scenario, take_roads(scenario, draft)))
-        draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(in_version(scenario, (1, 0))))
+        draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(in_version(scenario, (1, 0), draft)))
     return draft.write()

@@ -21,6 +21,8 @@ from lxml import etree
 from schemas.values import number
 from xosc.document import Document
 from xosc.exports.concrete import copied
+from xosc.exports.draft import Draft
+from xosc.exports.omissions import omit
 from xosc.versions import Version, convert
 
 GRAIN = 2e-6
@@ -30,13 +32,18 @@ runner and esmini compare, so that both find the same border."""
 _STRICT = {"greaterOrEqual": ("greaterThan", -GRAIN), "lessOrEqual": ("lessThan", GRAIN)}
 
 
-def in_version(document: Document, version: Version) -> Document:
-    """A document in another version, with the changes of the table above.
+def in_version(document: Document, version: Version, draft: Draft) -> Document:
+    """A document in another version, with the changes of the table above, and `xosc.exports.omissions` unless exports are strict.
+
+    Args:
+        draft: gets the remarks.
 
     Raises:
         Unsupported, InvalidFile: as in `xosc.convert`.
     """
     plain = copied(document)
+    if not draft.settings.strict:
+        draft.note(*omit(plain, version))
     for since, tag, change in _CHANGES:
         if version < since <= document.version:
             for element in list(plain.root.iter(tag)):

@@ -45,10 +45,10 @@ def _found(document: Document, rules: Sequence[Rule]) -> Iterator[tuple[Node, st
             reasons.setdefault(element, rule.reason)
     for element in document.root.iter():
         if element in reasons:
-            yield _located(element, document), reasons[element]
+            yield located(element, document), reasons[element]
 
 
-def _located(element: etree._Element, document: Document) -> Node:
-    """The element in the file that it came from: a catalogue's entry knows which that is."""
+def located(element: etree._Element, document: Document) -> Node:
+    """An element of a document in the file that it came from: a catalogue's entry knows which that is."""
     source = next((each.get(SOURCE) for each in (element, *element.iterancestors()) if each.get(SOURCE)), None)
     return Node(element, Path(source) if source else document.path)

@@ -52,7 +52,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         return scenario(document, version, Draft(folder, settings))
     draft = Draft(folder, settings)
     draft.note(*document.remarks)
-    draft.add(catalog_name(source, folder), to_bytes(_catalog(document, version)))
+    draft.add(catalog_name(source, folder), to_bytes(_catalog(document, version, draft)))
     return draft.write()
 
 
@@ -81,13 +81,13 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
     """
     changed = copied(document)
     draft.note(*document.remarks)
-    take_catalogs(changed, draft, lambda catalog: to_bytes(_catalog(catalog, version)))
+    take_catalogs(changed, draft, lambda catalog: to_bytes(_catalog(catalog, version, draft)))
     take_roads(changed, draft)
     named = draft.folder.name(document.path, f"{name or document.path.stem}.xosc")
-    draft.add(named, to_bytes(in_version(changed, version or changed.version)))
+    draft.add(named, to_bytes(in_version(changed, version or changed.version, draft)))
 
 
-def _catalog(catalog: Document, version: Version | None) -> Document:
+def _catalog(catalog: Document, version: Version | None, draft: Draft) -> Document:
     """A catalogue in a version; refused where its entries would no longer see parameters that they use."""
     if version is not None and catalog.version < _CLOSED_SINCE <= version:
         for entry in catalog.node.need("Catalog").children():
@@ -97,7 +97,7 @@ def _catalog(catalog: Document, version: Version | None) -> Document:
                 if used - declared:
                     name = min(used - declared)
                     raise node.unsupported(f"${name} is of the scenario, and since 1.2 entries of catalogues see their own only")
-    return in_version(catalog, version or catalog.version)
+    return in_version(catalog, version or catalog.version, draft)
 
 
 def _parameters(text: str) -> set[str]:
@@ -114,7 +114,7 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
     try:
         varied = load(document.path.parent / node.get("filepath").replace("\\", "/"), strict=draft.settings.strict)
         add(varied, version, trial)
-        changed = copied(in_version(document, version or document.version))
+        changed = copied(in_version(document, version or document.version, trial))
         reference = changed.node.need("ParameterValueDistribution", "ScenarioFile")
         reference.element.set("filepath", draft.folder.name(varied.path, f"{varied.path.stem}.xosc"))
         trial.note(*document.remarks)

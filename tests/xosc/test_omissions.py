@@ -1,0 +1,120 @@
+"""What exports to older versions leave out or say otherwise: each with a remark, the motion as before, refused where strict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import schemas
+from schemas.errors import Unsupported
+from tests.runner.files import car, place, scenario
+from tests.xosc.test_exports import motion
+from xosc.exports import standard
+from xosc.exports.draft import ExportSettings
+from xosc.exports.folder import Folder
+from xosc.exports.omissions import OMISSIONS
+
+CONTROLLER = """<ObjectController name="own"><Controller name="c" controllerType="all"><Properties/></Controller>
+    </ObjectController>"""
+VEHICLE = (
+    car("Ego")
+    .replace("</Axles>", '</Axles><TrailerCoupler dx="0"/><TrailerHitch dx="-1"/>')
+    .replace('vehicleCategory="car"', 'vehicleCategory="car" role="police" model3d="police.osgb"')
+    .replace("</Vehicle>", f"</Vehicle>{CONTROLLER}")
+)
+TOWING = car("Lead").replace(
+    "</Axles>", '</Axles><TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef=""/></Trailer>'
+)  # fmt: skip
+WALKER = """<ScenarioObject name="Walker"><Pedestrian name="walker" pedestrianCategory="pedestrian" mass="70" model="w"
+    model3d="w.osgb"><BoundingBox><Center x="0" y="0" z="0.9"/><Dimensions width="0.5" length="0.6" height="1.8"/></BoundingBox>
+    </Pedestrian></ScenarioObject>"""
+WEATHER = """<GlobalAction><EnvironmentAction><Environment name="wet"><Weather fractionalCloudCover="sevenOktas" temperature="280"
+    atmosphericPressure="100000"><Sun illuminance="30000" azimuth="0" elevation="1"/>
+    <Precipitation precipitationType="rain" precipitationIntensity="10"/><Wind direction="0" speed="3"/></Weather>
+    <RoadCondition frictionScaleFactor="0.8" wetness="moist"/></Environment></EnvironmentAction></GlobalAction>"""
+CONTROL = """<PrivateAction><ControllerAction>
+    <ActivateControllerAction objectControllerRef="own" lateral="false"/></ControllerAction></PrivateAction>"""
+AHEAD = """<PrivateAction><RoutingAction><FollowTrajectoryAction>
+    <TrajectoryRef><Trajectory name="t" closed="false"><Shape><Polyline>
+    <Vertex><Position><WorldPosition x="100" y="-2"/></Position></Vertex>
+    <Vertex><Position><WorldPosition x="300" y="-1"/></Position></Vertex>
+    </Polyline></Shape></Trajectory></TrajectoryRef><TimeReference><None/></TimeReference>
+    <TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>"""
+SET = '<GlobalAction><VariableAction variableRef="Phase"><SetAction value="2"/></VariableAction></GlobalAction>'
+
+
+def condition(content: str) -> str:
+    """A Trigger's content."""
+    return f'<ConditionGroup><Condition name="c" delay="0" conditionEdge="none">{content}</Condition></ConditionGroup>'
+
+
+def entity_condition(content: str) -> str:
+    """A Trigger's content: one of Lead."""
+    return condition(
+        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Lead"/></TriggeringEntities>'
+        f"<EntityCondition>{content}</EntityCondition></ByEntityCondition>"
+    )
+
+
+def event(name: str, action: str, trigger: str) -> str:
+    started = f"<StartTrigger>{trigger}</StartTrigger>"
+    return f'<Event name="{name}" priority="parallel"><Action name="{name}">{action}</Action>{started}</Event>'
+
+
+@pytest.fixture
+def recent(tmp_path: Path) -> Path:
+    """A scenario of 1.3 with everything that is left out before, where events depend on each other."""
+    near = entity_condition(
+        '<TimeHeadwayCondition entityRef="Ego" value="9" freespace="false" rule="lessThan" coordinateSystem="road" '
+        'relativeDistanceType="longitudinal"/>'
+    )
+    phase = condition('<ByValueCondition><VariableCondition variableRef="Phase" value="2" rule="equalTo"/></ByValueCondition>')
+    events = event("set", SET, near) + event("drive", AHEAD, phase)
+    stories = (
+        '<Story name="s"><Act name="a"><ManeuverGroup name="g" maximumExecutionCount="1"><Actors selectTriggeringEntities="0">'
+        f'<EntityRef entityRef="Lead"/></Actors><Maneuver name="m">{events}</Maneuver></ManeuverGroup></Act></Story>'
+    )
+    walker = place("Walker", 180, 0, -2)
+    init = WEATHER + place("Ego", 100, 20, more=CONTROL) + place("Lead", 90, 25, -2) + walker
+    path = scenario(tmp_path, entities=[VEHICLE, TOWING, WALKER], init=init, stories=stories)
+    variables = '<VariableDeclarations><VariableDeclaration name="Phase" variableType="int" value="1"/></VariableDeclarations>'
+    path.write_text(path.read_text().replace("<CatalogLocations/>", f"{variables}<CatalogLocations/>"))
+    return path
+
+
+@pytest.mark.parametrize("version", ["1.0", "1.1", "1.2"])
+def test_nothing_moves_otherwise_for_what_is_left_out(version: str, recent: Path, tmp_path: Path) -> None:
+    remarks = standard.export(recent, version, Folder(tmp_path / "out"))
+    before = tuple(int(each) for each in version.split("."))
+    expected = {each.reason for each in OMISSIONS if before < each.before and "never starts" not in each.reason}
+    assert {reason for reason in expected if any(remark.endswith(f": {reason}") for remark in remarks)} == expected
+    exported = tmp_path / "out" / recent.name
+    assert [each for each in schemas.check(exported) if each.level == "error"] == []
+    rows = motion(recent)
+    assert rows["Lead"][-1][1] > rows["Lead"][0][1] + 0.01, "the trajectory is followed"
+    assert all((rows[name] == got).all() for name, got in motion(exported).items())
+
+
+@pytest.mark.parametrize("version", ["1.0", "1.1", "1.2"])
+def test_strict_exports_leave_nothing_out(version: str, recent: Path, tmp_path: Path) -> None:
+    with pytest.raises(Unsupported, match=f"cannot be said in OpenSCENARIO {version}"):
+        standard.export(recent, version, Folder(tmp_path / "out"), ExportSettings(strict=True))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_storyboard_without_stories_gets_one_that_does_nothing(recent: Path, tmp_path: Path) -> None:
+    path = scenario(tmp_path / "bare")
+    (remark,) = standard.export(path, "1.1", Folder(tmp_path / "out"))
+    assert "never starts" in remark
+    exported = tmp_path / "out" / path.name
+    assert [each for each in schemas.check(exported) if each.level == "error"] == []
+    assert all((rows == motion(exported)[name]).all() for name, rows in motion(path).items())
+
+
+def test_a_trailer_that_is_towed_stays_a_refusal(tmp_path: Path) -> None:
+    trailer = car("Box").replace("</Axles>", '</Axles><TrailerCoupler dx="4"/>').replace('Category="car"', 'Category="trailer"')
+    tractor = car("Lead").replace("</Axles>", '</Axles><TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef="Box"/></Trailer>')
+    path = scenario(tmp_path, entities=[car("Ego"), tractor, trailer])
+    with pytest.raises(Unsupported, match="Trailer"):
+        standard.export(path, "1.1", Folder(tmp_path / "out"))

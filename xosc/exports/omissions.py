@@ -1,0 +1,211 @@
+"""What an older version can't say and no motion depends on: left out, or said as that version says it, with a remark each.
+
+`xosc.versions` converts what can be said in both versions, and refuses the rest. Exports that are not strict make these changes
+before. A place is XPath from the root; values that are still parameters (`$…`) are left as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, cast
+
+from lxml import etree
+
+from schemas.values import number
+from xosc.document import Document
+from xosc.exports.refusals import located
+from xosc.node import Node
+from xosc.versions import Version
+
+_CLOUDS = {
+    "zeroOktas": "free", **{f"{n}Oktas": "cloudy" for n in ("two", "three", "four", "five", "six")}, "oneOktas": "cloudy",
+    "sevenOktas": "overcast", "eightOktas": "overcast", "nineOktas": "skyOff",
+}  # fmt: skip
+"""Cloud states of 1.0 and 1.1 by the cover that they are said by since 1.2."""
+_HEAVIEST_RAIN = 50.0
+"""mm/h that an intensity of 1 stands for in 1.0."""
+_FAR_AWAY = "100000"
+"""Visual range (m) of clear air."""
+_TOWS_NOTHING = "not(//TrailerAction) and not(//TrailerRef[@entityRef!=''])"
+
+
+class Omission(NamedTuple):
+    """A change of the elements at a place, for versions before the one that brought what stands there."""
+
+    before: Version
+    where: str
+    change: Callable[[etree._Element], None]
+    reason: str
+
+
+def omit(document: Document, version: Version) -> Iterator[str]:
+    """Make the changes for a version, in place; a remark for each kind with the first place."""
+    for before, where, change, reason in OMISSIONS:
+        if not version < before <= document.version:
+            continue
+        found = cast(list[etree._Element], document.root.xpath(where))
+        if found:
+            first: Node = located(found[0], document)
+            yield f"{first.where}: {first.tag}: {reason}"
+        for element in found:
+            change(element)
+
+
+def _remove(element: etree._Element) -> None:
+    parent = element.getparent()
+    assert parent is not None, "the root is at no place of the table"
+    parent.remove(element)
+
+
+def _without(*attributes: str) -> Callable[[etree._Element], None]:
+    def change(element: etree._Element) -> None:
+        for attribute in attributes:
+            if attribute in element.attrib:
+                del element.attrib[attribute]
+
+    return change
+
+
+def _with(attribute: str, value: str) -> Callable[[etree._Element], None]:
+    return lambda element: element.set(attribute, value)
+
+
+def _renamed(old: str, new: str) -> Callable[[etree._Element], None]:
+    return lambda element: element.set(new, str(element.attrib.pop(old)))
+
+
+def _cloud_state(weather: etree._Element) -> None:
+    weather.set("cloudState", _CLOUDS.get(str(weather.attrib.pop("fractionalCloudCover")), "cloudy"))
+
+
+def _rain(precipitation: etree._Element) -> None:
+    amount = number(str(precipitation.attrib.pop("precipitationIntensity")))
+    precipitation.set("intensity", repr(min(amount / _HEAVIEST_RAIN, 1.0)))
+
+
+def _parameters(declarations: etree._Element) -> None:
+    """Variables as parameters, which actions may set and conditions compare as well."""
+    root = declarations.getparent()
+    assert root is not None, "variables are declared by scenarios"
+    parameters = root.find("ParameterDeclarations")
+    if parameters is None:
+        parameters = etree.Element("ParameterDeclarations")
+        declarations.addprevious(parameters)
+    for variable in declarations:
+        parameters.append(
+            etree.Element(
+                "ParameterDeclaration", name=variable.get("name", ""), parameterType=variable.get("variableType", ""),
+                value=variable.get("value", ""),
+            )
+        )  # fmt: skip
+    root.remove(declarations)
+    for element in root.iter("VariableAction", "VariableCondition"):
+        element.tag = str(element.tag).replace("Variable", "Parameter")
+        element.set("parameterRef", str(element.attrib.pop("variableRef")))
+
+
+def _idle_story(storyboard: etree._Element) -> None:
+    """A story whose act never starts: versions before 1.2 ask for one."""
+    story = etree.Element("Story", name="none")
+    act = etree.SubElement(story, "Act", name="none")
+    group = etree.SubElement(act, "ManeuverGroup", name="none", maximumExecutionCount="1")
+    etree.SubElement(group, "Actors", selectTriggeringEntities="false")
+    etree.SubElement(act, "StartTrigger")
+    init = storyboard.find("Init")
+    assert init is not None, "storyboards have an Init"
+    init.addnext(story)
+
+
+def _complete(environment: etree._Element) -> None:
+    """The parts of an environment that 1.0 asks for."""
+    header = environment.getroottree().find("FileHeader")
+    date = header.get("date", "") if header is not None else ""
+    made = {
+        "TimeOfDay": {"animation": "false", "dateTime": date},
+        "Weather": {"cloudState": "free"},
+        "RoadCondition": {"frictionScaleFactor": "1"},
+    }
+    for place, (tag, attributes) in enumerate(made.items()):
+        if environment.find(tag) is None:
+            declared = environment.find("ParameterDeclarations") is not None
+            environment.insert(place + declared, etree.Element(tag, attributes))
+
+
+def _complete_weather(weather: etree._Element) -> None:
+    made = {
+        "Sun": {"intensity": "1", "azimuth": "0", "elevation": "1"},
+        "Fog": {"visualRange": _FAR_AWAY},
+        "Precipitation": {"precipitationType": "dry", "intensity": "0"},
+    }
+    for place, (tag, attributes) in enumerate(made.items()):
+        if weather.find(tag) is None:
+            weather.insert(place, etree.Element(tag, attributes))
+    if "cloudState" not in weather.attrib:
+        weather.set("cloudState", "free")
+
+
+def _along_route(condition: etree._Element) -> None:
+    _without("coordinateSystem", "relativeDistanceType", "routingAlgorithm")(condition)
+    condition.set("alongRoute", "true")
+
+
+_NOT_SHOWN = "this version does not have it, and no motion depends on it"
+_COUNTED = "TimeOfDayCondition"
+_ALONG = "[@coordinateSystem='road' and @relativeDistanceType='longitudinal']"
+
+OMISSIONS: tuple[Omission, ...] = (
+    # 1.3
+    Omission((1, 3), "//Trailer[TrailerRef/@entityRef='']", _remove, "it tows nothing"),
+    Omission(
+        (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle[not(Trailer)]/*[self::TrailerHitch or self::TrailerCoupler]",
+        _remove, "nothing is towed by it",
+    ),
+    Omission((1, 3), "//ObjectController/@name/..", _without("name"), "this version's controllers of objects have no name"),
+    Omission(
+        (1, 3), "//ActivateControllerAction/@objectControllerRef/..", _without("objectControllerRef"),
+        "this version switches all controllers of an entity, which are not executed here",
+    ),
+    # 1.2
+    Omission((1, 2), "//Vehicle/@role/.. | //Pedestrian/@role/..", _without("role"), _NOT_SHOWN),
+    Omission(
+        (1, 2), "//Weather[@fractionalCloudCover and not(starts-with(@fractionalCloudCover, '$'))]", _cloud_state,
+        "the cloud cover is written as the cloudState that it makes",
+    ),
+    Omission((1, 2), "//Sun[@illuminance]", _renamed("illuminance", "intensity"), "illuminance is called intensity before 1.2"),
+    Omission((1, 2), "//RoadCondition/@wetness/..", _without("wetness"), _NOT_SHOWN),
+    Omission((1, 2), "//Controller/@controllerType/..", _without("controllerType"), _NOT_SHOWN),
+    Omission(
+        (1, 2), "/OpenSCENARIO/VariableDeclarations[not(VariableDeclaration/@name = //ParameterDeclaration/@name)]", _parameters,
+        "variables are written as parameters, which actions may set before 1.2",
+    ),
+    Omission((1, 2), "/OpenSCENARIO/Storyboard[not(Story)]", _idle_story, "a story is added whose act never starts"),
+    # 1.1
+    Omission((1, 1), "//Vehicle/@model3d/.. | //MiscObject/@model3d/..", _without("model3d"), _NOT_SHOWN),
+    Omission((1, 1), "//Pedestrian[@model and @model3d]", _without("model3d"), _NOT_SHOWN),
+    Omission(
+        (1, 1), "//Weather[@temperature or @atmosphericPressure]", _without("temperature", "atmosphericPressure"), _NOT_SHOWN
+    ),
+    Omission((1, 1), "//Weather/Wind | //Weather/DomeImage", _remove, _NOT_SHOWN),
+    Omission(
+        (1, 1), "//Precipitation[@precipitationIntensity and not(starts-with(@precipitationIntensity, '$'))]", _rain,
+        f"its intensity is written as a part of {_HEAVIEST_RAIN:g} mm/h",
+    ),
+    Omission(
+        (1, 1), f"//Environment[not(//{_COUNTED} and not(TimeOfDay))][not(TimeOfDay and Weather and RoadCondition)]",
+        _complete,
+        "the parts that it leaves as they are, and 1.0 asks for, are written for dry and clear weather",
+    ),
+    Omission(
+        (1, 1), "//Weather[not(@cloudState and Sun and Fog and Precipitation)]", _complete_weather,
+        "the parts that it leaves as they are, and 1.0 asks for, are written for dry and clear weather",
+    ),
+    Omission(
+        (1, 1), "//Vertex[not(@time) and not(ancestor::FollowTrajectoryAction//Timing)]", _with("time", "0"),
+        "a time is written, which counts only with a Timing",
+    ),
+    Omission(
+        (1, 1), " | ".join(f"//{tag}Condition{_ALONG}" for tag in ("TimeHeadway", "TimeToCollision", "Distance")),
+        _along_route, "a distance along the road is written as one along the route",
+    ),
+)  # fmt: skip
+"""In the order in which they are made."""
