@@ -13,7 +13,7 @@ import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
 
@@ -59,16 +59,25 @@ class Schema:
         standard: "OpenSCENARIO" or "OpenDRIVE".
         version: major, minor and patch level of the standard.
         path: the XSD that declares the root element; it includes its neighbours by relative names.
-        xsd_1_1: whether it, or a file beside it that it includes, needs an XSD 1.1 processor.
     """
 
     standard: str
     version: tuple[int, int, int]
     path: Path
-    xsd_1_1: bool
 
     def __str__(self) -> str:
         return f"{self.standard} {'.'.join(map(str, self.version))}"
+
+    @cached_property
+    def xsd_1_1(self) -> bool:
+        """Whether it, or a file beside it that it includes, needs an XSD 1.1 processor.
+
+        The official schemas keep their parts in one folder, so the neighbours it includes are looked at as well.
+        """
+        content = self.path.read_bytes()
+        names = re.findall(rb"schemaLocation=\"([^\"/\\]+)\"", content)
+        parts = [self.path.parent / name.decode(errors="replace") for name in names]
+        return any(_XSD_1_1.search(text) for text in [content, *(part.read_bytes() for part in parts if part.is_file())])
 
 
 def detect(tree: etree._ElementTree) -> FileType:
@@ -159,11 +168,4 @@ def _read(path: Path) -> Schema | None:
     if heading is None or not _ROOT_ELEMENT.search(content):
         return None
     standard, major, minor, patch = (group.decode() if group else "0" for group in heading.groups())
-    return Schema(standard, (int(major), int(minor), int(patch)), path, _needs_xsd_1_1(path, content))
-
-
-def _needs_xsd_1_1(path: Path, content: bytes) -> bool:
-    """The official schemas keep their parts in one folder, so the neighbours it includes are looked at as well."""
-    names = re.findall(rb"schemaLocation=\"([^\"/\\]+)\"", content)
-    parts = [path.parent / name.decode(errors="replace") for name in names]
-    return any(_XSD_1_1.search(text) for text in [content, *(part.read_bytes() for part in parts if part.is_file())])
+    return Schema(standard, (int(major), int(minor), int(patch)), path)

@@ -3,11 +3,9 @@
 from typing import TYPE_CHECKING
 
 from schemas.packages import public
-from xosc.distributions import ParameterSpace, sample, variations, write_distribution
 from xosc.document import Document, load, write
 from xosc.node import Node
 from xosc.resolve import Resolved, resolve
-from xosc.versions import convert
 
 __all__ = [
     "Document",
@@ -24,6 +22,21 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from xosc.distributions import ParameterSpace as ParameterSpace
+    from xosc.distributions import sample as sample
+    from xosc.distributions import variations as variations
+    from xosc.distributions import write_distribution as write_distribution
+    from xosc.versions import convert as convert
+
     __version__: str
 else:
-    __getattr__, __dir__ = public(__name__, {})
+    __getattr__, __dir__ = public(
+        __name__,
+        {
+            "ParameterSpace": "xosc.distributions",
+            "convert": "xosc.versions",
+            "sample": "xosc.distributions",
+            "variations": "xosc.distributions",
+            "write_distribution": "xosc.distributions",
+        },
+    )

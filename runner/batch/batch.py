@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from runner.batch import journal
 from runner.batch.jobs import Job, Outcome, failure
-from runner.batch.pool import Pool
 from runner.outputs import report
 from runner.outputs.runs import write_runs
 from runner.settings import RunSettings
@@ -185,6 +184,8 @@ def _outcomes(jobs: Iterator[Job | Outcome], how: dict[str, Any], processes: int
         with RayPool(ray, processes, partial(_run, **how), _lost, enter) as cluster:
             yield from cluster.execute(jobs)
     elif processes > 1:
+        from runner.batch.pool import Pool
+
         with Pool(processes, partial(execute, **how), partial(_died, out=out)) as pool:
             yield from pool.execute(jobs)
     else:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import xodr
 from schemas.errors import UsageError
 from schemas.remarks import Remark
-from xodr.builders.assumed import RoadUse, assumed_roads
 from xodr.sumo_net.cache import folder as cache_folder
 from xosc.document import load
 from xosc.resolve import resolve
@@ -19,6 +18,7 @@ from xosc.roads import RULE, RoadFile, find_roads
 
 if TYPE_CHECKING:
     from runner.settings import RunSettings
+    from xodr.builders.assumed import RoadUse
     from xodr.network import RoadNetwork
     from xosc.node import Node
     from xosc.resolve import Resolved
@@ -50,6 +50,8 @@ def made_roads(logic: Node) -> RoadFile:
 
 def _made(scenario: Node, logic: Node) -> RoadFile:
     """Roads as the positions of a resolved scenario use them, in a file of the cache folder."""
+    from xodr.builders.assumed import assumed_roads  # the builders are for those who ask
+
     used = road_uses(scenario)
     if not used:
         raise logic.invalid("--road auto makes the roads that positions name, and no position of this scenario names one")
@@ -74,6 +76,8 @@ def _keep(content: bytes, path: Path) -> None:
 
 def road_uses(scenario: Node) -> list[RoadUse]:
     """The roads that the positions of a resolved scenario name, with the lengths and lanes that they need."""
+    from xodr.builders.assumed import RoadUse
+
     ends: dict[str, float] = defaultdict(float)
     lanes: dict[str, set[int]] = defaultdict(set)
     for position in scenario.iter("LanePosition", "RoadPosition"):

@@ -70,12 +70,12 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     """
     if name is None or name == "none":
         return None
-    known = _installed()
     name, given = split(name)
-    if name not in known and not re.fullmatch(r"[\w.]+:[\w.]+", name):
-        there = ", ".join(sorted({*known, "none"}))
+    entry = _own().get(name) or _installed().get(name)
+    if entry is None and not re.fullmatch(r"[\w.]+:[\w.]+", name):
+        there = ", ".join(sorted({*_own(), *_installed(), "none"}))
         raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class")
-    entry = known.get(name) or EntryPoint(name, name, GROUP)
+    entry = entry or EntryPoint(name, name, GROUP)
     try:
         factory = entry.load()
     except Exception as error:  # a plug-in's own code runs here
@@ -90,11 +90,16 @@ def _module(factory: Callable[[], System]) -> str:
 
 
 @cache
-def _installed() -> dict[str, EntryPoint]:
-    """All systems by name: the modules of this folder that say so in `SYSTEM`, and the entry points of installed packages.
-
-    They are looked up once: that reads every installed package's list, which takes as long as a short run.
-    """
+def _own() -> dict[str, EntryPoint]:
+    """The systems of this folder by name: the modules that say so in `SYSTEM`."""
     ours = described("runner.sut", "SYSTEM")
-    own = {name: EntryPoint(name, f"runner.sut.{module}:{factory}", GROUP) for module, (name, factory) in ours.items()}
-    return {entry.name: entry for entry in entry_points(group=GROUP)} | own
+    return {name: EntryPoint(name, f"runner.sut.{module}:{factory}", GROUP) for module, (name, factory) in ours.items()}
+
+
+@cache
+def _installed() -> dict[str, EntryPoint]:
+    """Those that the entry points of installed packages name; looked up once, and for no system of ours.
+
+    It reads every installed package's list, which takes as long as a short run.
+    """
+    return {entry.name: entry for entry in entry_points(group=GROUP)}

@@ -18,7 +18,6 @@ from xodr.model import Header, Junction
 from xodr.network import RoadNetwork
 from xodr.reader.elements import integer, invalid, number, text
 from xodr.reader.junctions import connections, not_followed, read_controller, read_junction
-from xodr.reader.repairs import repair
 from xodr.reader.roads import read_road
 from xodr.road import Road
 
@@ -48,13 +47,19 @@ def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
         try:
             return _network(path, root)
         except InvalidFile:
-            remarks = () if strict else repair(root, path)
+            remarks = () if strict else _repaired(root, path)
             if not remarks:
                 raise
             return _network(path, root, remarks)
     except ToolchainError as error:
         error.path = error.path or str(path)
         raise
+
+
+def _repaired(root: etree._Element, path: Path) -> tuple[Remark, ...]:
+    from xodr.reader.repairs import repair  # which most files do not need
+
+    return repair(root, path)
 
 
 def _plain_names(root: etree._Element) -> None:

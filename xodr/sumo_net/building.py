@@ -9,7 +9,6 @@ from pathlib import Path
 from schemas.storage import Stamp, read_bytes, stamp
 from xodr.reader import load
 from xodr.sumo_net.cache import Entry
-from xodr.sumo_net.convert import convert
 from xodr.sumo_net.net import SignalLink, SumoNet, Track
 
 _REMEMBERED = 64
@@ -34,6 +33,8 @@ def _build(path: Path | None, _stamp: Stamp) -> SumoNet:
     entry = Entry(read_bytes(path) if path else b"")
     index = entry.read()
     if index is None:
+        from xodr.sumo_net.convert import convert  # once for each road network
+
         network, index = convert(load(path) if path else None)
         entry.write(network, index)
     return SumoNet(

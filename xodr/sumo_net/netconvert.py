@@ -8,12 +8,15 @@ import os
 import sys
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lxml import etree
 
 from schemas.errors import ToolchainError, Unsupported
 from schemas.xml import parse
-from xodr.sumo_net.plain import PlainNetwork
+
+if TYPE_CHECKING:
+    from xodr.sumo_net.plain import PlainNetwork
 
 _log = logging.getLogger(__name__)
 
