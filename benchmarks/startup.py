@@ -14,7 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "highway_cut_in.xosc"
+SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "simple_cut_in.xosc"
 RUN = [sys.executable, "-m", "runner.cli"]
 COMMANDS = {
     "python -c 'import libsumo'": [sys.executable, "-c", "import libsumo"],

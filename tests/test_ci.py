@@ -34,7 +34,7 @@ def repository(tmp_path: Path) -> Path:
     library = ROOT / "xosc" / "library"
     shutil.copytree(library / "catalogs", folder / "catalogs")
     shutil.copytree(ROOT / "xodr" / "library", folder / "roads")
-    text = (library / "highway_cut_in.xosc").read_text().replace("../../xodr/library/", "roads/")
+    text = (library / "simple_cut_in.xosc").read_text().replace("../../xodr/library/", "roads/")
     (folder / "cut in.xosc").write_text(text)
     subprocess.run("git init -q . && git add .", shell=True, cwd=folder, check=True)
     return folder

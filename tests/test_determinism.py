@@ -15,7 +15,7 @@ from schemas.errors import UsageError
 from tests.conformance.support import SCENARIOS
 from tests.mutation import REPOSITORY
 
-CUT_IN = REPOSITORY / "xosc" / "library" / "highway_cut_in.xosc"
+CUT_IN = REPOSITORY / "xosc" / "library" / "simple_cut_in.xosc"
 TRAFFIC = SCENARIOS / "TrafficSwarmAction.xosc"
 RANDOM_ROUTE = SCENARIOS / "RandomRouteAction.xosc"
 STOCHASTIC = SCENARIOS / "NormalDistribution.xosc"

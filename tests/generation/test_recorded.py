@@ -35,8 +35,8 @@ def test_columns_go_by_name_and_the_egos_speed_is_that_of_the_other() -> None:
 @pytest.mark.parametrize(
     ("name", "pinned", "free", "unknown"),
     [
-        ("highway_cut_in", {}, [], "CutIn_Speed_mps"),
-        ("highway_cut_in", {"CutIn_Speed_mps": "9"}, [], "CutIn_LaneChangeTime_s"),
+        ("simple_cut_in", {}, [], "CutIn_Speed_mps"),
+        ("simple_cut_in", {"CutIn_Speed_mps": "9"}, [], "CutIn_LaneChangeTime_s"),
         ("cut_out_highway", {}, ["Slow_Speed_mps"], "Slow_Speed_mps"),
     ],
 )

@@ -15,7 +15,7 @@ LIBRARY = Path(xosc.__file__).parent / "library"
 
 
 @pytest.mark.parametrize(
-    "scenario", [LIBRARY / "highway_cut_in.xosc", SCENARIOS / "AddEntityAction.xosc", SCENARIOS / "CustomCommandAction.xosc"]
+    "scenario", [LIBRARY / "simple_cut_in.xosc", SCENARIOS / "AddEntityAction.xosc", SCENARIOS / "CustomCommandAction.xosc"]
 )
 def test_a_picture_is_written_and_repeats(tmp_path: Path, scenario: Path) -> None:
     result = runner.run(scenario, world="kinematic", max_time=5.0)

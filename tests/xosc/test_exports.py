@@ -288,9 +288,9 @@ def test_esmini_gets_parameters_and_distributions(tmp_path: Path) -> None:
 
 
 def test_esmini_is_told_what_it_does_not_read(tmp_path: Path) -> None:
-    remarks = esmini.export(LIBRARY / "highway_cut_in.xosc", "esmini", Folder(tmp_path))
+    remarks = esmini.export(LIBRARY / "simple_cut_in.xosc", "esmini", Folder(tmp_path))
     assert [remark.split(": ")[1] for remark in remarks] == ["ConstraintGroup", "RelativeDistanceCondition"]
-    assert all(re.match(r".+highway_cut_in\.xosc:\d+: ", remark) for remark in remarks)
+    assert all(re.match(r".+simple_cut_in\.xosc:\d+: ", remark) for remark in remarks)
 
 
 @pytest.mark.parametrize(

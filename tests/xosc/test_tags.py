@@ -101,7 +101,7 @@ def test_properties_are_renewed_and_others_stay(tmp_path: Path) -> None:
 
 
 def test_a_licence_in_the_header_stays(tmp_path: Path) -> None:
-    library = Path(xosc.__file__).parent / "library" / "highway_cut_in.xosc"
+    library = Path(xosc.__file__).parent / "library" / "simple_cut_in.xosc"
     header = tags.annotated(xosc.load(library), TAGS).root.find("FileHeader")
     assert header is not None and [child.tag for child in header] == ["License", "Properties"]
 

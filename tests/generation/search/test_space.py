@@ -20,7 +20,7 @@ CUT_IN = LIBRARY / "cut_in_highway.xosc"
 
 def declaring(path: Path, *parameters: object) -> Path:
     """A scenario with some declarations and nothing else."""
-    document = copied(xosc.load(LIBRARY / "highway_cut_in.xosc"))
+    document = copied(xosc.load(LIBRARY / "simple_cut_in.xosc"))
     holder = document.root.find("ParameterDeclarations")
     assert holder is not None
     for child in list(holder):

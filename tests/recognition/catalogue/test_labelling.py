@@ -27,7 +27,7 @@ def scenario(tmp_path: Path) -> Path:
     """A copy of the library's cut-in."""
     for name in ("xosc", "xodr"):
         copytree(LIBRARY.parents[1] / name / "library", tmp_path / name / "library")
-    return tmp_path / "xosc" / "library" / "highway_cut_in.xosc"
+    return tmp_path / "xosc" / "library" / "simple_cut_in.xosc"
 
 
 def run(scenario: Path, out: Path, *names: str) -> Path:
@@ -50,8 +50,8 @@ def test_a_copy_and_tags_come_beside_the_scenario(scenario: Path, tmp_path: Path
     before = scenario.read_bytes()
     labelled = label(run(scenario, tmp_path / "runs"))
     copy, beside = (
-        scenario.with_name("highway_cut_in_labelled.xosc"),
-        scenario.with_name("highway_cut_in_labelled.openlabel.json"),
+        scenario.with_name("simple_cut_in_labelled.xosc"),
+        scenario.with_name("simple_cut_in_labelled.openlabel.json"),
     )
     assert sorted(labelled.written) == sorted([copy, beside])
     assert scenario.read_bytes() == before
@@ -71,7 +71,7 @@ def test_all_that_was_found_is_told_beside_the_runs(scenario: Path, tmp_path: Pa
     assert told["runs"]["one"] == told["runs"]["two"]
     cut_in = next(each for each in told["runs"]["one"] if each["class"] == "highway cut in")
     assert (cut_in["ego"], cut_in["partner"], cut_in["state"]) == ("Ego", "CutIn", "known")
-    beside = scenario.with_name("highway_cut_in_labelled.openlabel.json")
+    beside = scenario.with_name("simple_cut_in_labelled.openlabel.json")
     findings = {tag.type: tag.value for tag in tags.read(beside)}["Findings"]
     assert any(str(each).endswith("in two") for each in findings)
 
@@ -90,7 +90,7 @@ def test_labelling_again_changes_nothing_and_leaves_edited_files(scenario: Path,
 
 def test_in_place_the_scenario_itself_is_annotated(scenario: Path, tmp_path: Path) -> None:
     labelled = label(run(scenario, tmp_path / "runs"), in_place=True)
-    assert scenario in labelled.written and not scenario.with_name("highway_cut_in_labelled.xosc").exists()
+    assert scenario in labelled.written and not scenario.with_name("simple_cut_in_labelled.xosc").exists()
     assert "highway cut in" in (held(scenario)["openlabel.Classes"] or "")
     assert check(scenario) == []
 
@@ -100,14 +100,14 @@ def test_before_1_2_only_openlabel_is_written(scenario: Path, tmp_path: Path) ->
     scenario.write_text(text)
     xosc.write(xosc.convert(xosc.load(scenario), (1, 1)), scenario)
     labelled = label(run(scenario, tmp_path / "runs"))
-    assert [path.name for path in labelled.written] == ["highway_cut_in_labelled.openlabel.json"]
-    assert json.loads(labelled.written[0].read_text())["openlabel"]["metadata"]["tagged_file"] == "highway_cut_in.xosc"
+    assert [path.name for path in labelled.written] == ["simple_cut_in_labelled.openlabel.json"]
+    assert json.loads(labelled.written[0].read_text())["openlabel"]["metadata"]["tagged_file"] == "simple_cut_in.xosc"
 
 
 def test_runs_whose_scenario_is_gone_are_refused(scenario: Path, tmp_path: Path) -> None:
     runs = run(scenario, tmp_path / "runs")
     scenario.unlink()
-    with pytest.raises(InvalidFile, match=r"the scenario of this run, .*highway_cut_in.xosc, is not there"):
+    with pytest.raises(InvalidFile, match=r"the scenario of this run, .*simple_cut_in.xosc, is not there"):
         label(runs)
 
 

@@ -21,7 +21,7 @@ from runner.settings import RunSettings
 from schemas.errors import InvalidFile
 from tests.recognition.traffic import read, total_rows
 
-SCENARIO = Path(runner.__file__).parents[1] / "xosc" / "library" / "highway_cut_in.xosc"
+SCENARIO = Path(runner.__file__).parents[1] / "xosc" / "library" / "simple_cut_in.xosc"
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def run(finished: Path, tmp_path: Path) -> Path:
     """A copy of the folder of its only run."""
-    return Path(shutil.copytree(finished / "highway_cut_in", tmp_path / "highway_cut_in"))
+    return Path(shutil.copytree(finished / "simple_cut_in", tmp_path / "simple_cut_in"))
 
 
 def test_rows_are_those_that_the_run_wrote_down(finished: Path) -> None:
@@ -53,7 +53,7 @@ def test_rows_are_those_that_the_run_wrote_down(finished: Path) -> None:
 
 
 def test_table_written_again_is_the_same(finished: Path) -> None:
-    stored = pq.read_table(finished / "highway_cut_in" / "trajectories.parquet")
+    stored = pq.read_table(finished / "simple_cut_in" / "trajectories.parquet")
     assert read(finished)[0].table().equals(stored)
 
 
