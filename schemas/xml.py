@@ -13,7 +13,7 @@ from schemas.errors import InvalidFile
 from schemas.remarks import Remark
 from schemas.storage import read_bytes
 
-_WELL_FORMED = "asam.net:xosc:1.0.0:xml.valid_xml_document"
+_WELL_FORMED = "asam.net:{}:1.0.0:xml.valid_xml_document"
 _BEFORE_DOCTYPE = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?(?>\s+|<\?.*?\?>|<!--.*?-->)*+<!DOCTYPE", re.DOTALL)
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _DECLARATION = re.compile(rb"<\?xml\s[^?<>]*\?>")
@@ -46,6 +46,11 @@ def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etr
             raise
         remarks += found
     return parse_bytes(fixed, path)
+
+
+def rule_of(path: Path) -> str:
+    """The rule that a file breaks which is no sound XML: that of OpenDRIVE or of OpenSCENARIO, by the ending of its name."""
+    return _WELL_FORMED.format("xodr" if path.suffix.lower() == ".xodr" else "xosc")
 
 
 def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
@@ -98,7 +103,7 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
     remarks: list[Remark] = []
 
     def note(position: int, message: str) -> None:
-        remarks.append(Remark(_WELL_FORMED, message, str(path), data.count(b"\n", 0, position) + 1))
+        remarks.append(Remark(rule_of(path), message, str(path), data.count(b"\n", 0, position) + 1))
 
     fixed = data
     mark = data.find(_BYTE_ORDER_MARK, len(_BYTE_ORDER_MARK) if data.startswith(_BYTE_ORDER_MARK) else 0)
@@ -119,7 +124,7 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
     if comments != fixed:
         position = next(i for i, (old, new) in enumerate(zip(fixed, comments, strict=True)) if old != new)
         line = fixed.count(b"\n", 0, position) + 1
-        remarks.append(Remark(_WELL_FORMED, "there is '--' in a comment; it does not end the comment", str(path), line))
+        remarks.append(Remark(rule_of(path), "there is '--' in a comment; it does not end the comment", str(path), line))
     return comments, remarks
 
 

@@ -10,9 +10,7 @@ from schemas.checks.document import Document
 from schemas.checks.problems import Problem
 from schemas.checks.registry import all_rules
 from schemas.errors import InvalidFile
-from schemas.registry import OPENDRIVE, OPENSCENARIO
-from schemas.rules.valid_xml_document import UIDS
-from schemas.xml import parse
+from schemas.xml import parse, rule_of
 
 
 def check(path: str | PathLike[str]) -> list[Problem]:
@@ -27,8 +25,7 @@ def check(path: str | PathLike[str]) -> list[Problem]:
     try:
         document = Document(parse(path), path)
     except InvalidFile as error:
-        standard = OPENDRIVE if path.suffix.lower() == ".xodr" else OPENSCENARIO
-        return [Problem(UIDS[standard], "error", error.message, str(path), error.line)]
+        return [Problem(rule_of(path), "error", error.message, str(path), error.line)]
     return sorted(_problems(document), key=lambda problem: (problem.line or 0, problem.rule, problem.message))
 
 

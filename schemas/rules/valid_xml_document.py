@@ -4,16 +4,10 @@ from collections.abc import Iterator
 
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
-from schemas.registry import OPENDRIVE, OPENSCENARIO
-
-UIDS = {
-    OPENSCENARIO: "asam.net:xosc:1.0.0:xml.valid_xml_document",
-    OPENDRIVE: "asam.net:xodr:1.0.0:xml.valid_xml_document",
-}
 
 
-@rule(UIDS[OPENSCENARIO], precondition=True)
-@rule(UIDS[OPENDRIVE], precondition=True)
+@rule("asam.net:xosc:1.0.0:xml.valid_xml_document", precondition=True)
+@rule("asam.net:xodr:1.0.0:xml.valid_xml_document", precondition=True)
 def check(document: Document) -> Iterator[Finding]:
     """The file must be a well-formed XML document, without a document type and not too large.
 

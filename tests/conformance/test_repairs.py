@@ -47,6 +47,7 @@ TRAJECTORY = (
 
 
 MODE = '<TrajectoryFollowingMode followingMode="position"/>'
+VISIBLE = '<PrivateAction><VisibilityAction traffic="true" sensors="true"/></PrivateAction>'
 WEATHER = (
     '<GlobalAction><EnvironmentAction><Environment name="e"><Weather cloudState="cloudless"/></Environment></EnvironmentAction>'
     "</GlobalAction>"
@@ -128,6 +129,9 @@ FAULTS = {
     "no dLane": Fault("        </Private>\n", placed('<RelativeLanePosition entityRef="$Name" ds="1"/>'), VALID, 56),
     "no t": Fault("        </Private>\n", placed('<RoadPosition roadId="1" s="300"/>'), VALID, 56),
     "mode in capitals": Fault('conditionEdge="rising"', 'conditionEdge="Rising"', VALID, 80),
+    "attribute in capitals of others": Fault("conditionEdge", "conditionedge", VALID, 80),
+    "former name of an attribute": Fault('conditionEdge="rising"', 'edge="rising"', VALID, 80),
+    "nothing of visibility": Fault("        </Private>\n", "        " + VISIBLE + "</Private>\n", VALID, 55),
     "unknown attribute": Fault('name="later"', 'name="later" colour="red"', VALID, 80),
     "unknown element": Fault("  <Entities>", "  <Weather2/><Entities>", VALID, 22),
     "text in an element": Fault("  <Entities>", "  <Entities>text", VALID, 22),

@@ -41,16 +41,17 @@ def load(path: str | PathLike[str], *, strict: bool = False) -> RoadNetwork:
 
 @lru_cache(maxsize=_CACHED_FILES)
 def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
-    root = parse(path).getroot()
+    outside: list[Remark] = []
+    root = parse(path, None if strict else outside).getroot()
     try:
         _plain_names(root)
         try:
-            return _network(path, root)
+            return _network(path, root, tuple(outside))
         except InvalidFile:
             remarks = () if strict else _repaired(root, path)
             if not remarks:
                 raise
-            return _network(path, root, remarks)
+            return _network(path, root, (*outside, *remarks))
     except ToolchainError as error:
         error.path = error.path or str(path)
         raise

@@ -203,3 +203,29 @@ def test_what_has_no_meaning_is_refused_although_repairs_are_allowed(tmp_path: P
 
 def test_checks_and_the_reader_refuse_the_same_numbers() -> None:
     assert xodr_numbers.LARGEST == LARGEST
+
+
+@pytest.mark.parametrize(
+    ("before", "line", "text"),
+    [
+        ("\ufeff\ufeff{declaration}\n", 1, "a byte-order mark is not at the beginning; it is left out"),
+        ("\n\n{declaration}\n", 3, "the XML declaration is not at the beginning; it is read as if it was"),
+        (
+            "{declaration}\n<!DOCTYPE OpenDRIVE>\n",
+            2,
+            "a document type (DOCTYPE) is not allowed; it declares nothing, and is left out",
+        ),
+        ("{declaration}\n<!-- a -- b -->\n", 2, "there is '--' in a comment; it does not end the comment"),
+    ],
+)
+def test_faults_outside_of_the_elements_are_repaired(tmp_path: Path, before: str, line: int, text: str) -> None:
+    declaration, _, elements = (FOLDER / "virtual_junction.xodr").read_text(encoding="utf-8").partition("\n")
+    sound, broken = tmp_path / "sound.xodr", tmp_path / "broken.xodr"
+    sound.write_text(f"{declaration}\n{elements}", encoding="utf-8")
+    broken.write_text(before.format(declaration=declaration) + elements, encoding="utf-8")
+    network, rule = xodr.load(broken), "asam.net:xodr:1.0.0:xml.valid_xml_document"
+    assert network.remarks[0] == Remark(rule, text, str(broken), line)
+    assert network.roads.keys() == xodr.load(sound).roads.keys()
+    assert rule in {problem.rule for problem in schemas.check(broken)}
+    with pytest.raises(InvalidFile):
+        xodr.load(broken, strict=True)

@@ -12,35 +12,30 @@ from xosc.repairs.declared import attributes
 BREAKS_SCHEMA = True
 
 _OBVIOUS = {
-    ("Condition", "delay"): "0",
-    ("Condition", "conditionEdge"): "none",
-    ("TriggeringEntities", "triggeringEntitiesRule"): "any",
-    ("ManeuverGroup", "maximumExecutionCount"): "1",
-    ("RelativeObjectPosition", "dx"): "0",
-    ("RelativeObjectPosition", "dy"): "0",
-    ("RelativeWorldPosition", "dx"): "0",
-    ("RelativeWorldPosition", "dy"): "0",
-    ("RelativeRoadPosition", "ds"): "0",
-    ("RelativeRoadPosition", "dt"): "0",
-    ("RelativeLanePosition", "dLane"): "0",
-    ("RoadPosition", "t"): "0",
-    ("FromRoadCoordinates", "t"): "0",
-    ("Center", "x"): "0",
-    ("Center", "y"): "0",
-    ("Center", "z"): "0",
-    ("Timing", "offset"): "0",
-    ("Timing", "scale"): "1",
-    ("TrajectoryFollowingMode", "followingMode"): "position",
-    ("SpeedProfileAction", "followingMode"): "position",
-    ("TimeOfDay", "animation"): "false",
-    ("Actors", "selectTriggeringEntities"): "false",
-    ("Route", "closed"): "false",
-    ("Trajectory", "closed"): "false",
-    ("FileHeader", "author"): "",
-    ("FileHeader", "description"): "",
-    ("FileHeader", "date"): "1970-01-01T00:00:00",
-}
-"""Values that change nothing: later versions have them as defaults, or there is nothing else that the absence could say."""
+    "0": (
+        "Condition/delay", "RelativeObjectPosition/dx", "RelativeObjectPosition/dy", "RelativeWorldPosition/dx",
+        "RelativeWorldPosition/dy", "RelativeRoadPosition/ds", "RelativeRoadPosition/dt", "RelativeLanePosition/dLane",
+        "RoadPosition/t", "FromRoadCoordinates/t", "Center/x", "Center/y", "Center/z", "Timing/offset",
+    ),
+    "1": ("ManeuverGroup/maximumExecutionCount", "Timing/scale"),
+    "INF": ("Performance/maxSpeed", "Performance/maxAcceleration", "Performance/maxDeceleration"),
+    "none": ("Condition/conditionEdge",),
+    "any": ("TriggeringEntities/triggeringEntitiesRule",),
+    "position": ("TrajectoryFollowingMode/followingMode", "SpeedProfileAction/followingMode"),
+    "true": ("VisibilityAction/graphics", "VisibilityAction/traffic", "VisibilityAction/sensors"),
+    "false": (
+        "Actors/selectTriggeringEntities", "Route/closed", "Trajectory/closed", "TimeOfDay/animation",
+        "DistanceCondition/freespace", "RelativeDistanceCondition/freespace", "TimeHeadwayCondition/freespace",
+        "TimeToCollisionCondition/freespace", "LateralDistanceAction/freespace", "LongitudinalDistanceAction/freespace",
+        "DistanceCondition/alongRoute", "TimeHeadwayCondition/alongRoute", "TimeToCollisionCondition/alongRoute",
+        "LaneOffsetAction/continuous", "LateralDistanceAction/continuous", "LongitudinalDistanceAction/continuous",
+        "RelativeTargetSpeed/continuous",
+    ),
+    "": ("FileHeader/author", "FileHeader/description"),
+    "1970-01-01T00:00:00": ("FileHeader/date",),
+}  # fmt: skip
+"""Attributes of elements, by the value that changes nothing: later versions have it as default, or nothing else can be meant."""
+_VALUES = {name: value for value, names in _OBVIOUS.items() for name in names}
 _AT_ONCE = {"value": "0", "dynamicsDimension": "time"}
 """What the dynamics of a step need not say."""
 
@@ -52,7 +47,7 @@ def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
         for name, attribute in declared.get(node.tag, {}).items():
             if not attribute.required or node.has(name):
                 continue
-            value = _OBVIOUS.get((node.tag, name))
+            value = _VALUES.get(f"{node.tag}/{name}")
             if value is None and node.get("dynamicsShape", "") == "step":
                 value = _AT_ONCE.get(name)
             if value is not None:
