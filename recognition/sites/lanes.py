@@ -154,7 +154,7 @@ class LaneGraph:
         return number if number is not None and self.strips[number].forward == link.at_start else None
 
     def _straightest(self, number: int) -> int:
-        def turn(after: int) -> float:
+        def turn(after: int) -> tuple[float, bool]:
             strip = self.strips[after]
             return self._traveller.turn(LaneLink(strip.road, strip.lane, strip.forward))
 

@@ -218,8 +218,8 @@ class _Following:
             return True
         if self.pace is not None:
             self.done = self._keep_pace(self.pace, dt)
-        elif motion.again is None:
-            self.done = motion.reached(self.actor.controls.target_speed, dt) >= motion.path.length - _SAME_PLACE
+        else:
+            self.done = motion.ends(self.actor.controls.target_speed, dt)
         return self.done
 
     def _keep_pace(self, pace: Pace, dt: float) -> bool:

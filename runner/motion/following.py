@@ -21,6 +21,8 @@ _ON_PATH = 0.01
 """Distance (m) from a path up to which an entity counts as being on it."""
 _AT_END = 1e-6
 """Distance (m) from the end of a path within which an entity is there"""
+_ACROSS = 1e-6
+"""Cosine of an angle below which one faces neither way"""
 _SHORTEST = 1e-3
 """A distance (m) that is short for every path."""
 
@@ -29,7 +31,8 @@ class PathMotion:
     """Along a path, at the entity's speed.
 
     The first motion, whatever its gear, goes towards the end; the other gear leads back, to the beginning at most. Where the
-    path prescribes no orientation, an entity whose first motion is in reverse faces backwards.
+    path prescribes no orientation, an entity whose first motion is in reverse faces backwards. Where it does, an entity that
+    is put inside the path moves the way that its orientation and gear say, and the beginning is its end where that is back.
 
     At the end of the path the entity goes back to its lane by itself; one that has to be there for a while may stand there.
 
@@ -56,6 +59,8 @@ class PathMotion:
         self._reach = _AT_END if timed else 0.0
         self._timed, self._oriented = timed, oriented
         self._gear = 0.0
+        """What the speed's sign means along the path: +1 the path's direction, -1 the other; 0 before the first motion"""
+        self._back = False
         self.ending = False
         """Whether the entity goes back to its lane after the coming step, wherever it is then."""
         known = roads.network.roads.values() if roads.network is not None else ()
@@ -65,17 +70,37 @@ class PathMotion:
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move along the path."""
         if self._gear == 0.0 and speed:
-            self._gear = math.copysign(1.0, speed)
-        before, self.s = self.s, max(self.reached(speed, dt), 0.0)
-        if self.s < before and self.s == 0.0:
-            speed = -self._gear * before / dt
-        if self.s >= self.path.length and self.again is not None:
+            self._gear = self._engaged(speed)
+            self._back = self._gear * speed < 0.0 and not self._timed
+        before, self.s = self.s, self._kept(self.reached(speed, dt))
+        if self.s == self._origin and self.s != before:
+            speed = self._gear * (self.s - before) / dt
+        if self.s >= self.path.length and self.again is not None and not self._back:
             self.s = (self.s - self.path.length) % max(self.again.length, _SHORTEST)
             self.path, self._target = self.again, None
         self.put(entity, speed)
-        if self.ending or (self.s >= self.path.length + self._reach and self.again is None):
+        if self.ending or self._left():
             self.roads.back_to_lane(entity)
         return speed
+
+    @property
+    def _origin(self) -> float:
+        """Where (m) the entity can't go back any further."""
+        return self.path.length if self._back else 0.0
+
+    def _kept(self, s: float) -> float:
+        return min(s, self._origin) if self._back else max(s, self._origin)
+
+    def _left(self) -> bool:
+        if self._back:
+            return self.s <= 0.0
+        return self.s >= self.path.length + self._reach and self.again is None
+
+    def _engaged(self, speed: float) -> float:
+        """The gear of a first motion at a speed (m/s)."""
+        if self._oriented and not self._timed and self.s > _AT_END:
+            return -1.0 if self.backwards() else 1.0
+        return math.copysign(1.0, speed)
 
     def put(self, entity: Entity, speed: float) -> None:
         """Give the entity the pose of the path where it is.
@@ -93,12 +118,19 @@ class PathMotion:
 
     def reached(self, speed: float, dt: float) -> float:
         """Where (s, m) a step of dt (s) at a speed (m/s) leads to; times always lead on."""
-        gear = self._gear or math.copysign(1.0, speed)
+        gear = self._gear or self._engaged(speed)
         return self.s + (abs(speed) if self._timed else gear * speed) * dt
+
+    def ends(self, speed: float, dt: float) -> bool:
+        """Whether a step of dt (s) at a speed (m/s) leads to the end."""
+        s = self.reached(speed, dt)
+        if self._back or (not self._gear and s < self.s):
+            return s <= _AT_END
+        return s >= self.path.length - _AT_END and self.again is None
 
     def backwards(self) -> bool:
         """Whether the orientation that the path prescribes faces against its direction, so that one reverses along it."""
-        return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < 0.0
+        return math.cos(self.path.at(self.s).h - tangent(self.path, self.s)) < -_ACROSS
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
         """Distance (m) along the path to the point of it nearest to a place; negative once passed."""

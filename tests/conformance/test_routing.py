@@ -108,6 +108,23 @@ def test_in_reverse_gear_the_entity_faces_backwards_along_the_trajectory() -> No
     assert at(columns, 2.0, "speed") == pytest.approx(-10.0)
 
 
+@pytest.mark.parametrize(("heading", "speed"), [("3.14159265358979", 10.0), ("0", -10.0)])
+def test_inside_a_trajectory_prescribed_headings_and_the_gear_say_which_way_leads_on(
+    heading: str, speed: float, tmp_path: Path
+) -> None:
+    ends = [
+        (f'<WorldPosition x="{x}" y="{y}"/>', f'<WorldPosition x="{x}" y="-1.75" h="{heading}"/>')
+        for x, y in (("100", "-1.75"), ("120", "-1.75"), ("140", "8.25"))
+    ]
+    last = ('<WorldPosition x="100" y="8.25"/>', f'<WorldPosition x="180" y="-1.75" h="{heading}"/>')
+    path = changed(SCENARIOS / "FollowTrajectoryAction.xosc", tmp_path, *ends, last)
+    result = runner.run(path, parameters={"Speed": speed, "Skip": 80}, sut=None, timestep=0.01, world="kinematic", max_time=60.0)
+    columns = track(result, "Car")
+    assert at(columns, 5.0, "x") == pytest.approx(180.0 - 40.0, abs=1e-6)
+    assert math.cos(at(columns, 5.0, "h")) == pytest.approx(math.cos(float(heading)))
+    assert events(result, "endTransition", "Follow")[0].time == pytest.approx(9.0, abs=0.02)
+
+
 def test_a_closed_trajectory_is_followed_round_and_round() -> None:
     columns = drive("FollowTrajectoryAction", Closed="true", Speed=20)
     length = 20.0 + math.hypot(20.0, 10.0) + 40.0 + 10.0

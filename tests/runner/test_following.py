@@ -19,10 +19,10 @@ def entity(h: float = 0.0) -> SimpleNamespace:
     return SimpleNamespace(x=0.0, y=0.0, z=0.0, h=h, pitch=0.0, roll=0.0, speed=0.0)
 
 
-def motion(heading: float | None = None) -> PathMotion:
-    """Along the x axis, 100 m."""
+def motion(heading: float | None = None, s: float = 0.0) -> PathMotion:
+    """Along the x axis, 100 m, from s (m) on."""
     path = Polyline([Corner(0.0, 0.0, 0.0, heading), Corner(100.0, 0.0, 0.0, heading)])
-    return PathMotion(Roads(None), path, 0.0, oriented=heading is not None)
+    return PathMotion(Roads(None), path, s, oriented=heading is not None)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -54,3 +54,30 @@ def test_prescribed_headings_hold_in_either_gear(heading: float, speed: float) -
     who, way = entity(), motion(heading)
     way.advance(who, speed, DT)
     assert (who.x, who.h) == pytest.approx((1.0, heading))
+
+
+@pytest.mark.parametrize(("heading", "speed"), [(0.0, -10.0), (math.pi, 10.0)])
+def test_inside_a_path_one_moves_as_the_prescribed_heading_and_the_gear_say_and_ends_at_the_beginning(
+    heading: float, speed: float
+) -> None:
+    who, way = entity(heading), motion(heading, 3.0)
+    for x in (2.0, 1.0):
+        assert not way.ends(speed, DT)
+        way.advance(who, speed, DT)
+        assert (who.x, who.h) == pytest.approx((x, heading))
+    way.advance(who, -speed, DT)
+    assert who.x == pytest.approx(2.0)
+    way.advance(who, speed, DT)
+    assert way.ends(speed, DT)
+
+
+def test_from_the_end_one_goes_back_and_no_further_than_there_in_the_other_gear() -> None:
+    who, way = entity(0.0), motion(0.0, 100.0)
+    assert not way.ends(-10.0, DT)
+    way.advance(who, -10.0, DT)
+    assert way.advance(who, 20.0, DT) == pytest.approx(10.0)
+    assert who.x == pytest.approx(100.0)
+
+
+def test_from_the_end_one_does_not_go_on() -> None:
+    assert motion(0.0, 100.0).ends(10.0, DT)

@@ -39,7 +39,7 @@ class Traveller:
 
     def __init__(self, roads: Mapping[str, Road], links: LinkTable) -> None:
         self._roads, self._links = roads, links
-        self._turns: dict[LaneLink, float] = {}
+        self._turns: dict[LaneLink, tuple[float, bool]] = {}
 
     def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
         """Move `distance` [m ≥ 0] along the point's lane, measured on the way of the point itself."""
@@ -107,19 +107,19 @@ class Traveller:
             index, lane_id, _ = _next_section(road, index, lane_id, 0.0, forward)
 
     def straightest(self, _point: RoadPoint, _forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
-        """The way on that turns least; the first in the file where several turn equally."""
+        """The way on that turns least; of ways that turn equally the left one, and of those that turn to one side the first."""
         return min(links, key=self.turn) if links else None
 
-    def turn(self, link: LaneLink) -> float:
-        """By how much [rad, ≥ 0] the way turns on the road that a link enters: its first 50 m, or all of it in a junction."""
+    def turn(self, link: LaneLink) -> tuple[float, bool]:
+        """How far [rad, ≥ 0] the way turns on the road that a link enters (its first 50 m, or all in a junction), if right."""
         turn = self._turns.get(link)
         if turn is None:
             road = self._roads[link.road_id]
             reach = road.length if road.junction_id else min(road.length, 50.0)
             entry, exit_ = (0.0, reach) if link.at_start else (road.length, road.length - reach)
-            turn = abs(math.remainder(road.heading(exit_) - road.heading(entry), math.tau))
-            # equal turns to the nanoradian are equal: the order in the file decides, not rounding
-            turn = self._turns[link] = round(turn, 9)
+            # equal turns to the nanoradian are equal: not rounding decides
+            angle = round(math.remainder(road.heading(exit_) - road.heading(entry), math.tau), 9)
+            turn = self._turns[link] = (abs(angle), angle < 0.0)
         return turn
 
 

@@ -96,6 +96,30 @@ def test_lane_sections_are_crossed_by_lane_links(files) -> None:
     assert (back.point.s, back.point.lane_id, back.point.offset) == (40.0, -1, 0.2)
 
 
+@pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
+def test_of_ways_that_turn_equally_the_left_one_is_the_straightest(files, order: tuple[str, str]) -> None:
+    """Whatever their order in the file, and however their angles are rounded."""
+    sides = {
+        "left": ("2", "0.05", files.connection("1", "2")),
+        "right": ("3", "-0.05000000000000001", files.connection("1", "3")),
+    }
+    link = files.to_road("predecessor", "1", "end")
+    ways = [
+        files.road(
+            name,
+            length=20.0,
+            junction="j",
+            lanes=files.section(right=1),
+            link=link,
+            geometry=files.geometry(f'<arc curvature="{bend}"/>', 20.0, start=(100.0, 0.0, 0.0)),
+        )
+        for name, bend, _ in (sides[side] for side in order)
+    ]
+    first = files.road("1", link='<successor elementType="junction" elementId="j"/>', lanes=files.section(right=1))
+    network = files.load(first, *ways, f'<junction id="j">{"".join(sides[side][2] for side in order)}</junction>')
+    assert network.travel(network.lane_point("1", -1, 90.0), 15.0, True).point.road_id == "2"
+
+
 def test_a_lane_that_ends_within_a_road_is_left_without_a_jump(files) -> None:
     lanes = files.section(right=2, linked=False) + files.section(right=1, s=50.0, linked=False)
     network = files.load(files.road(lanes=lanes))
