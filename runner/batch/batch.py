@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.batch import journal
-from runner.batch.jobs import Job, Outcome, failure
+from runner.batch.jobs import Job, Outcome, assumed, failure
 from runner.outputs import report
 from runner.outputs.runs import write_runs
 from runner.settings import RunSettings
@@ -57,11 +57,13 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
     from runner.interpreter.execution import prepare
 
     try:
+        remarks = assumed(job, settings.strict)
         prepared = prepare(job.scenario, job.parameters, settings)
         prepared.ego(settings.ego)
     except Exception as error:  # a defect of ours is an outcome too, the other files go on
         return failure(job, error)
-    return Outcome(job, "loaded", 0, status="compiled", remarks=[one_line(str(each)) for each in prepared.scenario.remarks])
+    remarks += map(str, prepared.scenario.remarks)
+    return Outcome(job, "loaded", 0, status="compiled", remarks=[one_line(remark) for remark in remarks])
 
 
 def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
@@ -80,8 +82,10 @@ def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Se
 
     try:
         own = settings if job.seed is None else replace(settings, seed=job.seed)
+        remarks = assumed(job, own.strict)
         result = run(job.scenario, own, parameters=job.parameters)
         result.name = job.name
+        result.remarks = (*remarks, *result.remarks)
         measures = _write(result, out / job.name, plot) if out is not None else {}
         for act in also:
             act(result)

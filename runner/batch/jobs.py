@@ -139,6 +139,17 @@ class Jobs:
         self._spaces.pop(path, None)
 
 
+def assumed(job: Job, strict: bool) -> list[str]:
+    """What was assumed to read the parameter value distribution that a job is of, a line each; nothing for other jobs.
+
+    Raises:
+        InvalidFile: there is something, and reading is strict.
+    """
+    from xosc.document import load
+
+    return [str(remark) for remark in load(job.source, strict=strict).remarks] if job.source != job.scenario else []
+
+
 def names_of(paths: Sequence[Path]) -> list[str]:
     """A name for each file: unique, safe as a folder's name, and with the folders that tell files of one name apart."""
     files = {path.absolute(): _folder_name(path.stem)[:_LONGEST] for path in paths}

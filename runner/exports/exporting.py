@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.batch.jobs import Outcome, jobs_of
+from runner.batch.jobs import Outcome, assumed, jobs_of
 from schemas.errors import ToolchainError, describe
 from xosc.document import load
 from xosc.exports.draft import DEFAULTS, ExportSettings, roads_in
@@ -65,6 +65,7 @@ def export_runs(
             yield Exported(job.job.name, job.exit_code, [job.message])
             continue
         try:
+            assumed(job, settings.strict)
             result = run(job.scenario, settings, parameters=job.parameters)
             yield Exported(job.name, 0, module.export(result, job.name, folder))
         except (ToolchainError, OSError) as error:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import statistics
+from pathlib import Path
 
 import pytest
 
 import runner
 import xosc
+from runner.batch.batch import rehearse_batch, run_batch
+from runner.batch.jobs import jobs_of
 from tests.conformance.support import SCENARIOS, at, track
 
 
@@ -46,3 +51,25 @@ def test_the_variations_run() -> None:
     for scenario, parameters in xosc.variations(SCENARIOS / "DistributionSet.xosc"):
         result = runner.run(scenario, parameters=parameters, sut=None, world="kinematic", timestep=0.05, max_time=8)
         assert at(track(result, "Car"), 7.0, "speed") == float(parameters["Target"])
+
+
+def test_faults_of_the_variations_are_remarks_of_their_runs(tmp_path: Path) -> None:
+    shutil.copytree(SCENARIOS.parent / "roads", tmp_path / "roads")
+    (tmp_path / "scenarios").mkdir()
+    for name in ("DistributionSet", "SpeedAction"):
+        shutil.copy(SCENARIOS / f"{name}.xosc", tmp_path / "scenarios")
+    variations, old = tmp_path / "scenarios" / "DistributionSet.xosc", "<DistributionSet>"
+    text = variations.read_text(encoding="utf-8")
+    assert old in text
+    line = text[: text.index(old)].count("\n") + 1
+    variations.write_text(text.replace(old, '<DistributionSet colour="red">'), encoding="utf-8")
+    lenient = runner.RunSettings(sut=None, world="kinematic", max_time=1.0)
+    outcomes = list(run_batch(jobs_of([variations], {}, True), lenient, out=tmp_path / "out"))
+    assert len(outcomes) == 2
+    for outcome in outcomes:
+        (remark,) = [each for each in outcome.remarks if each.startswith(f"{variations}:{line}: ")]
+        assert remark in json.loads((tmp_path / "out" / outcome.job.name / "result.json").read_text())["remarks"]
+    (rehearsed,) = rehearse_batch(jobs_of([variations], {}, True), lenient)
+    assert remark in rehearsed.remarks
+    strict = runner.RunSettings(sut=None, world="kinematic", strict=True)
+    assert all("valid_schema" in each.message for each in run_batch(jobs_of([variations], {}, True), strict))
