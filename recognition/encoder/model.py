@@ -17,6 +17,8 @@ from schemas.errors import UsageError
 _STEM = 4
 """Cells along each axis that the convolutions of the front-end make into one place."""
 _STEM_CHANNELS = (16, 32)
+_SPREAD = 0.02
+"""Standard deviation of untrained embeddings of places and times"""
 
 
 class Encoder(nn.Module):
@@ -44,8 +46,8 @@ class Encoder(nn.Module):
             height, width, depth, channels = height // _STEM, width // _STEM, 1, _STEM_CHANNELS[-1]
         dim, places = architecture.dim, self._rows * self._columns
         self.embedding = nn.Linear(depth * channels * height * width, dim)
-        self.place = nn.Parameter(0.02 * torch.randn(places, dim))
-        self.time = nn.Parameter(0.02 * torch.randn(self._times, 1, dim))
+        self.place = nn.Parameter(_drawn(places, dim))
+        self.time = nn.Parameter(_drawn(self._times, 1, dim))
         self.blocks = nn.ModuleList(Block(architecture) for _ in range(architecture.depth))
         self.norm = nn.LayerNorm(dim)
         self.classes: tuple[int, ...] = ()
@@ -99,6 +101,12 @@ class Encoder(nn.Module):
         _, height, width = self.architecture.patch
         below, behind = self._rows * height - grids.shape[3], self._columns * width - grids.shape[4]
         return F.pad(grids, (0, behind, 0, below)) if below or behind else grids
+
+
+def _drawn(*shape: int) -> Tensor:
+    """Untrained embeddings; no numbers on the device `meta`, for which torch would import its compiler first."""
+    values = torch.empty(shape)
+    return values if values.is_meta else values.normal_(std=_SPREAD)
 
 
 def _convolutions(channels: int) -> nn.Module:

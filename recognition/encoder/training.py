@@ -34,19 +34,19 @@ def device() -> torch.device:
 def deterministic(seed: int) -> Iterator[None]:
     """Same seed, same weights, on one kind of machine: within, torch is seeded and its algorithms and threads are fixed."""
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
-    threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+    threads, mode = torch.get_num_threads(), torch.get_deterministic_debug_mode()
     memory: Any = torch.utils.deterministic
     filled = memory.fill_uninitialized_memory
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         torch.set_num_threads(min(_THREADS, threads))
-        torch.use_deterministic_algorithms(True)
+        torch.set_deterministic_debug_mode("error")  # use_deterministic_algorithms does the same, and imports a compiler for it
         memory.fill_uninitialized_memory = False  # nothing reads it, and it costs a third of the speed
         try:
             yield
         finally:
             memory.fill_uninitialized_memory = filled
-            torch.use_deterministic_algorithms(strict)
+            torch.set_deterministic_debug_mode(mode)
             torch.set_num_threads(threads)
 
 

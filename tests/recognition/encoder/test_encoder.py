@@ -241,6 +241,14 @@ def test_speeds_are_coded_so_that_a_linear_classifier_tells_ranges_apart():
     assert probe(codes[:200], labels[:200], codes[200:], labels[200:]) > 0.9
 
 
+def test_encoders_work_without_torchs_compiler(tuned, tmp_path, monkeypatch):
+    """Importing it takes longer than what a command does with a few recordings."""
+    for module in ("torch._dynamo", "torch._inductor.config"):
+        monkeypatch.setitem(sys.modules, module, None)
+    save(tuned, tmp_path)
+    assert features(load(tmp_path), windows(8)).shape == (8, TINY.dim)
+
+
 def test_importing_the_package_does_not_import_torch():
     code = (
         "import sys, recognition.encoder, recognition.encoder.config, recognition.training.windows; print('torch' in sys.modules)"
