@@ -1,7 +1,7 @@
 """What the README, the tutorials and the pages on extending say can be typed is typed here, in the order of the page.
 
-A page is played in an empty folder that has the libraries where a clone has them; a page on extending in a copy of the clone,
-where its files are found as any other's. Its blocks are
+A page is played in an empty folder that has the libraries where a clone has them; the pages on extending together in one copy
+of the clone, where their files are found as any other's. Blocks are
 
 - `sh`: a command a line, which ends with 0, or with what its comment says (`# exit code 1`);
 - any language whose first line is a comment with nothing but a file's name or path: saved there;
@@ -19,7 +19,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,6 +52,7 @@ _NAMED = re.compile(
 _MENTIONED = re.compile(r"`((?:xosc-\w+|make|pip|python|sumo-gui) [^`]+)`")
 _SHELL = re.compile(r"[|<>&;$`~]")
 _PLACEHOLDER = re.compile(r"NAME|SITE|CLASS|FILE")
+_TEST = "python -m pytest "
 _SECONDS = 600
 
 
@@ -89,7 +90,12 @@ def bare(command: str) -> str:
     return command.partition(" #")[0].strip()
 
 
-TYPED = {bare(command) for page in PAGES for block in blocks(page) for command in block.commands}
+def typed(page: Path) -> list[str]:
+    """The commands of a page."""
+    return [bare(command) for block in blocks(page) for command in block.commands]
+
+
+TYPED = {command for page in PAGES for command in typed(page)}
 MENTIONED = {command for page in PAGES for command in _MENTIONED.findall(prose(page))}
 
 
@@ -97,33 +103,33 @@ def name(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
 
 
-@pytest.fixture
-def folder(page: Path, tmp_path: Path) -> Path:
-    """A folder with what a page may count on."""
-    for part in (*PRODUCT, "tests") if page in EXTENDING else ("xosc/library", "xodr/library"):
-        shutil.copytree(ROOT / part, tmp_path / part)
-    if page in EXTENDING:
-        shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    return tmp_path
-
-
 Do = Callable[[str], tuple[int, str]]
-"""Does a command line: its exit code and output."""
+"""Does a command line or runs a program: its exit code and output."""
 
 
 @pytest.fixture
-def do(page: Path, folder: Path, command: Command) -> Do:
-    """Does command lines: our own commands in this process, which has their libraries, others and those of a copy in a shell."""
+def do(tmp_path: Path, command: Command) -> Do:
+    """Does command lines: our own commands in this process, which has their libraries, others in a shell."""
 
     def do(line: str) -> tuple[int, str]:
         name, *arguments = shlex.split(line)
-        if page in EXTENDING or name not in SCRIPTS or _SHELL.search(line):
-            done = call(["bash", "-c", line], folder)
-            return done.returncode, done.stdout
-        answer = command(name, *(found for argument in arguments for found in expanded(argument, folder)))
+        if name not in SCRIPTS or _SHELL.search(line):
+            return call(["bash", "-c", line], tmp_path)
+        answer = command(name, *(found for argument in arguments for found in expanded(argument, tmp_path)))
         return answer.code, answer.out + answer.err
 
     return do
+
+
+@pytest.fixture
+def execute(capsys: pytest.CaptureFixture[str]) -> Do:
+    """Runs programs in this process."""
+
+    def execute(program: str) -> tuple[int, str]:
+        exec(compile(program, "a program of the page", "exec"), {"__name__": "__main__"})
+        return 0, capsys.readouterr().out
+
+    return execute
 
 
 def expanded(argument: str, folder: Path) -> list[str]:
@@ -132,21 +138,21 @@ def expanded(argument: str, folder: Path) -> list[str]:
     return [path.relative_to(folder).as_posix() for path in found] or [argument]
 
 
-def call(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+def call(arguments: list[str], folder: Path, environment: Mapping[str, str] | None = None) -> tuple[int, str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    copied = {"PYTHONPATH": str(folder)} if (folder / "pyproject.toml").exists() else {}
-    return subprocess.run(
+    done = subprocess.run(
         arguments,
         cwd=folder,
-        env=os.environ | {"PATH": path, "COLUMNS": "120"} | copied,
+        env=os.environ | {"PATH": path, "COLUMNS": "120"} | (environment or {}),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         timeout=_SECONDS,
     )
+    return done.returncode, done.stdout
 
 
-def play(page: Path, folder: Path, do: Do) -> None:
+def play(page: Path, folder: Path, do: Do, execute: Do) -> None:
     """Do what a page says."""
     printed = ""
     for block in blocks(page):
@@ -155,9 +161,8 @@ def play(page: Path, folder: Path, do: Do) -> None:
         elif block.language == "sh":
             printed = "".join(answers(block, do))
         elif block.language == "python":
-            done = call([sys.executable, "-c", block.text], folder)
-            assert done.returncode == 0, done.stdout
-            printed = done.stdout
+            code, printed = execute(block.text)
+            assert code == 0, printed
         elif block.language == "text":
             missing = [line for line in block.text.splitlines() if not is_printed(line, printed)]
             assert not missing, printed
@@ -178,15 +183,47 @@ def is_printed(line: str, printed: str) -> bool:
     return any(re.fullmatch(pattern, given.rstrip()) for given in printed.splitlines())
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name)
-def test_page_does_what_it_says(page: Path, folder: Path, do: Do, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("COLUMNS", "120")
-    play(page, folder, do)
+def require_named_files(page: Path, folder: Path) -> None:
+    """What a page names in its text has to be there after it was played."""
     named = {one for one in _NAMED.findall(prose(page)) if not _PLACEHOLDER.search(one)}
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
     lost = [one for one in sorted(named) if not any(Path(path).match(one) for path in there) and not list(ROOT.glob(one))]
     assert not lost
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in EXTENDING], ids=name)
+def test_page_does_what_it_says(page: Path, tmp_path: Path, do: Do, execute: Do, monkeypatch: pytest.MonkeyPatch) -> None:
+    for library in ("xosc/library", "xodr/library"):
+        shutil.copytree(ROOT / library, tmp_path / library)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    play(page, tmp_path, do, execute)
+    require_named_files(page, tmp_path)
+
+
+def test_pages_on_extending_do_what_they_say(tmp_path: Path) -> None:
+    """In a clone that has the new kinds of all pages; their tests are run at once."""
+    for part in (*PRODUCT, "tests"):
+        shutil.copytree(ROOT / part, tmp_path / part)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    environment = {"PYTHONPATH": str(tmp_path)}
+    files = [block for page in EXTENDING for block in blocks(page) if block.file is not None]
+    for block in files:
+        (tmp_path / str(block.file)).write_text(block.text, encoding="utf-8")
+    tests = [line.removeprefix(_TEST) for page in EXTENDING for line in typed(page) if line.startswith(_TEST)]
+    assert tests
+    code, printed = call([*shlex.split(_TEST), *tests], tmp_path, environment)
+    assert code == 0, printed
+
+    def do(line: str) -> tuple[int, str]:
+        return (0, printed) if line.startswith(_TEST) else call(["bash", "-c", line], tmp_path, environment)
+
+    def execute(program: str) -> tuple[int, str]:
+        return call([sys.executable, "-c", program], tmp_path, environment)
+
+    for page in EXTENDING:
+        play(page, tmp_path, do, execute)
+        require_named_files(page, tmp_path)
 
 
 @pytest.mark.parametrize("page", [page for page in EXTENDING if page.stem != "README"], ids=name)
@@ -197,6 +234,8 @@ def test_a_kind_is_one_file_its_test_and_its_scenario(page: Path) -> None:
     assert len([file for file in files if file.startswith(PRODUCT)]) == 1
     assert len([file for file in files if re.fullmatch(r"tests/.*test_\w+\.py", file)]) == 1
     assert len([file for file in files if file.endswith(".xosc")]) <= 1
+    others = [block.file for other in EXTENDING if other != page for block in blocks(other) if block.file is not None]
+    assert not [file for file in others if file.removesuffix(".py").replace("/", ".") in page.read_text(encoding="utf-8")]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
