@@ -5,7 +5,7 @@
 The files are those of the library, of the conformance tests, and of any folder given. Every second mutant runs in SUMO, the
 others in the kinematic world. Printed are counts by exit code, and everything that must not happen: internal errors
 (exit code 5), errors that blame the call (2) though only the file is bad or that name no file, hangs, results that are not
-finite, and files written outside the output folder.
+finite, invalid files that run without a remark, and files written outside the output folder.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
+from schemas.errors import one_line
 from tests.mutation import Source, write_mutant
 
 LONGEST = 10.0
@@ -166,9 +167,19 @@ def _execute(path: Path, world: str, out: Path) -> tuple[int, str, str]:
     if not outcomes:  # a distribution without a run
         return 0, "", ""
     worst = max(outcomes, key=lambda outcome: outcome.exit_code)
+    told = any(remark.endswith("]") for outcome in outcomes for remark in outcome.remarks)  # with the rule that is broken
+    if worst.exit_code < 2 and not told and (fault := _fault(path)):
+        return 5, f"{path}: it ran without a remark, but is invalid: {fault}", ""
     if worst.exit_code < 2 and not all(map(_is_finite, out.glob("*/trajectories.parquet"))):
         return 5, "the trajectories hold numbers that are not finite", ""
     return worst.exit_code, worst.message if worst.state == "error" else "", worst.trace
+
+
+def _fault(path: Path) -> str:
+    """The first thing that makes a file invalid; "" for a valid one."""
+    from schemas import check
+
+    return next((one_line(str(problem)) for problem in check(path) if problem.level == "error"), "")
 
 
 def _is_finite(table: Path) -> bool:

@@ -25,6 +25,7 @@ from runner.surroundings.signals import TrafficSignals
 from schemas.remarks import Remark, Remarks
 from schemas.rules.actors import UID as ACTORS
 from schemas.rules.empty_elements import UID as EMPTY
+from schemas.rules.signal_states import UID as SIGNALS
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -225,6 +226,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
         Unsupported: an element is not executed by this runner; named with file and line.
     """
     context = ScenarioContext(document, network, strict)
+    _check_signals(context)
     read_entities(document.node.need("Entities"), context)
     _read_storyboard(document.node.need("Storyboard"), context)
     _check_actors(context.storyboard)
@@ -245,6 +247,15 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
         observers=tuple(context.observers),
         remarks=context.remarks.found,
     )
+
+
+def _check_signals(context: ScenarioContext) -> None:
+    """Have a remark on each state of a signal that no road has."""
+    network = context.network
+    for state in context.document.node.iter("TrafficSignalState"):
+        name = state.get("trafficSignalId", "")
+        if network is not None and name not in network.signals:
+            context.repair(state, SIGNALS, f"{network.path.name} has no signal {name!r}; its state has no effect")
 
 
 def _check_actors(storyboard: Storyboard) -> None:

@@ -6,10 +6,12 @@ from schemas.checks.document import Document
 from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
 
+UID = "asam.net:xosc:1.0.0:reference_control.traffic_signal_state_references"
+
 _REFERENCES = (("TrafficSignalState", "trafficSignalId"), ("TrafficSignalCondition", "name"))
 
 
-@rule("asam.net:xosc:1.0.0:reference_control.traffic_signal_state_references", kinds=("scenario",))
+@rule(UID, kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """The signals of a TrafficSignalState and of a TrafficSignalCondition must exist in the road network."""
     network = document.road_network

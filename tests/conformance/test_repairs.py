@@ -24,6 +24,7 @@ LENGTH, LANE = "positioning.position_is_on_the_road", "reference_control.lane_ex
 DISTANCE, TIMING = "positioning.relative_lane_position_has_one_distance", "routing.trajectory_timing_exists_if_requested"
 IN_RUNS = {LANE, LENGTH}
 """Rules of which only a run can know that relative positions break them."""
+SIGNAL = "reference_control.traffic_signal_state_references"
 ENTRY = "reference_control.catalog_reference_resolvability"
 
 
@@ -48,6 +49,10 @@ TRAJECTORY = (
 
 MODE = '<TrajectoryFollowingMode followingMode="position"/>'
 VISIBLE = '<PrivateAction><VisibilityAction traffic="true" sensors="true"/></PrivateAction>'
+SIGNALS = (
+    '<TrafficSignals><TrafficSignalController name="s"><Phase name="p" duration="9">'
+    '<TrafficSignalState trafficSignalId="0" state="on"/></Phase></TrafficSignalController></TrafficSignals>'
+)
 WEATHER = (
     '<GlobalAction><EnvironmentAction><Environment name="e"><Weather cloudState="cloudless"/></Environment></EnvironmentAction>'
     "</GlobalAction>"
@@ -187,6 +192,7 @@ FAULTS = {
         60,
         10.0,
     ),
+    "state of no signal": Fault('roads/straight.xodr"/>', f'roads/straight.xodr"/>{SIGNALS}', SIGNAL, 20),
     # positions and trajectories
     "s beyond the end": Fault('s="300"', 's="1300"', LENGTH, 41, 0.0),
     "s before the beginning": Fault('s="300"', 's="-3"', LENGTH, 41),
