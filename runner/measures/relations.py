@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,6 +54,11 @@ class Motion:
         values = {key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "z", "h", "speed", "s", "t")}
         return cls(name, box, road=np.asarray(columns["road_id"], dtype=object), **values)
 
+    @cached_property
+    def facing(self) -> tuple[FloatArray, FloatArray]:
+        """Cosine and sine of the heading."""
+        return np.cos(self.h), np.sin(self.h)
+
     def at(self, rows: IntArray) -> Motion:
         """The same at some of its instants."""
         names = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
@@ -85,7 +91,7 @@ class Relation(NamedTuple):
 # boxes --------------------------------------------------------------------------------------
 
 
-class _Sight(NamedTuple):
+class Sight(NamedTuple):
     """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own one."""
 
     x: FloatArray
@@ -94,11 +100,12 @@ class _Sight(NamedTuple):
     sin: FloatArray
 
 
-def _sight(a: Motion, b: Motion) -> _Sight:
-    ca, sa, cb, sb = np.cos(a.h), np.sin(a.h), np.cos(b.h), np.sin(b.h)
+def seen_by(a: Motion, b: Motion) -> Sight:
+    """How a sees b, row by row."""
+    (ca, sa), (cb, sb) = a.facing, b.facing
     dx = b.x - a.x + cb * b.box.x - sb * b.box.y
     dy = b.y - a.y + sb * b.box.x + cb * b.box.y
-    return _Sight(dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y, cb * ca + sb * sa, sb * ca - cb * sa)
+    return Sight(dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y, cb * ca + sb * sa, sb * ca - cb * sa)
 
 
 def boxes_overlap(a: Motion, b: Motion) -> BoolArray:
@@ -108,7 +115,7 @@ def boxes_overlap(a: Motion, b: Motion) -> BoolArray:
 
 def _outlines_overlap(a: Motion, b: Motion) -> BoolArray:
     """The same in the plane, by the separating-axis theorem."""
-    x, y, c, s = _sight(a, b)
+    x, y, c, s = seen_by(a, b)
     al, aw, bl, bw = a.box.length / 2, a.box.width / 2, b.box.length / 2, b.box.width / 2
     cos, sin = np.abs(c), np.abs(s)
     apart = (np.abs(x) > al + bl * cos + bw * sin) | (np.abs(y) > aw + bl * sin + bw * cos)
@@ -125,11 +132,11 @@ def vertical_gap(a: Motion, b: Motion) -> FloatArray:
 
 def box_distance(a: Motion, b: Motion) -> FloatArray:
     """Shortest distance of two boxes in the plane, row by row; 0 where they overlap."""
-    squares = np.minimum(_corner_squares(_sight(a, b), b.box, a.box), _corner_squares(_sight(b, a), a.box, b.box))
+    squares = np.minimum(_corner_squares(seen_by(a, b), b.box, a.box), _corner_squares(seen_by(b, a), a.box, b.box))
     return np.where(_outlines_overlap(a, b), 0.0, np.sqrt(squares))
 
 
-def _corner_squares(seen: _Sight, other: BoundingBox, box: BoundingBox) -> FloatArray:
+def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatArray:
     """Squared distance of the nearest corner of a box seen from another's centre to that box."""
     nearest = np.full(seen.x.shape, np.inf)
     for along in (-other.length / 2, other.length / 2):
@@ -152,7 +159,7 @@ def relation(ego: Motion, other: Motion) -> Relation:
     if not level.all():
         rows, theirs, distance = rows[level], theirs[level], distance[level]
         a, b = ego.at(rows), other.at(theirs)
-    view = _in_ego_frame(a, b)
+    view = in_ego_frame(a, b)
     same = np.array([road is not None and road == there for road, there in zip(a.road, b.road, strict=True)], dtype=bool)
     if same.any():
         on_road = _on_road(ego, other, rows, theirs)
@@ -166,19 +173,21 @@ def _common(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
     return mine, theirs
 
 
-def _interval_gap(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high_b: FloatArray) -> FloatArray:
+def interval_gaps(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high_b: FloatArray) -> FloatArray:
+    """Signed gaps from intervals a to intervals b: positive where b lies above, negative where below, 0 where they overlap."""
     return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)
 
 
-def _in_ego_frame(a: Motion, b: Motion) -> View:
-    x, y, c, s = _sight(a, b)
+def in_ego_frame(a: Motion, b: Motion) -> View:
+    """How a sees b along and across its own heading, row by row."""
+    x, y, c, s = seen_by(a, b)
     cos, sin = np.abs(c), np.abs(s)
     ahead = (b.box.length * cos + b.box.width * sin) / 2
     aside = (b.box.length * sin + b.box.width * cos) / 2
     half_length, half_width = a.box.length / 2, a.box.width / 2
     return View(
-        _interval_gap(np.full_like(x, -half_length), np.full_like(x, half_length), x - ahead, x + ahead),
-        _interval_gap(np.full_like(y, -half_width), np.full_like(y, half_width), y - aside, y + aside),
+        interval_gaps(np.full_like(x, -half_length), np.full_like(x, half_length), x - ahead, x + ahead),
+        interval_gaps(np.full_like(y, -half_width), np.full_like(y, half_width), y - aside, y + aside),
         a.speed,
         np.zeros_like(x),
         b.speed * c,
@@ -193,8 +202,8 @@ def _on_road(ego: Motion, other: Motion, rows: IntArray, theirs: IntArray) -> Vi
     low_a, high_a, right_a, left_a = _extent(a, side)
     low_b, high_b, right_b, left_b = _extent(b, other_side)
     return View(
-        side * _interval_gap(low_a, high_a, low_b, high_b),
-        side * _interval_gap(right_a, left_a, right_b, left_b),
+        side * interval_gaps(low_a, high_a, low_b, high_b),
+        side * interval_gaps(right_a, left_a, right_b, left_b),
         a.speed,
         side * _drift(ego)[rows],
         side * other_side * b.speed,

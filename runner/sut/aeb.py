@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.encounters import encounters
+from runner.sut.encounters import Encounter, encounters
+from runner.sut.formulas import choose, greatest, least
 
 SYSTEM = ("aeb", "EmergencyBraking")
+_FORESEEN = 10.0
+"""Time (s) over which someone's way sideways is foreseen, at most"""
 
 
 @dataclass
@@ -36,12 +41,21 @@ class EmergencyBraking:
 
     def control(self, observation: Observation, dt: float) -> Control:
         """Braking with the reason, or nothing."""
-        near = (found for found in encounters(observation) if found.gap <= self.sensor_range)
-        threats = [one for one in near if one.aside - max(one.approach, 0.0) * min(one.time_to_collision, 10.0) < self.clearance]
-        nearest = min(threats, key=lambda found: found.time_to_collision, default=None)
-        if nearest is None or nearest.time_to_collision > self.partial_time:
-            self._full = False
+        times = ((self.threat(found), found.name) for found in encounters(observation))
+        time, name = min(times, key=lambda threat: threat[0], default=(math.inf, ""))
+        braking, self._full = self.stage(time, self._full)
+        if not braking:
             return Control()
-        self._full = self._full or nearest.time_to_collision <= self.full_time
-        reason = f"{nearest.name} is reached in {nearest.time_to_collision:.2f} s"
-        return Control(-(self.full if self._full else self.partial), reason=reason)
+        return Control(-(self.full if self._full else self.partial), reason=f"{name} is reached in {time:.2f} s")
+
+    def threat(self, found: Encounter) -> float:
+        """Time (s) until the ego reaches someone who is in its way, or will be by then; infinite for all others."""
+        time = found.time_to_collision
+        left = found.aside - greatest(found.approach, 0.0) * least(time, _FORESEEN)
+        reached: float = choose((found.gap <= self.sensor_range) & (left < self.clearance), time, math.inf)
+        return reached
+
+    def stage(self, time: Any, full: Any) -> tuple[Any, Any]:
+        """Whether it brakes, and whether fully, with someone reached in a time (s), given whether it braked fully before."""
+        braking = time <= self.partial_time
+        return braking, braking & (full | (time <= self.full_time))

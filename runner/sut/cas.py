@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
 from runner.participants.boxes import gap, interval_gap, outlook, reach, spans
 from runner.sut.base import Control, Observation, Participant
+from runner.sut.formulas import choose
 
 SYSTEM = ("cas", "CollisionAvoidance")
+
+
+def safe_sideways(left: Any, own: Any, its: Any, p: RssParameters) -> Any:
+    """Least safe lateral gap (m) to another one; numbers, or arrays of them over many cases.
+
+    Args:
+        left: whether the other one is to the left.
+        own, its: lateral speeds to the right, as RSS counts them, m/s.
+    """
+    if_left = lateral_distance(its, own, p.response_other, p.response, p)
+    return choose(left, if_left, lateral_distance(own, its, p.response, p.response_other, p))
 
 
 @dataclass(slots=True)
@@ -64,12 +77,7 @@ class CollisionAvoidance:
         safe_ahead = longitudinal_distance(way * ego.speed, way * (other.vx * c + other.vy * s), p)
         if 0.0 < ahead >= safe_ahead:
             return ""
-        # lateral speeds to the right, as RSS counts them
-        own, its = ego.vx * s - ego.vy * c, other.vx * s - other.vy * c
-        if seen.y > 0.0:
-            safe_aside = lateral_distance(its, own, p.response_other, p.response, p)
-        else:
-            safe_aside = lateral_distance(own, its, p.response, p.response_other, p)
+        safe_aside = safe_sideways(seen.y > 0.0, ego.vx * s - ego.vy * c, other.vx * s - other.vy * c, p)
         if abs(aside) >= safe_aside:
             return ""
         return (

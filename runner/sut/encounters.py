@@ -6,12 +6,16 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from runner.participants.boxes import outlook, spans
+from runner.participants.boxes import Outlook, outlook, spans
+from runner.participants.declaration import BoundingBox
 from runner.sut.base import Observation, Participant
+from runner.sut.formulas import choose, greatest, ratio
 
 
 class Encounter(NamedTuple):
     """A participant whose centre is ahead of the ego's; the ego's frame goes straight on, whatever the road does.
+
+    Numbers, or arrays of them over many cases.
 
     Args:
         name: the participant's name.
@@ -34,7 +38,8 @@ class Encounter(NamedTuple):
     @property
     def time_to_collision(self) -> float:
         """Gap over closing speed, s; infinite where the ego is not faster, 0 where they are beside each other."""
-        return max(self.gap, 0.0) / self.closing if self.closing > 0.0 else math.inf
+        found: float = ratio(greatest(self.gap, 0.0), self.closing, math.inf)
+        return found
 
 
 def encounters(observation: Observation) -> Iterator[Encounter]:
@@ -43,13 +48,25 @@ def encounters(observation: Observation) -> Iterator[Encounter]:
     for other in observation.others:
         seen = outlook(ego, other)
         if seen.x > 0.0:
-            rear, front, right, left = spans(seen, other.box)
-            half_length, half_width = ego.box.length / 2, ego.box.width / 2
-            speed, leftwards = _relative(ego, other)
-            aside = right - half_width if seen.y > 0.0 else -left - half_width
-            approach = -leftwards if seen.y > 0.0 else leftwards
-            length = front - rear + ego.box.length
-            yield Encounter(other.name, rear - half_length, aside, length, speed, ego.speed - speed, approach)
+            yield encounter(other.name, seen, (ego.box, other.box), ego.speed, *_relative(ego, other))
+
+
+def encounter(
+    name: str, seen: Outlook, boxes: tuple[BoundingBox, BoundingBox], own: float, speed: float, left: float
+) -> Encounter:
+    """Someone ahead.
+
+    Args:
+        seen: where the other's centre is.
+        boxes: the ego's and the other's.
+        own: speed of the ego, m/s.
+        speed, left: of the other, along the ego's heading, and to its left as seen from the ego, m/s.
+    """
+    ego, other = boxes
+    rear, front, rightmost, leftmost = spans(seen, other)
+    aside = choose(seen.y > 0.0, rightmost - ego.width / 2, -leftmost - ego.width / 2)
+    approach = choose(seen.y > 0.0, -left, left)
+    return Encounter(name, rear - ego.length / 2, aside, front - rear + ego.length, speed, own - speed, approach)
 
 
 def _relative(ego: Participant, other: Participant) -> tuple[float, float]:

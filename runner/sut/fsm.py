@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
-from runner.sut.reference import HARDEST, JERK, ROUNDING, ReferenceDriver
+from runner.sut.formulas import choose, greatest, least, ratio
+from runner.sut.reference import HARDEST, ROUNDING, Moving, ReferenceDriver
 
 SYSTEM = ("fsm", "FuzzySafety")
 
 
 def _between(value: float, safe: float, unsafe: float) -> float:
     """0 from `safe` on, 1 below `unsafe`, linear between."""
-    if value > safe:
-        return 0.0
-    return 1.0 if value < unsafe else (safe - value) / (safe - unsafe)
+    found: float = choose(value > safe, 0.0, choose(value < unsafe, 1.0, ratio(safe - value, safe - unsafe, 0.0)))
+    return found
 
 
 @dataclass
@@ -44,38 +44,39 @@ class FuzzySafety(ReferenceDriver):
     margin: float = 2.0
     ahead_of_time: float = 0.1
 
-    def dangerous(self, found: Encounter, ego: Participant) -> bool:
+    def dangerous(self, found: Encounter, ego: Moving) -> bool:
         """In the way or about to be, and not safe by one of the metrics."""
-        return self._in_the_way(found) and (self.critical(found, ego) > 0.0 or self.proactive(found, ego) > 0.0)
+        return self._in_the_way(found) & ((self.critical(found, ego) > 0.0) | (self.proactive(found, ego) > 0.0))
 
     def _in_the_way(self, found: Encounter) -> bool:
-        if found.aside <= ROUNDING:
-            return True
-        if found.approach <= 0.0 or found.closing <= 0.0:
-            return False
-        return found.aside / found.approach <= (found.gap + found.length) / found.closing + self.ahead_of_time
+        comes, passed = (
+            ratio(found.aside, found.approach, math.inf),
+            ratio(found.gap + found.length, found.closing, -math.inf),
+        )
+        there: bool = (found.aside <= ROUNDING) | ((found.approach > 0.0) & (comes <= passed + self.ahead_of_time))
+        return there
 
-    def proactive(self, found: Encounter, ego: Participant) -> float:
+    def proactive(self, found: Encounter, ego: Moving) -> float:
         """PFS, 0 (safe) to 1."""
         u, own = ego.speed, found.speed
         reaction, its = u * self.reaction, own * own / (2.0 * self.other)
         safe = reaction + u * u / (2.0 * self.comfortable) - its + self.margin
         return _between(found.gap - self.margin, safe, reaction + u * u / (2.0 * self.hard) - its)
 
-    def critical(self, found: Encounter, ego: Participant) -> float:
+    def critical(self, found: Encounter, ego: Moving) -> float:
         """CFS, 0 (safe) to 1."""
-        if found.closing <= 0.0:
-            return 0.0
-        acceleration = max(ego.acceleration, -self.comfortable)
+        acceleration = greatest(ego.acceleration, -self.comfortable)
         left = found.closing + acceleration * self.reaction
-        if left < 0.0:
-            return 1.0 if found.gap < found.closing**2 / (2.0 * abs(ego.acceleration)) else 0.0
         within = (found.closing + 0.5 * acceleration * self.reaction) * self.reaction
-        return _between(found.gap, within + left * left / (2.0 * self.comfortable), within + left * left / (2.0 * self.hard))
+        stopping = ratio(found.closing**2, 2.0 * abs(ego.acceleration), math.inf)
+        moving = _between(found.gap, within + left * left / (2.0 * self.comfortable), within + left * left / (2.0 * self.hard))
+        standing = choose(found.gap < stopping, 1.0, 0.0)
+        unsafe: float = choose(found.closing <= 0.0, 0.0, choose(left < 0.0, standing, moving))
+        return unsafe
 
-    def braking(self, dangers: list[Encounter], before: float, ego: Participant, dt: float) -> float:
-        """Deceleration by the least safe of them, m/s²."""
-        critical = max(self.critical(found, ego) for found in dangers)
-        proactive = max(self.proactive(found, ego) for found in dangers)
-        needed = self.comfortable + critical * (self.hard - self.comfortable) if critical > 0.0 else proactive * self.comfortable
-        return min(before + JERK * dt, HARDEST, needed)
+    def demand(self, found: Encounter, ego: Moving) -> float:
+        """The more, the less safe, m/s²; no human brakes harder than `HARDEST`."""
+        critical = self.critical(found, ego)
+        hard = self.comfortable + critical * (self.hard - self.comfortable)
+        needed: float = least(choose(critical > 0.0, hard, self.proactive(found, ego) * self.comfortable), HARDEST)
+        return needed

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.encounters import encounters
+from runner.sut.encounters import Encounter, encounters
+from runner.sut.formulas import greatest, ratio
 
 SYSTEM = ("idm", "IntelligentDriver")
 
@@ -45,8 +46,13 @@ class IntelligentDriver:
         if speed < 0.0 or target < 0.0 or not ahead:
             return Control()
         found = min(ahead, key=lambda one: one.gap)
+        reason = f"{found.name} is {found.gap:.1f} m ahead, {found.closing:.1f} m/s slower"
+        return Control(self.acceleration(found, speed, target), reason=reason)
+
+    def acceleration(self, found: Encounter, speed: float, target: float) -> float:
+        """The model's acceleration behind someone, at a speed and with a desired one (m/s)."""
         dynamic = speed * self.headway + speed * found.closing / (2.0 * math.sqrt(self.accelerate * self.comfortable))
-        needed = (self.standstill + max(0.0, dynamic)) / max(found.gap, 0.1)
-        free = (speed / target) ** 4 if target > 0.0 else 1.0
-        acceleration = max(self.accelerate * (1.0 - free - needed * needed), -self.brake)
-        return Control(acceleration, reason=f"{found.name} is {found.gap:.1f} m ahead, {found.closing:.1f} m/s slower")
+        needed = (self.standstill + greatest(dynamic, 0.0)) / greatest(found.gap, 0.1)
+        free = ratio(speed, target, 1.0) ** 4
+        wanted: float = greatest(self.accelerate * (1.0 - free - needed * needed), -self.brake)
+        return wanted

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
-from runner.sut.reference import ROUNDING, ReferenceDriver
+from runner.sut.reference import ROUNDING, Moving, ReferenceDriver
 
 SYSTEM = ("r157-cc", "CarefulCompetent")
 
@@ -25,6 +24,6 @@ class CarefulCompetent(ReferenceDriver):
     release: float = 0.4
     critical: float = 2.0
 
-    def dangerous(self, found: Encounter, ego: Participant) -> bool:
+    def dangerous(self, found: Encounter, ego: Moving) -> bool:
         """In the way, and reached within the critical time."""
-        return found.aside <= ROUNDING and found.time_to_collision <= self.critical
+        return (found.aside <= ROUNDING) & (found.time_to_collision <= self.critical)

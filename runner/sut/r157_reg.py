@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import ClassVar
 
-from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
-from runner.sut.reference import ROUNDING, ReferenceDriver
+from runner.sut.reference import ROUNDING, Moving, ReferenceDriver
 
 SYSTEM = ("r157-reg", "Regulation157")
 
@@ -27,13 +28,14 @@ class Regulation157(ReferenceDriver):
     reaction: float = 0.35
     brake: float = 6.0
     lateral: float = 0.5
+    jerk: ClassVar[float] = math.inf
 
-    def dangerous(self, found: Encounter, ego: Participant) -> bool:
+    def dangerous(self, found: Encounter, ego: Moving) -> bool:
         """Cutting in, too near for what the regulation grants."""
         enough = found.closing / (2.0 * self.brake) + self.reaction + 0.1
-        near = found.closing > 0.0 and abs(found.gap) <= enough * found.closing
-        return near and found.aside <= self.lateral + ROUNDING
+        near = (found.closing > 0.0) & (abs(found.gap) <= enough * found.closing)
+        return near & (found.aside <= self.lateral + ROUNDING)
 
-    def braking(self, dangers: list[Encounter], before: float, ego: Participant, dt: float) -> float:
-        """The whole deceleration at once, m/s²."""
+    def demand(self, found: Encounter, ego: Moving) -> float:
+        """The same for everyone, m/s²."""
         return self.brake

@@ -7,8 +7,11 @@ definition of safety requirements of automated vehicles in international regulat
 
 from __future__ import annotations
 
+from typing import Any, ClassVar, Protocol
+
 from runner.sut.base import Control, Observation, Participant
 from runner.sut.encounters import Encounter, encounters
+from runner.sut.formulas import choose, least
 
 GRAVITY = 9.81
 HARDEST = 0.774 * GRAVITY
@@ -19,6 +22,20 @@ ROUNDING = 1e-6
 """What is nearer to a limit than this has reached it: positions are sums of many steps."""
 
 
+class Moving(Protocol):
+    """What the drivers know of the ego; numbers, or arrays of them over many cases."""
+
+    @property
+    def speed(self) -> float:
+        """Along the heading, m/s."""
+        ...
+
+    @property
+    def acceleration(self) -> float:
+        """Along the heading, m/s²."""
+        ...
+
+
 class ReferenceDriver:
     """Follows the scenario until a participant ahead is dangerous. From then on it brakes, after a reaction time, while there is
     danger, and keeps its speed while there is none.
@@ -26,10 +43,12 @@ class ReferenceDriver:
     Attributes:
         reaction: time in danger before it brakes, s.
         release: deceleration during that time, m/s².
+        jerk: how fast its braking builds up, m/s³.
     """
 
     reaction: float
     release: float = 0.0
+    jerk: ClassVar[float] = JERK
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Forget the last run."""
@@ -45,17 +64,25 @@ class ReferenceDriver:
         nearest = min(dangers, key=lambda found: found.gap)
         reason = f"{nearest.name} is {nearest.gap:.1f} m ahead, {nearest.closing:.1f} m/s slower, {nearest.aside:.1f} m aside"
         self._alarmed = True
-        if self._until_braking > ROUNDING:
-            self._until_braking -= dt
-            self._deceleration = self.release
-        else:
-            self._deceleration = self.braking(dangers, self._deceleration, observation.ego, dt)
+        demand = max(self.demand(found, observation.ego) for found in dangers)
+        self._until_braking, self._deceleration = self.react(self._until_braking, self._deceleration, demand, dt)
         return Control(acceleration=-self._deceleration, reason=reason)
 
-    def dangerous(self, found: Encounter, ego: Participant) -> bool:
+    def dangerous(self, found: Encounter, ego: Moving) -> bool:
         """Whether a participant ahead calls for a reaction."""
         raise NotImplementedError
 
-    def braking(self, dangers: list[Encounter], before: float, ego: Participant, dt: float) -> float:
-        """Deceleration for the coming dt (s) after that of the step before, m/s²: built up as fast as a human can."""
-        return min(before + JERK * dt, HARDEST)
+    def demand(self, found: Encounter, ego: Moving) -> float:
+        """Deceleration that a dangerous participant calls for, m/s²."""
+        return HARDEST
+
+    def react(self, waiting: Any, before: Any, demand: Any, dt: float) -> tuple[Any, Any]:
+        """Reaction time that is left, and deceleration for the coming dt (s), in danger.
+
+        Args:
+            waiting: reaction time left, s.
+            before: deceleration of the step before, m/s².
+            demand: deceleration that the danger calls for, m/s².
+        """
+        late = waiting > ROUNDING
+        return choose(late, waiting - dt, waiting), choose(late, self.release, least(before + self.jerk * dt, demand))

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
-from runner.sut.base import Participant
 from runner.sut.encounters import Encounter
-from runner.sut.reference import ReferenceDriver
+from runner.sut.reference import Moving, ReferenceDriver
 
 SYSTEM = ("rss", "SafeDistance")
 
@@ -30,7 +29,8 @@ class SafeDistance(ReferenceDriver):
     def __post_init__(self) -> None:
         self._set = parameter_set(self.parameters)
 
-    def dangerous(self, found: Encounter, ego: Participant) -> bool:
+    def dangerous(self, found: Encounter, ego: Moving) -> bool:
         """Less than both safe distances away."""
         aside = lateral_distance(abs(found.approach), 0.0, self._set.response, 0.0, self._set)
-        return found.aside < aside and found.gap < longitudinal_distance(ego.speed, found.speed, self._set)
+        near: bool = (found.aside < aside) & (found.gap < longitudinal_distance(ego.speed, found.speed, self._set))
+        return near

@@ -1,0 +1,280 @@
+"""A manoeuvre scenario at thousands of points at once: the twin of `generation.outcomes.evaluator.Evaluator`.
+
+It repeats the steps of `runner.interpreter.simulation` on a straight road without traffic of its own. How often its verdicts are
+SUMO's is measured by `python -m generation.study twin`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
+from generation.search.space import Space
+from generation.twin.drivers import Driver, Situation, driver
+from generation.twin.motion import Body, Changing
+from generation.twin.script import Script, read
+from generation.twin.terms import value
+from runner.measures.criticality import lateral_violation, longitudinal_violation
+from runner.measures.relations import boxes_overlap
+from runner.measures.rss import RssParameters, parameter_set
+from runner.settings import RunSettings
+from schemas.errors import Unsupported
+from xodr.array_types import BoolArray, FloatArray, IntArray
+
+BLOCK = 16384
+"""Points that are played at a time: what they need fits into the processor's cache"""
+_SOON = 1e-6
+"""Rounding of times, s"""
+_RETURN, _GRAVITY = 3.5, 9.81
+"""As in `runner.interpreter.drivers`, m/s²"""
+_SAME, _CHANGED = 1e-9, 1e-3
+_NEAR = 1.5
+"""Gaps of boxes along the road (m) from which turned ones are looked at: they reach out no further"""
+_FULL = 0.85
+"""Share of the cases at most that go on when those that are over are taken out"""
+
+
+class Twin:
+    """Plays a manoeuvre scenario at points of its parameter space.
+
+    Args:
+        scenario: the file.
+        space: the parameters that are searched, and the values of the others.
+        run: settings of the runs; those that name another ego, limits of verdicts or another road are refused.
+        rss: the RSS parameter set of risk.
+
+    Raises:
+        Unsupported: the scenario, or a setting, is nothing that the twin can play.
+        InvalidFile: the scenario is malformed.
+    """
+
+    def __init__(self, scenario: Path, space: Space, run: RunSettings | None = None, rss: str = "ad-rss") -> None:
+        self._run, self._rss = run or RunSettings(), parameter_set(rss)
+        if self._run.ego or self._run.fail_if or self._run.road:
+            raise Unsupported("the twin plays no other ego, limits of verdicts or road", path=scenario)
+        self._script, self._space = read(scenario), space
+        driver(self._run.sut, 0)
+
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d), in their order.
+
+        Args:
+            sut: name of the system under test, where another one than that of the settings is to drive.
+
+        Raises:
+            Unsupported: it can't be asked for many points at once.
+        """
+        system = self._run.sut if sut is None else sut
+        parts = [self._play(theta[start : start + BLOCK], system) for start in range(0, len(theta), BLOCK)]
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in (parts[0] if parts else ())}
+        return Outcomes.of(len(theta), **columns)
+
+    def _play(self, theta: FloatArray, system: Any) -> dict[str, Any]:
+        rounded = np.round(theta, 6)  # as `Space.values` writes them
+        parameters: dict[str, FloatArray] = {name: np.full(len(theta), each) for name, each in self._script.literals.items()}
+        parameters |= {name: np.full(len(theta), float(text)) for name, text in self._space.pinned.items() if _is_number(text)}
+        parameters |= dict(zip(self._space.names, rounded.T, strict=True))
+        return _Episodes(self._script, parameters, driver(system, len(theta)), self._run.timestep, self._rss).play()
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+class _Part(Protocol):
+    """Something that is known of each case."""
+
+    def take(self, rows: BoolArray) -> None:
+        """Keep some cases only."""
+        ...
+
+
+class _Episodes:
+    """Cases side by side; those that are over are taken out."""
+
+    def __init__(self, script: Script, parameters: Mapping[str, FloatArray], who: Driver, dt: float, rss: RssParameters) -> None:
+        self._n = n = len(next(iter(parameters.values())))
+        self._script, self._driver, self._dt, self._rss = script, who, dt, rss
+        self._bodies = {each.name: _placed(each, script, parameters, n) for each in script.actors}
+        self._ego = next(iter(self._bodies.values()))
+        self._changes = {
+            each.name: (each.change, _changing(each, script, parameters, n)) for each in script.actors if each.change is not None
+        }
+        self._terms = {
+            name: (value(change.delay, parameters, n), value(change.gap, parameters, n))
+            for name, (change, _) in self._changes.items()
+        }
+        self._rest, self._longest = value(script.rest, parameters, n), value(script.longest, parameters, n)
+        self._rows, self._going = np.arange(n), np.ones(n, bool)
+        self._returning = np.zeros(n, bool)
+        self._found = _Found(n, dt)
+
+    def play(self) -> dict[str, Any]:
+        """Play all to their ends."""
+        step, time = 0, 0.0
+        self._observe(time)
+        self._evaluate(time, step)
+        while self._rows.size:
+            before = {name: (body.speed, body.y) for name, body in self._bodies.items()}
+            aside = {name: self._changes[name][1].step(self._bodies[name], round((step + 1) * self._dt, 9), self._dt)
+                     for name in self._changes}  # fmt: skip
+            self._drive(aside)
+            step += 1
+            time = round(step * self._dt, 9)
+            self._changed = np.zeros(self._rows.size, bool)
+            for name, (speed, y) in before.items():
+                body = self._bodies[name]
+                self._changed |= (np.abs(body.speed - speed) > _CHANGED) | (np.abs(body.y - y) > _CHANGED)
+            self._observe(time)
+            self._evaluate(time, step)
+        found = self._found.columns
+        return {**found, "min_ttc": np.where(found["collision"], 0.0, found["min_ttc"])}
+
+    def _drive(self, aside: Mapping[str, FloatArray]) -> None:
+        """Move everyone, the ego as its driver decides."""
+        none = np.zeros(self._rows.size)
+        speed = self._decided()
+        for body in self._bodies.values():
+            body.move(speed if body is self._ego else body.target, aside.get(body.actor.name, none), self._dt)
+
+    def _decided(self) -> FloatArray:
+        """Speed of the ego at the end of the step, as `runner.interpreter.drivers.SystemDriver` has it."""
+        ego, limits, dt = self._ego, self._ego.actor.performance, self._dt
+        seen = Situation(self._motions[0], self._motions[1:], ego.speed, ego.acceleration, ego.target, self._changed)
+        intervenes, wanted = self._driver.control(seen, dt)
+        grip = _GRAVITY
+        bounded = np.clip(wanted, -min(limits.max_deceleration, grip), min(limits.max_acceleration, grip))
+        driven = np.clip(ego.speed + bounded * dt, 0.0, np.maximum(limits.max_speed, ego.speed))
+        change = ego.target - ego.speed
+        most = dt * np.where(change * ego.speed >= 0.0, min(_RETURN, limits.max_acceleration), limits.max_deceleration)
+        back = ego.speed + np.clip(change, -most, most)
+        speed = np.where(intervenes, driven, np.where(self._returning, back, ego.target))
+        self._returning = intervenes | (self._returning & (np.abs(back - ego.target) >= _SAME))
+        return speed
+
+    def _observe(self, time: float) -> None:
+        """Look at the state: measures of this instant."""
+        self._motions = [body.motion() for body in self._bodies.values()]
+        if time == 0.0:
+            self._changed = np.zeros(self._rows.size, bool)
+        ego, *others = self._bodies.values()
+        self._touching = self._found.add(time, ego, others, self._rss)
+
+    def _evaluate(self, time: float, step: int) -> None:
+        """Triggers, in the interpreter's order: the end, then the events."""
+        over = self._touching | (time > self._longest)
+        over |= self._changes[self._script.last][1].done + self._rest <= time + _SOON
+        at_end = np.max([body.x for body in self._bodies.values()], axis=0) > self._script.length
+        if ((over | at_end) & self._going).any():
+            self._end(over, at_end, time)
+        following = round((step + 1) * self._dt, 9)
+        for name, (change, state) in self._changes.items():
+            body, (delay, gap) = self._bodies[name], self._terms[name]
+            state.settle(time, body)
+            state.begin((time >= delay - _SOON) & (self._gap(change.follower, change.leader) <= gap), body, following)
+
+    def _gap(self, follower: str, leader: str) -> FloatArray:
+        """Longitudinal gap of two boxes along the road (n,), m."""
+        a, b = self._bodies[follower], self._bodies[leader]
+        apart = np.abs(b.x + b.actor.box.x - a.x - a.actor.box.x)
+        return np.maximum(apart - (a.actor.box.length + b.actor.box.length) / 2, 0.0)
+
+    def _end(self, over: BoolArray, off: BoolArray, time: float) -> None:
+        """Note what is over; it is taken out once it is many. Cases at the road's end are none that the twin can play."""
+        ended = (over | off) & self._going
+        self._found.end(self._rows, ended, off & ~over & ended, time)
+        self._going &= ~ended
+        if self._going.sum() <= _FULL * len(self._going):
+            self._take(self._going)
+
+    def _take(self, left: BoolArray) -> None:
+        """Keep some cases only."""
+        parts: list[_Part] = [*self._bodies.values(), *(state for _, state in self._changes.values()), self._driver, self._found]
+        for each in parts:
+            each.take(left)
+        self._terms = {name: (delay[left], gap[left]) for name, (delay, gap) in self._terms.items()}
+        self._rest, self._longest, self._returning = self._rest[left], self._longest[left], self._returning[left]
+        self._rows, self._changed, self._going = self._rows[left], self._changed[left], self._going[left]
+        self._motions = [body.motion() for body in self._bodies.values()]
+
+
+def _placed(actor: Any, script: Script, parameters: Mapping[str, FloatArray], n: int) -> Body:
+    x = np.sum([value(term, parameters, n) for term in actor.s], axis=0)
+    speed = np.array(value(actor.speed, parameters, n))
+    return Body(actor, x, np.full(n, script.lanes[actor.lane]), np.zeros(n), speed, np.zeros(n), speed.copy(), np.zeros(n))
+
+
+def _changing(actor: Any, script: Script, parameters: Mapping[str, FloatArray], n: int) -> Changing:
+    change = actor.change
+    terms = (np.array(value(term, parameters, n)) for term in (change.duration, change.speed, change.rest, change.final))
+    return Changing(n, script.lanes[actor.lane + change.lanes] - script.lanes[actor.lane], *terms)
+
+
+class _Found:
+    """What is measured: of the cases that go on in `now`, of those that are over in `columns`."""
+
+    def __init__(self, n: int, dt: float) -> None:
+        self.now: dict[str, Any] = {
+            "collision": np.zeros(n, bool), "min_ttc": np.full(n, np.inf), "max_drac": np.zeros(n),
+            "clearance": np.full(n, np.inf), "conflict": np.zeros(n), "impact_speed": np.zeros(n),
+            "risk": np.zeros(n), "r_risk": np.zeros(n),
+        }  # fmt: skip
+        self.columns: dict[str, Any] = {name: np.empty_like(values) for name, values in self.now.items()} | {
+            "end_time": np.zeros(n), "status": np.full(n, "completed", object), "error": np.full(n, "", object),
+        }  # fmt: skip
+        self._risky, self._instants = np.zeros((n, round(RISK_WINDOW / dt)), bool), 0
+
+    def add(self, time: float, ego: Body, others: list[Body], rss: RssParameters) -> BoolArray:
+        """Measure an instant; where the ego touches someone (n,)."""
+        now, count = self.now, len(ego.x)
+        touching, risky = np.zeros(count, bool), np.zeros(count, bool)
+        gap, closing, distance = np.full(count, np.inf), np.zeros(count), np.full(count, np.inf)
+        for other in others:
+            view = ego.view(other)
+            near = np.flatnonzero((np.abs(view.ahead) < _NEAR) & (np.abs(view.aside) < _NEAR))
+            hit = np.zeros(count, bool)
+            hit[near] = boxes_overlap(ego.motion().at(near), other.motion().at(near))
+            now["impact_speed"][hit] = np.hypot(view.speed - view.other_speed, view.sideways - view.other_sideways)[hit]
+            touching |= hit
+            distance = np.minimum(distance, np.where(hit, 0.0, np.hypot(view.ahead, view.aside)))
+            risky |= longitudinal_violation(view, rss) & lateral_violation(view, rss)
+            lead = (view.aside == 0.0) & (view.ahead > 0.0) & (view.ahead < gap)
+            gap, closing = np.where(lead, view.ahead, gap), np.where(lead, view.speed - view.other_speed, closing)
+        led = np.flatnonzero(np.isfinite(gap) & (closing > _CHANGED))
+        now["min_ttc"][led] = np.minimum(now["min_ttc"][led], gap[led] / closing[led])
+        now["max_drac"][led] = np.maximum(now["max_drac"][led], closing[led] ** 2 / (2.0 * gap[led]))
+        self._risky[:, self._instants % self._risky.shape[1]] = risky
+        self._instants += 1
+        now["r_risk"] += risky
+        nearer = np.flatnonzero(distance < now["clearance"] - _SAME)
+        now["clearance"][nearer], now["conflict"][nearer] = distance[nearer], time
+        now["risk"][nearer] = self._risky[nearer].mean(axis=1)
+        now["collision"] |= touching
+        return touching
+
+    def take(self, left: BoolArray) -> None:
+        """Keep some cases only."""
+        self.now = {name: values[left] for name, values in self.now.items()}
+        self._risky = self._risky[left]
+
+    def end(self, rows: IntArray, ended: BoolArray, off: BoolArray, time: float) -> None:
+        """Note what was measured of those that are over at a time.
+
+        Args:
+            rows: numbers of the cases (n,). ended: which of them are over. off: which of them are at the road's end.
+        """
+        cases = rows[ended]
+        for name, values in self.now.items():
+            self.columns[name][cases] = values[ended]
+        self.columns["r_risk"][cases] /= self._instants
+        self.columns["end_time"][cases] = time
+        self.columns["status"][rows[off]] = "error"
+        self.columns["error"][rows[off]] = "somebody comes to the road's end, which the twin can't play"

@@ -1,0 +1,164 @@
+"""How participants move on a straight road, for many cases at once: the steps of `runner.interpreter` in arrays.
+
+Everyone faces increasing s; y is t, positive to the left. Arrays have one entry for each case.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from generation.twin.script import Actor
+from runner.measures.relations import Motion, View, interval_gaps
+from runner.motion.dynamics import EPSILON
+from xodr.array_types import BoolArray, FloatArray
+
+
+@dataclass
+class Body:
+    """A participant in all cases.
+
+    Attributes:
+        x, y: reference point, m. h: heading, rad. speed, acceleration: along it. drift: speed to the left, m/s.
+        target: speed that the scenario asks for at the end of the step, m/s.
+    """
+
+    actor: Actor
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    target: FloatArray
+    drift: FloatArray
+
+    def take(self, rows: BoolArray) -> None:
+        """Keep some cases only."""
+        for name in ("x", "y", "h", "speed", "acceleration", "target", "drift"):
+            setattr(self, name, getattr(self, name)[rows])
+
+    def motion(self) -> Motion:
+        """As the measures see it: a row for each case."""
+        zero, road = _blank(len(self.x))
+        return Motion(self.actor.name, self.actor.box, zero, self.x, self.y, zero, self.h, self.speed, road, self.x, self.y)
+
+    def view(self, other: Body) -> View:
+        """How it sees another one along and across the road, as `runner.measures.relations` does on one road."""
+        a, b = self.actor.box, other.actor.box
+        x, y, there_x, there_y = self.x + a.x, self.y + a.y, other.x + b.x, other.y + b.y
+        return View(
+            interval_gaps(x - a.length / 2, x + a.length / 2, there_x - b.length / 2, there_x + b.length / 2),
+            interval_gaps(y - a.width / 2, y + a.width / 2, there_y - b.width / 2, there_y + b.width / 2),
+            self.speed, self.drift, other.speed, other.drift,
+        )  # fmt: skip
+
+    def move(self, speed: FloatArray, aside: FloatArray, dt: float) -> None:
+        """Move along the lane at a speed (n,) over a slanting way that leads `aside` (n,) metres to the left."""
+        way = speed * dt
+        rest = way * way - aside * aside
+        slanted = (aside != 0.0) & (way != 0.0)
+        turn = np.arcsin(np.clip(np.divide(aside, way, out=np.zeros_like(way), where=slanted), -1.0, 1.0))
+        self.x = self.x + np.sqrt(np.maximum(rest, 0.0))
+        self.y = self.y + aside
+        self.h = np.where(slanted, turn, 0.0)
+        self.drift = aside / dt
+        self.acceleration = (speed - self.speed) / dt
+        self.speed = speed
+
+
+@lru_cache(maxsize=8)
+def _blank(n: int) -> tuple[FloatArray, NDArray[np.object_]]:
+    """Zeros (n,), and no road for any of n cases."""
+    return np.zeros(n), np.full(n, None, object)
+
+
+@dataclass
+class Changing:
+    """An actor's change of speed and lane, and the settling after it, in all cases.
+
+    Args:
+        n: cases.
+        shift: way to the left of the lane change, m.
+        duration, speed, rest, final: of the change and of the settling (n,), s and m/s.
+    """
+
+    n: int
+    shift: float
+    duration: FloatArray
+    speed: FloatArray
+    rest: FloatArray
+    final: FloatArray
+    begun: BoolArray = field(init=False)
+    done: FloatArray = field(init=False)
+    """When conditions see that the change is complete (n,), s; infinite before"""
+
+    def __post_init__(self) -> None:
+        n = self.n
+        self.begun, self.done = np.zeros(n, bool), np.full(n, np.inf)
+        self._past, self._settling = np.zeros(n), np.full(n, np.nan)
+        self._from, self._to = np.zeros(n), np.zeros(n)
+        self._accelerating, self._crossing = np.zeros(n, bool), np.zeros(n, bool)
+        self._offset = np.zeros(n)
+
+    def take(self, rows: BoolArray) -> None:
+        """Keep some cases only."""
+        for name, values in vars(self).items():
+            if isinstance(values, np.ndarray):
+                setattr(self, name, values[rows])
+
+    def begin(self, fires: BoolArray, body: Body, following: float) -> None:
+        """Begin where the trigger fires; a change that takes no time is complete, which conditions see one step later."""
+        fires = fires & ~self.begun
+        if not fires.any():
+            return
+        self.begun = self.begun | fires
+        self._from = np.where(fires, body.speed, self._from)
+        self._to = np.where(fires, self.speed, self._to)
+        self._accelerating |= fires & (self.speed != body.speed) & (self.duration > 0.0)
+        body.target = np.where(fires & ~self._accelerating, self.speed, body.target)
+        if self.shift:
+            self._crossing |= fires
+        self.done = np.where(fires & ~self._accelerating & ~self._crossing, following, self.done)
+
+    def step(self, body: Body, time: float, dt: float) -> FloatArray:
+        """Ask for the speed at the end of the step that ends at a time (s); the way to the left (n,) that is driven in it, m."""
+        self._past = np.where(self.begun, self._past + dt, 0.0)
+        extent = np.where(np.isnan(self._settling), self.duration, self.rest)
+        past = np.where(np.isnan(self._settling), self._past, self._settling + dt)
+        self._settling = np.where(np.isnan(self._settling), np.nan, self._settling + dt)
+        progress = np.divide(past, extent, out=np.ones_like(past), where=extent > 0.0)
+        over = progress >= 1.0 - EPSILON
+        wanted = np.where(over, self._to, self._from + (self._to - self._from) * progress)
+        body.target = np.where(self._accelerating, wanted, body.target)
+        self._accelerating = self._accelerating & ~over
+        aside = self._sidestep(body, dt) if self.shift else np.zeros_like(past)
+        complete = self.begun & np.isinf(self.done) & ~self._accelerating & ~self._crossing
+        self.done = np.where(complete, time, self.done)
+        return aside
+
+    def settle(self, time: float, body: Body) -> None:
+        """Begin to settle where the change is complete."""
+        starts = (self.done <= time + 1e-9) & np.isnan(self._settling)
+        if not starts.any():
+            return
+        self._settling = np.where(starts, 0.0, self._settling)
+        self._from = np.where(starts, body.speed, self._from)
+        self._to = np.where(starts, self.final, self._to)
+        lasting = (self.final != body.speed) & (self.rest > 0.0)
+        self._accelerating = np.where(starts, lasting, self._accelerating)
+        body.target = np.where(starts & ~lasting, self.final, body.target)
+
+    def _sidestep(self, body: Body, dt: float) -> FloatArray:
+        """Way to the left in this step, no longer than the way driven; the lane is reached when all of it is done."""
+        progress = np.divide(self._past, self.duration, out=np.ones_like(self._past), where=self.duration > 0.0)
+        over = progress >= 1.0 - EPSILON
+        goal = np.where(over, self.shift, self.shift * 0.5 * (1.0 - np.cos(np.pi * np.minimum(progress, 1.0))))
+        reach = np.abs(body.speed) * dt
+        offset = np.clip(goal, self._offset - reach, self._offset + reach)
+        aside = np.where(self._crossing, offset - self._offset, 0.0)
+        self._offset = self._offset + aside
+        self._crossing = self._crossing & ~(over & (offset == self.shift))
+        return aside

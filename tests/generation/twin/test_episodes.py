@@ -1,0 +1,81 @@
+"""The twin does what the interpreter does, for all drivers and manoeuvres that it can play."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generation.logical.library import SCENARIOS
+from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.references import REFERENCES
+from generation.search.space import Space
+from generation.twin.episodes import Twin
+from runner.settings import RunSettings
+from schemas.errors import Unsupported
+
+CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+MANEUVERS = ("cut_in", "cut_out", "lane_change_left", "lane_change_right", "car_following", "congestion", "free_cruise")
+
+
+def spaced(path: Path) -> Space:
+    return Space.of(path)
+
+
+@pytest.mark.parametrize("name", MANEUVERS)
+def test_episodes_are_those_of_the_interpreter(name: str) -> None:
+    path = SCENARIOS / f"{name}_highway.xosc"
+    space = spaced(path)
+    theta = space.draw(6, np.random.default_rng(4))
+    with Evaluator(path, space, run=RunSettings(world="kinematic"), processes=1) as evaluate:
+        real = evaluate(theta)
+    played = Twin(path, space)(theta)
+    np.testing.assert_array_equal(played.collision, real.collision)
+    np.testing.assert_allclose(played.end_time, real.end_time, atol=1e-6)
+    np.testing.assert_allclose(played.max_drac, real.max_drac, rtol=1e-6)
+    np.testing.assert_allclose(played.min_ttc, real.min_ttc, rtol=1e-6)
+    np.testing.assert_allclose(played.clearance, real.clearance, atol=0.2)  # boxes that are turned are taken as spans
+    assert not played.error.any()
+
+
+@pytest.mark.parametrize("sut", ["none", *REFERENCES.values(), "cas:sensor_range=40,brake=6"])
+def test_drivers_decide_as_they_do_alone(sut: str) -> None:
+    space = spaced(CUT_IN)
+    theta = space.draw(400, np.random.default_rng(7))
+    twin = Twin(CUT_IN, space)
+    close = theta[twin(theta, "none").collision][:8]  # where something has to be decided
+    assert len(close) == 8
+    with Evaluator(CUT_IN, space, run=RunSettings(world="kinematic"), processes=1) as evaluate:
+        real = evaluate(close, sut=sut)
+    played = twin(close, sut)
+    np.testing.assert_array_equal(played.collision, real.collision)
+    np.testing.assert_allclose(played.end_time, real.end_time, atol=1e-6)
+    np.testing.assert_allclose(played.impact_speed, real.impact_speed, atol=0.3)
+
+
+def test_outcomes_do_not_depend_on_what_is_played_beside() -> None:
+    space = spaced(CUT_IN)
+    theta = space.draw(300, np.random.default_rng(2))
+    whole, part = Twin(CUT_IN, space)(theta), Twin(CUT_IN, space)(theta[100:110])
+    for name in ("collision", "risk", "max_drac", "clearance", "end_time", "conflict"):
+        np.testing.assert_array_equal(getattr(whole, name)[100:110], getattr(part, name))
+
+
+def test_no_points_have_no_outcomes() -> None:
+    assert len(Twin(CUT_IN, spaced(CUT_IN))(np.empty((0, len(spaced(CUT_IN).names))))) == 0
+
+
+@pytest.mark.parametrize("name", ["merging_highway", "cut_in_sharp_curve", "roundabout_entering", "simple_cut_in"])
+def test_scenarios_that_can_not_be_played_are_refused(name: str) -> None:
+    path = SCENARIOS / f"{name}.xosc"
+    with pytest.raises(Unsupported):
+        Twin(path, Space.of(path))
+
+
+def test_systems_and_settings_that_can_not_be_played_are_refused() -> None:
+    space = spaced(CUT_IN)
+    with pytest.raises(Unsupported, match="sumo"):
+        Twin(CUT_IN, space, RunSettings(sut="sumo"))
+    with pytest.raises(Unsupported, match="no other ego"):
+        Twin(CUT_IN, space, RunSettings(ego="CutIn"))
