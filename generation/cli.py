@@ -139,6 +139,9 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         f"  {len(outcomes)} runs: {outcomes.collision.mean():.1%} collisions, "
         f"mean R_risk {outcomes.r_risk.mean():.3f}; prior from {generated.recorded} recorded manoeuvres"
     )
+    yield f"  {generated.gate}"
+    if generated.gate.refusal is not None:
+        yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
     collision = cases.outcomes.collision
     yield f"  {len(cases)} edge cases: {int(collision.sum())} foreseeable and preventable collisions"
     survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from generation.density.base import Density
+from generation.density.gate import Gate, measured
+from generation.density.prior import Prior
 from generation.outcomes.cases import Cases, Choice, choose
-from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.evaluator import Evaluate, Evaluator
 from generation.recorded import Recorded
 from generation.search.memory import Memory
 from generation.search.method import method
@@ -24,6 +26,8 @@ from xodr.array_types import FloatArray
 
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""
+_GATED = 30, 300
+"""Least and most runs of each kind that a density is measured by; between them a tenth of the budget"""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,8 @@ class Generated:
         recorded: how many recorded manoeuvres the density was fitted on.
         history: all episodes.
         cases: the edge cases.
-        files: what was written; empty where no episode was critical.
+        files: what was written; empty where there are no edge cases.
+        gate: what the density was measured by.
     """
 
     space: Space
@@ -76,6 +81,7 @@ class Generated:
     history: History
     cases: Cases
     files: list[Path]
+    gate: Gate
 
 
 def generate(
@@ -106,19 +112,34 @@ def generate(
     """
     search = method(settings.method)
     space = Space.of(scenario, settings.pinned, settings.free)
-    real = recorded(space).within(space)
-    realism = _prior(real, settings.density, scenario)
-    with _evaluator(scenario, space, settings, settings.run) as evaluator:
-        evaluate = counted(Memory(evaluator, _runs_file(scenario, space, out, settings)), progress)
+    source = recorded(space)
+    real = source.within(space)
+    realism, prior = _realism(real, settings.density, scenario), source.prior(space, settings.density)
+    with _evaluator(scenario, space, settings) as evaluator:
+        draws = Memory(evaluator, _runs_file(scenario, space, out, settings, "draws"))
+        gate = _gate(scenario, source, space, out, settings, prior, draws)
+        evaluate = counted(Memory(evaluator, _runs_file(scenario, space, out, settings, "runs")), progress)
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
-        problem = Problem(space, evaluate, reward, real.theta, found)
+        problem = Problem(space, evaluate, reward, real.theta, found, prior)
         history = search(problem, settings.budget, settings.seed)
-        cases = choose(space, history, realism.judged, evaluator, settings.choice, found)
+        judged = prior.judged if gate.refusal is None else prior.unjudged
+        cases = choose(space, history, judged, evaluator, settings.choice, found)
     files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
-    return Generated(space, len(real.theta), history, cases, files)
+    return Generated(space, len(real.theta), history, cases, files, gate)
 
 
-def _prior(real: Recorded, name: str, scenario: Path) -> Realism:
+def _gate(
+    scenario: Path, recorded: Recorded, space: Space, out: Path, settings: SearchSettings, prior: Prior, run: Evaluate
+) -> Gate:
+    """Replays of the recorded units, and draws of the density."""
+    most = min(settings.budget, max(_GATED[0], min(settings.budget // 10, _GATED[1])))
+    own, replays = recorded.replays(space)
+    with _evaluator(scenario, own, settings) as evaluator:
+        replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
+        return measured(prior, run, replays, replay, most)
+
+
+def _realism(real: Recorded, name: str, scenario: Path) -> Realism:
     """What recorded parameters make of realism."""
     if len(real.theta) < LEAST:
         reason = f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at least {LEAST} are needed"
@@ -126,8 +147,8 @@ def _prior(real: Recorded, name: str, scenario: Path) -> Realism:
     return Realism.fitted(name, real.theta, real.recordings)
 
 
-def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings) -> Path:
-    """The file of the runs, another one for everything that decides what a run gives.
+def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings, kind: str) -> Path:
+    """The file of the runs of a kind, another one for everything that decides what a run gives.
 
     Raises:
         UsageError: the folder can't be made.
@@ -138,11 +159,11 @@ def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"the folder can't be made: {error.strerror or error}", path=out) from None
-    return out / f"{scenario.stem}_runs_{digest(repr(deciding).encode())}.jsonl"
+    return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
 
 
-def _evaluator(scenario: Path, space: Space, settings: SearchSettings, run: RunSettings) -> Evaluator:
-    return Evaluator(scenario, space, run=run, rss=settings.rss, processes=settings.processes)
+def _evaluator(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
+    return Evaluator(scenario, space, run=settings.run, rss=settings.rss, processes=settings.processes)
 
 
 def _write(scenario: Path, space: Space, out: Path, settings: SearchSettings, cases: Cases, density: Density) -> list[Path]:

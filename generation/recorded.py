@@ -16,6 +16,7 @@ from generation.density.recorded_prior import Box, RecordedPrior
 from generation.density.roles import ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
 from generation.search.space import Space
+from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import KINDS, OWN, Samples, extract
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray
@@ -52,10 +53,19 @@ class Recorded(NamedTuple):
         Raises:
             UsageError: there is no such density, or it can't be made of them.
         """
-        box = Box(
-            space.names, space.low, space.high, {name: float(space.pinned[name]) for name in self.values if name in space.pinned}
-        )
-        return RecordedPrior(box, self.values, self.recordings, self.roles, density)
+        values = self.values or dict(zip(space.names, self.theta.T, strict=True))
+        pinned = {name: float(value) for name, value in space.pinned.items() if name in values}
+        box = Box(space.names, space.low, space.high, pinned)
+        return RecordedPrior(box, values, self.recordings, self.roles or roles_of(values), density)
+
+    def replays(self, space: Space) -> tuple[Space, FloatArray]:
+        """A space in which nothing is pinned that is recorded, and the units (n, k) inside the limits, with their own values."""
+        own = [name for name in self.values if name in space.pinned]
+        sides = [Parameter(name, float(self.values[name].min()), float(self.values[name].max())) for name in own]
+        inside = self.within(space)
+        columns = [inside.theta, *(inside.values[name][:, None] for name in own)]
+        rest = {name: value for name, value in space.pinned.items() if name not in own}
+        return Space((*space.parameters, *sides), rest), np.hstack(columns)
 
     def within(self, space: Space) -> Recorded:
         """Those inside the box."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from generation.density.base import Density, folds
 from generation.density.model import model
-from xodr.array_types import FloatArray
+from xodr.array_types import FloatArray, IntArray
 
 _Found = TypeVar("_Found")
 _Work = Callable[[str, FloatArray, NDArray[Any]], _Found]
@@ -43,7 +43,13 @@ def fitted(name: str, theta: FloatArray, recordings: NDArray[Any]) -> Density:
 def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArray:
     """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,); read-only."""
     found = np.empty(len(theta))
-    for rows, tested in folds(recordings):
-        found[tested] = model(name).fit(theta[rows], recordings[rows]).log_density(theta[tested])
+    for each, tested in others(name, theta, recordings):
+        found[tested] = each.log_density(theta[tested])
     found.flags.writeable = False
     return found
+
+
+@_once
+def others(name: str, theta: FloatArray, recordings: NDArray[Any]) -> list[tuple[Density, IntArray]]:
+    """Models fitted on parts of the recordings, each with the rows of the others; every row is in one of them."""
+    return [(model(name).fit(theta[rows], recordings[rows]), tested) for rows, tested in folds(recordings)]

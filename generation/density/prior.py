@@ -71,6 +71,14 @@ class Prior(ABC):
         """Rows (n, d) that traffic does: possible, and no less likely than 99 % of recorded units, each by the density of other
         recordings: (n,). Costs no simulation."""
 
+    def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """`log_density` and `foreseeable` of rows (n, d)."""
+        return self.log_density(theta), self.foreseeable(theta)
+
+    def unjudged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """`log_density` of rows (n, d), and none of them foreseeable: for a density that does not pass the gate."""
+        return self.log_density(theta), np.zeros(len(theta), bool)
+
     @abstractmethod
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) with the nuisances of the recorded unit that is most like each of them."""

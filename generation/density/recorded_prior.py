@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.density.base import Density, folds
+from generation.density.base import Density
 from generation.density.components import Components
-from generation.density.model import model
+from generation.density.fitting import fitted, others
 from generation.density.physics import ByRole, Limits
 from generation.density.prior import Prior
 from generation.density.roles import NUISANCES, Role
@@ -98,15 +98,15 @@ class RecordedPrior(Prior):
     @cached_property
     def _density(self) -> Density | Components:
         """Of the logarithms of what is searched, given what is pinned."""
-        fitted = model(self._model).fit(self._log_rows, self._recordings)
-        return self._conditioned(fitted) if self._given else fitted
+        whole = fitted(self._model, self._log_rows, self._recordings)
+        return self._conditioned(whole) if self._given else whole
 
-    def _conditioned(self, fitted: Density) -> Components:
+    def _conditioned(self, whole: Density) -> Components:
         values = np.array([self._pinned[name] for name in self._given])
         if not (values > 0.0).all():
             name = self._given[int(np.flatnonzero(values <= 0.0)[0])]
             raise UsageError(f"{name} is pinned at {self._pinned[name]:g}, where recordings have no density")
-        return _gaussians(fitted, self._model).given(self._given_columns, np.log(values))
+        return _gaussians(whole, self._model).given(self._given_columns, np.log(values))
 
     @property
     def _given_columns(self) -> list[int]:
@@ -161,11 +161,10 @@ class RecordedPrior(Prior):
         """log p that all but 1 % of the recorded units reach, each by the density of other recordings and given its own values
         of what is pinned."""
         found = np.empty(len(self._log_rows))
-        for rows, tested in folds(self._recordings):
-            fitted = model(self._model).fit(self._log_rows[rows], self._recordings[rows])
-            found[tested] = fitted.log_density(self._log_rows[tested])
+        for other, tested in others(self._model, self._log_rows, self._recordings):
+            found[tested] = other.log_density(self._log_rows[tested])
             if self._given:
-                given = _gaussians(fitted, self._model).marginal(self._given_columns)
+                given = _gaussians(other, self._model).marginal(self._given_columns)
                 found[tested] -= given.log_density(self._log_rows[tested][:, self._given_columns])
         return float(np.quantile(found - self._log_rows[:, : len(self.searched)].sum(axis=1), FORESEEABLE))
 
@@ -203,8 +202,8 @@ class RecordedPrior(Prior):
         return drawn
 
 
-def _gaussians(fitted: Density, name: str) -> Components:
-    found = fitted.gaussians
+def _gaussians(density: Density, name: str) -> Components:
+    found = density.gaussians
     if found is None:
         raise UsageError(f"the density {name} can't be conditioned on pinned values; kde, mixture and gaussian can")
     return found

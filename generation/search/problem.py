@@ -9,6 +9,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from generation.density.prior import Prior
 from generation.outcomes.evaluator import Evaluate
 from generation.outcomes.outcomes import Episodes, Outcomes, joined
 from generation.search.reward import Reward
@@ -55,6 +56,7 @@ class Problem:
         reward: what MCSG is after; its density says what is plausible.
         real: parameters (n, d) extracted from recordings, within the box.
         found: critical points (m, d) that earlier searches of the same space have found; None for none.
+        prior: what traffic does in this space; None where only the published reward is asked for.
     """
 
     space: Space
@@ -62,6 +64,7 @@ class Problem:
     reward: Reward
     real: FloatArray
     found: FloatArray | None = None
+    prior: Prior | None = None
 
     @property
     def starts(self) -> FloatArray:

@@ -15,7 +15,21 @@ from generation.outcomes.cases import COLLISION
 from tests.generation.test_cli import call
 from xosc.tags import read
 
-QUICK = ("--method", "random", "--budget", "8", "--most", "2", "--density", "gaussian", "--jobs", "1", "--concrete", "--quiet")
+QUICK = (
+    "--method",
+    "conscend",
+    "--violations",
+    "--budget",
+    "8",
+    "--most",
+    "2",
+    "--density",
+    "gaussian",
+    "--jobs",
+    "1",
+    "--concrete",
+    "--quiet",
+)
 
 
 @pytest.mark.parametrize(
