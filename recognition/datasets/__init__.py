@@ -14,6 +14,7 @@ from schemas.packages import public
 if TYPE_CHECKING:
     from recognition.datasets.finder import cache_roads as cache_roads
     from recognition.datasets.finder import open as open
+    from recognition.datasets.source import Cut as Cut
     from recognition.datasets.source import DataSet as DataSet
     from recognition.datasets.source import Exclusion as Exclusion
     from recognition.datasets.source import Gap as Gap
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from recognition.datasets.source import SiteRoad as SiteRoad
     from recognition.datasets.source import Source as Source
 
-__all__ = ["DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source", "cache_roads", "open"]
+__all__ = ["Cut", "DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source", "cache_roads", "open"]
 
-_SOURCE = dict.fromkeys(("DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source"), "recognition.datasets.source")
+_SOURCE = dict.fromkeys(("Cut", "DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source"), "recognition.datasets.source")
 __getattr__, __dir__ = public(__name__, _SOURCE | dict.fromkeys(("cache_roads", "open"), "recognition.datasets.finder"))

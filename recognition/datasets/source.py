@@ -27,6 +27,19 @@ class Gap(NamedTuple):
     missing: int
 
 
+class Cut(NamedTuple):
+    """Where a track was cut in two: it jumped by `distance` (m), or has no rows (distance 0), between two times (s).
+
+    rest: name of the track that goes on; None where too little of it is left.
+    """
+
+    track: str
+    start: float
+    end: float
+    distance: float
+    rest: str | None
+
+
 class Exclusion(NamedTuple):
     """Something of a source that is not in its recording: a track or an element, how many rows of it, and why."""
 
@@ -42,6 +55,7 @@ class Report:
     Attributes:
         rows, tracks: how many the recording has.
         gaps: frames missing inside tracks; nothing is put in their place.
+        cuts: where tracks were cut, because they jump or are not recorded for long.
         exclusions: what was left out.
         remarks: what was assumed, derived or corrected, one sentence each.
     """
@@ -49,6 +63,7 @@ class Report:
     rows: int = 0
     tracks: int = 0
     gaps: list[Gap] = field(default_factory=list)
+    cuts: list[Cut] = field(default_factory=list)
     exclusions: list[Exclusion] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -57,6 +72,7 @@ class Report:
         self.rows += other.rows
         self.tracks += other.tracks
         self.gaps += other.gaps
+        self.cuts += other.cuts
         self.exclusions += other.exclusions
         self.remarks += (remark for remark in other.remarks if remark not in self.remarks)
 

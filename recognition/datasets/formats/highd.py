@@ -16,6 +16,7 @@ import numpy as np
 
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.highway import Highway
+from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, Source
 from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import Table, read_table
@@ -80,10 +81,12 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     far = np.abs(columns["x"] - np.median(columns["x"]))
     if far.max() > _FARTHEST:
         raise table.fault(int(rows.order[far.argmax()]), "x", f"the vehicle is {far.max():.0f} m away from the others")
+    report = rows.report([one.name for one in who])
+    rows, who, columns = smoothed(rows, who, columns, report)
     highway = _highway(recording, columns["x"])
     columns |= highway.places(columns["x"], columns["y"])
     network = load(highway.write(f"highD_{path.name.removesuffix(_ENDING)}", roads))
-    return Recording(cut(rows, who, columns), 1.0 / rate, network), rows.report([one.name for one in who])
+    return Recording(cut(rows, who, columns), 1.0 / rate, network), report
 
 
 def _columns(table: Table, rows: Rows, who: list[Participant], direction: IntArray) -> Columns:

@@ -23,6 +23,7 @@ import numpy as np
 
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.files import converted
+from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, SiteRoad, Source
 from recognition.datasets.tables.rates import believable, facing, heading_of_motion, rate
 from recognition.datasets.tables.rows import Clock, Rows, in_order
@@ -149,7 +150,7 @@ def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Tra
     names = [_free(name, taken, number) for name in number]
     who = [_participant(table, row, name) for name, row in zip(names, rows.heads, strict=True)]
     report = rows.report([one.name for one in who])
-    return cut(rows, who, _columns(table, rows, who, report)), report
+    return cut(*smoothed(rows, who, _columns(table, rows, who, report), report)), report
 
 
 def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:

@@ -23,6 +23,7 @@ import numpy as np
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.files import keep_road
 from recognition.datasets.roads.straight import straight_road
+from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, SiteRoad, Source
 from recognition.datasets.tables.rates import crowded, heading_of_motion, rate
 from recognition.datasets.tables.rows import Clock, Rows, in_order
@@ -240,4 +241,4 @@ def _finished(rows: Rows, who: list[Participant], columns: Columns, remarks: lis
     if count > _CROWDED * len(rows):
         remarks.append(f"{count} rows are in each other's way: these vehicles may not have been there together")
     report.remarks += remarks
-    return Recording(cut(rows, who, columns), STEP, None), report
+    return Recording(cut(*smoothed(rows, who, columns, report)), STEP, None), report

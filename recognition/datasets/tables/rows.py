@@ -66,6 +66,13 @@ class Rows:
         """Index in the file of the first row of each track."""
         return self.order[self.starts[:-1]].tolist()
 
+    def part(self, first: int, last: int) -> Rows:
+        """Some of the tracks, from `first` to before `last`."""
+        a, b = int(self.starts[first]), int(self.starts[last])
+        own, tracks = slice(a, b), slice(first, last)
+        starts, keys, repeated = self.starts[first : last + 1] - a, self.keys[tracks], self.repeated[tracks]
+        return Rows(self.order[own], keys, starts, self.time[own], self.step, self.first[own] - a, self.last[own] - a, repeated)
+
     def each(self, values: Any) -> NDArray[Any]:
         """A value for each track, repeated for its rows."""
         return np.repeat(values, self.sizes)
@@ -85,7 +92,7 @@ class Rows:
         gaps = [Gap(names[index], *rest) for index, *rest in found]
         reason = "several rows of the same time, of which the first counts"
         exclusions = [Exclusion(names[i], int(self.repeated[i]), reason) for i in np.flatnonzero(self.repeated)]
-        return Report(len(self), len(self.keys), gaps, exclusions)
+        return Report(len(self), len(self.keys), gaps, exclusions=exclusions)
 
 
 def in_order(table: Table, track: NDArray[Any], clock: Clock, *, sort: bool = False, repeats: bool = False) -> Rows:
@@ -114,6 +121,33 @@ def in_order(table: Table, track: NDArray[Any], clock: Clock, *, sort: bool = Fa
     order = order[passed > 0]
     time = (clock.counts[order] - clock.zero) / clock.per_second
     return Rows(order, keys, starts, time, clock.step, *_pieces(time, starts, clock.step), repeated)
+
+
+class Parted(NamedTuple):
+    """Rows of tracks that were cut. kept: which of the rows before are among them. origin: the track before of each track."""
+
+    rows: Rows
+    kept: NDArray[np.bool_]
+    origin: IntArray
+
+
+def parted(rows: Rows, heads: IntArray, least: float) -> Parted:
+    """Rows with more tracks: at each of `heads` a new one begins.
+
+    Parts of tracks that were cut are left out where they are shorter than `least` (s).
+    """
+    begins = np.union1d(rows.starts[:-1], heads)
+    ends = np.append(begins[1:], len(rows))
+    origin = np.searchsorted(rows.starts, begins, side="right") - 1
+    whole = np.bincount(origin, minlength=len(rows.keys))[origin] == 1
+    keep = whole | (rows.time[ends - 1] - rows.time[begins] >= least)
+    sizes, origin = (ends - begins)[keep], origin[keep]
+    kept = np.repeat(keep, ends - begins)
+    starts, time = np.append(0, np.cumsum(sizes)), rows.time[kept]
+    pieces = _pieces(time, starts, rows.step)
+    return Parted(
+        Rows(rows.order[kept], rows.keys[origin], starts, time, rows.step, *pieces, rows.repeated[origin]), kept, origin
+    )
 
 
 def _disordered(table: Table, track: NDArray[Any], clock: Clock, row: int, before: int) -> Exception:

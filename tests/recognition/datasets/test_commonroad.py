@@ -37,7 +37,8 @@ def test_states_become_rows_of_the_rear_axle(tmp_path: Path, version: str) -> No
     assert (columns["x"][0], columns["y"][0]) == pytest.approx((10.0, 20.0 - 1.2))
     assert columns["y"][-1] == pytest.approx(20.0 + 0.9 * 8.0 - 1.2)
     assert columns["time"] == pytest.approx(np.arange(10) * 0.1)
-    assert (columns["speed"] == 8.0).all()
+    assert (columns["raw_speed"] == 8.0).all()
+    assert columns["speed"] == pytest.approx(8.0)
     assert recording.timestep == 0.1
     assert (report.rows, report.tracks, report.excluded) == (10, 1, 0)
 
@@ -45,8 +46,8 @@ def test_states_become_rows_of_the_rear_axle(tmp_path: Path, version: str) -> No
 def test_accelerations_are_those_given_or_derived(tmp_path: Path) -> None:
     given = obstacle(1, 0.0, 0.0, 0.0, 8.0, more="<acceleration><exact>1.5</exact></acceleration>")
     recording, report = read(write(tmp_path, given, obstacle(2, 0.0, 9.0, 0.0, 8.0)))
-    assert recording.tracks["1"].columns["acceleration"] == pytest.approx(1.5)
-    assert recording.tracks["2"].columns["acceleration"] == pytest.approx(0.0)
+    assert recording.tracks["1"].columns["raw_acceleration"] == pytest.approx(1.5)
+    assert recording.tracks["2"].columns["raw_acceleration"] == pytest.approx(0.0)
     assert report.remarks == ["accelerations that are not given are derived from the speeds"]
 
 

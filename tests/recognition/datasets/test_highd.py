@@ -58,8 +58,8 @@ def test_drifting_down_the_image_is_to_the_right_eastwards_and_to_the_left_westw
 def test_acceleration_is_along_the_driving_direction(tmp_path: Path) -> None:
     rows = [{**row, "xAcceleration": -1.5} for row in highd_rows([EAST, WEST])]
     recording, _ = read(write_highd(tmp_path, [EAST, WEST], rows=rows))
-    assert recording.tracks["1"].columns["acceleration"] == pytest.approx(-1.5)
-    assert recording.tracks["2"].columns["acceleration"] == pytest.approx(1.5)
+    assert recording.tracks["1"].columns["raw_acceleration"] == pytest.approx(-1.5)
+    assert recording.tracks["2"].columns["raw_acceleration"] == pytest.approx(1.5)
 
 
 def test_crawling_vehicle_keeps_its_heading_in_spite_of_lateral_noise(tmp_path: Path) -> None:
@@ -160,7 +160,8 @@ def test_what_is_written_is_read_back(tmp_path: Path, cars: list[Car], rate: flo
     for car in cars:
         track, rows = recording.tracks[str(car.id)], highd_rows([car], rate)
         columns = track.columns
-        x, y = columns["x"] + track.box.x * np.cos(columns["h"]), columns["y"] + track.box.x * np.sin(columns["h"])
+        h = columns["raw_h"]
+        x, y = columns["raw_x"] + track.box.x * np.cos(h), columns["raw_y"] + track.box.x * np.sin(h)
         assert x - car.length / 2 == pytest.approx([row["x"] for row in rows], abs=1e-6)
         assert -y - car.width / 2 == pytest.approx([row["y"] for row in rows], abs=1e-6)
         assert np.round(columns["time"] * rate).astype(int).tolist() == [int(str(row["frame"])) - 1 for row in rows]

@@ -66,7 +66,7 @@ def test_accelerations_that_are_not_given_are_derived(tmp_path: Path) -> None:
     for row in rows:
         del row["v_Acc"]
     recording, report = read(write_csv(tmp_path / "t.csv", rows))
-    assert recording.tracks["1"].columns["acceleration"] == pytest.approx(10.0 * FOOT)
+    assert recording.tracks["1"].columns["raw_acceleration"] == pytest.approx(10.0 * FOOT)
     assert "accelerations are derived from the speeds" in report.remarks
 
 
@@ -248,5 +248,5 @@ def test_ngsim_tables_read_whole(recordings: Path, name: str, tracks: int, remar
     recording, report = read(path)
     assert report.rows + report.excluded == pq.read_metadata(path).num_rows
     assert report.rows == total_rows(recording)
-    assert len(recording.tracks) == report.tracks == tracks
+    assert len(recording.tracks) == report.tracks == tracks + len(report.cuts)
     assert any(remark in one for one in report.remarks)

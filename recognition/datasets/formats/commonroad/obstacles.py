@@ -17,6 +17,7 @@ from lxml import etree
 
 from recognition.datasets.formats.commonroad.elements import child, invalid, measured, number, unsupported
 from recognition.datasets.participants import Participant, participant
+from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Exclusion, Report
 from recognition.datasets.tables.rates import rate
 from recognition.datasets.tables.rows import Clock, in_order
@@ -210,4 +211,5 @@ def _assembled(root: etree._Element, obstacles: list[_Obstacle], step: float) ->
     if absent.any():
         report.remarks.append("accelerations that are not given are derived from the speeds")
         acceleration = np.where(absent, rate(speed, rows), acceleration)
-    return Recording(cut(rows, who, columns_of(rows, who, x, y, h, speed, acceleration)), step, None), report
+    columns = columns_of(rows, who, x, y, h, speed, acceleration)
+    return Recording(cut(*smoothed(rows, who, columns, report)), step, None), report

@@ -1,0 +1,120 @@
+"""Smooth what was read: places, headings, speeds and accelerations that belong to one possible motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from recognition.datasets.participants import Participant
+from recognition.datasets.smoothing import pedestrians, vehicles
+from recognition.datasets.smoothing.jumps import JUMP, Breaks, breaks
+from recognition.datasets.smoothing.limits import Bounds
+from recognition.datasets.smoothing.noise import deviation
+from recognition.datasets.smoothing.observations import Noise, Seen
+from recognition.datasets.source import Cut, Exclusion, Report
+from recognition.datasets.tables.rows import Parted, Rows, parted
+from recognition.datasets.tables.tracks import Columns
+from xodr.array_types import IntArray
+
+RAW = ("x", "y", "h", "speed", "acceleration")
+"""Columns that are smoothed; as they were recorded they stay as raw_x, raw_y and so on."""
+_ROWS = 1000
+"""Rows that are smoothed at a time, or one track: more are slower, as they leave the processor's cache."""
+_LEAST = 0.5
+"""Shortest part (s) of a track that was cut that is kept."""
+
+
+class Smoothed(NamedTuple):
+    """Rows, participants and columns after smoothing."""
+
+    rows: Rows
+    who: list[Participant]
+    columns: Columns
+
+
+def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: Report, noise: Noise | None = None) -> Smoothed:
+    """Cut tracks where they jump, and smooth them.
+
+    Args:
+        who: the participant of each track.
+        columns: those of a recording; x, y of the reference points.
+        report: is told what was cut.
+        noise: of the recording.
+    """
+    noise = noise or Noise()
+    behind = rows.each([one.box.x for one in who])
+    x, y = columns["x"] + behind * np.cos(columns["h"]), columns["y"] + behind * np.sin(columns["h"])
+    broken = breaks(rows, x, y)
+    rest = parted(rows, broken.heads, _LEAST)
+    names = _names(who, rest.origin)
+    _tell(report, rows, who, broken, rest, names)
+    who = [who[index]._replace(name=name) for index, name in zip(rest.origin.tolist(), names, strict=True)]
+    columns = {name: values[rest.kept] for name, values in columns.items()}
+    columns |= {f"raw_{name}": columns[name] for name in RAW}
+    bounds = Bounds.of([one.category for one in who], rest.rows.sizes)
+    trusted = np.where(broken.astray[rest.kept], 0.0, 1.0)
+    x, y = x[rest.kept], y[rest.kept]
+    off, behind = deviation(rest.rows, x, y), behind[rest.kept]
+    seen = Seen(rest.rows.starts, rest.rows.time, x, y, columns["h"], columns["speed"], trusted, off, behind, bounds, noise)
+    return Smoothed(rest.rows, who, columns | _states(rest.rows, who, seen, columns))
+
+
+def _names(who: Sequence[Participant], origin: IntArray) -> list[str]:
+    """Names of tracks: those of the tracks that they come from, the second part of 7 being 7.2."""
+    taken = {one.name for one in who}
+    names: list[str] = []
+    part = 1
+    for index, before in zip(origin.tolist(), [-1, *origin.tolist()], strict=False):
+        part = part + 1 if index == before else 1
+        name = who[index].name if part == 1 else f"{who[index].name}.{part}"
+        while part > 1 and name in taken:
+            name += "_"
+        taken.add(name)
+        names.append(name)
+    return names
+
+
+def _tell(report: Report, rows: Rows, who: Sequence[Participant], broken: Breaks, rest: Parted, names: list[str]) -> None:
+    """Enter cuts and rows that were left out or not trusted."""
+    place = np.cumsum(rest.kept) - 1
+    for head, off in zip(broken.heads.tolist(), broken.off.tolist(), strict=True):
+        track = who[int(np.searchsorted(rows.starts, head, side="right")) - 1].name
+        after = names[int(np.searchsorted(rest.rows.starts, place[head], side="right")) - 1] if rest.kept[head] else None
+        report.cuts.append(Cut(track, float(rows.time[head - 1]), float(rows.time[head]), off, after))
+    report.rows, report.tracks = len(rest.rows), len(names)
+    lost = np.add.reduceat(~rest.kept, rows.starts[:-1], dtype=np.int64)
+    astray = np.add.reduceat(broken.astray & rest.kept, rows.starts[:-1], dtype=np.int64)
+    for index in np.flatnonzero(lost).tolist():
+        report.exclusions.append(Exclusion(who[index].name, int(lost[index]), f"shorter than {_LEAST} s after a cut"))
+    for index in np.flatnonzero(astray).tolist():
+        report.remarks.append(
+            f"{who[index].name}: {astray[index]} rows are away by more than {JUMP} m and come back: interpolated"
+        )
+
+
+def _states(rows: Rows, who: Sequence[Participant], seen: Seen, columns: Columns) -> Columns:
+    """The smoothed columns; what is neither vehicle nor pedestrian stays as it is."""
+    states = np.stack([columns[name] for name in RAW], axis=1)
+    for kind, first, last in _batches(who, rows.sizes):
+        part, among = seen.part(first, last), rows.part(first, last)
+        own = slice(int(rows.starts[first]), int(rows.starts[last]))
+        if kind == "vehicle":
+            states[own] = vehicles.smooth(among, part)
+        elif kind == "pedestrian":
+            states[own] = pedestrians.smooth(among, part)
+    x, y, h, speed, acceleration = states.T
+    return {"x": x, "y": y, "h": np.arctan2(np.sin(h), np.cos(h)), "speed": speed, "acceleration": acceleration}
+
+
+def _batches(who: Sequence[Participant], sizes: IntArray) -> Iterator[tuple[str, int, int]]:
+    """Tracks of one kind that follow each other, from first to before last, with about `_ROWS` rows together."""
+    first, count = 0, 0
+    for index, (one, size) in enumerate(zip(who, sizes.tolist(), strict=True)):
+        if index > first and (one.kind != who[first].kind or count + size > _ROWS):
+            yield who[first].kind, first, index
+            first, count = index, 0
+        count += size
+    if who:
+        yield who[first].kind, first, len(who)
