@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -67,6 +68,7 @@ class Lane:
     """One lane within one lane section. All profiles are functions of the road's s.
 
     direction: "standard" (by lane id and traffic rule), "reversed" or "both" (OpenDRIVE 1.8).
+    opens, closes: s before and after which the lane has no width within its section; infinite where it has some at the end.
     speeds: (s, limit [m/s] or None for none) in ascending s. marks: in ascending s.
     """
 
@@ -80,8 +82,14 @@ class Lane:
     outer: Profile
     center: Profile
     direction: str = "standard"
+    opens: float = -math.inf
+    closes: float = math.inf
     speeds: tuple[tuple[float, float | None], ...] = ()
     marks: tuple[RoadMark, ...] = ()
+
+    def closed(self, s: float, forward: bool) -> bool:
+        """Whether the lane has narrowed to nothing at s, and has no width ahead in its section."""
+        return s >= self.closes if forward else s <= self.opens
 
 
 @dataclass(slots=True)

@@ -5,9 +5,15 @@ OpenDRIVE describes all of them as records `a + b·ds + c·ds² + d·ds³` with 
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import NamedTuple
+
+_SAMPLES = 8
+"""Of each piece, where a function's sign is looked for"""
+_SAME_PLACE = 1e-6
 
 
 class Cubic(NamedTuple):
@@ -70,6 +76,32 @@ class Profile:
 
     def _about(self, start: float) -> Cubic:
         return self.pieces[max(bisect_right(self.starts, start) - 1, 0)].shifted(start)
+
+
+def exceeding(profile: Profile, level: float, start: float, end: float) -> tuple[float, float]:
+    """The s between which a function exceeds a level within [start, end]; infinite where it does so up to that end.
+
+    Where it does nowhere, both lie outside: (∞, -∞).
+    """
+    if profile.constant is not None:
+        return (-math.inf, math.inf) if profile.constant > level else (math.inf, -math.inf)
+    knots = [start, *(piece.start for piece in profile.pieces if start < piece.start < end), end]
+    samples = [a + (b - a) * index / _SAMPLES for a, b in pairwise(knots) for index in range(_SAMPLES)] + [end]
+    above = [index for index, s in enumerate(samples) if profile(s) > level]
+    if not above:
+        return math.inf, -math.inf
+    first, last = above[0], above[-1]
+    begins = _fall(profile, level, samples[first], samples[first - 1]) if first else -math.inf
+    ends = _fall(profile, level, samples[last], samples[last + 1]) if last + 1 < len(samples) else math.inf
+    return begins, ends
+
+
+def _fall(profile: Profile, level: float, above: float, below: float) -> float:
+    """The s at which a function falls to a level, between one where it exceeds it and one where it does not."""
+    while abs(below - above) > _SAME_PLACE:
+        middle = 0.5 * (above + below)
+        above, below = (middle, below) if profile(middle) > level else (above, middle)
+    return below
 
 
 ZERO = Profile([Cubic(0.0, 0.0)])

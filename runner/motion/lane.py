@@ -43,14 +43,15 @@ class LaneMotion:
         distance, turn = speed * dt, 0.0
         if entity.controls.target_offset is not None:
             distance, turn = self._sidestep(entity, distance)
-        center = section.lanes[entity.lane].center
+        lane = section.lanes[entity.lane]
+        center = lane.center
         ds = entity.direction * distance
         if center.constant is None or not road.line.straight:
             per_s = 1.0 - road.line.curvature(entity.s + 0.5 * ds) * t
             slope = 0.0 if center.constant is not None else center.slope(entity.s)
             ds /= max(math.hypot(per_s, slope) if slope else per_s, _SHARPEST)
         s = entity.s + ds
-        if section.s <= s < section.end:
+        if section.s <= s < section.end and (center.constant is not None or not lane.closed(s, ds > 0.0)):
             entity.s = s
             entity.t = center(s) + entity.offset
             self._pose(entity, turn)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from xodr.profiles import ZERO, Cubic, Profile
+from xodr.profiles import ZERO, Cubic, Profile, exceeding
 
 coefficient = st.floats(-3, 3)
 pieces = st.lists(
@@ -43,3 +45,17 @@ def test_a_part_has_the_same_values(profile: Profile, start: float, share: float
     start = max(start, profile.starts[0])
     s = start + share * 20.0
     assert profile.within(start, start + 20.0)(min(s, start + 19.999)) == pytest.approx(profile(min(s, start + 19.999)), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        ([Cubic(0.0, 3.0)], (-math.inf, math.inf)),
+        ([Cubic(0.0, 0.0)], (math.inf, -math.inf)),
+        ([Cubic(0.0, 3.0, -0.1)], (-math.inf, 30.0)),
+        ([Cubic(0.0, 0.0), Cubic(40.0, 0.0, 0.1)], (40.0, math.inf)),
+        ([Cubic(0.0, 0.0), Cubic(10.0, 0.0, 0.1), Cubic(30.0, 2.0, -0.2), Cubic(60.0, -1.0)], (10.0, 40.0)),
+    ],
+)
+def test_where_a_profile_exceeds_a_level(found: list[Cubic], expected: tuple[float, float]) -> None:
+    assert exceeding(Profile(found), 1e-6, 0.0, 100.0) == pytest.approx(expected, abs=1e-4)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from xodr.graph.links import LinkTable
+from xodr.graph.ways import DRIVABLE
 from xodr.model import Lane, LaneLink, LaneSection, RoadError, RoadPoint
-from xodr.road import Road, lane_in
+from xodr.road import NO_WIDTH, Road
 
 Choose = Callable[[RoadPoint, bool, Sequence[LaneLink]], LaneLink | None]
 """Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them, None to stay there."""
@@ -60,12 +61,19 @@ class Traveller:
         for _ in range(_MOST_BORDERS):
             section = road.sections[index]
             lane = section.lanes[lane_id]
+            beside = _merged(section, lane, s, offset, forward) if lane.closed(s, forward) else None
+            if beside is not None:
+                lane_id, offset = beside
+                continue
             border, step = (section.end, 1) if forward else (section.s, -1)
-            s, distance = _along(road, lane, offset, s, border, step, distance)
-            inside = s < border if forward else distance <= 0.0
+            stop = _nearer(border, lane.closes if forward else lane.opens, s, forward)
+            s, distance = _along(road, lane, offset, s, stop, step, distance)
+            inside = s < stop if forward else distance <= 0.0
             here = RoadPoint(road.id, s, lane.center(s) + offset, lane_id, offset)
             if inside:
                 return Travel(here, forward, 0.0)
+            if stop != border:
+                continue
             if 0 <= index + step < len(road.sections):
                 index, lane_id, offset = _next_section(road, index, lane_id, offset, forward)
                 continue
@@ -82,12 +90,13 @@ class Traveller:
     def _next_road(self, here: RoadPoint, section: LaneSection, forward: bool, choose: Choose) -> tuple[LaneLink, float] | None:
         """The way on from a road's end, and the offset [m] there, before the turn of a road laid the other way round.
 
-        From a lane that leads nowhere, as one that has narrowed to nothing, the lane under the point leads on.
+        From a lane that leads nowhere, as one that has narrowed to nothing, the nearest lane of its side that does leads on.
         """
         lane_id, offset = here.lane_id, here.offset
         links = self._links.get((here.road_id, lane_id, forward))
         if not links:
-            lane_id = lane_in(section, here.s, here.t)
+            leading = [lane for lane in section.lanes.values() if self._links.get((here.road_id, lane.id, forward))]
+            lane_id = _nearest(section.lanes[lane_id], leading, here.s, here.t)
             offset = here.t - section.lanes[lane_id].center(here.s)
             links = self._links.get((here.road_id, lane_id, forward))
         link = choose(here._replace(lane_id=lane_id, offset=offset), forward, links) if links else None
@@ -176,7 +185,33 @@ def _next_section(road: Road, index: int, lane_id: int, offset: float, forward: 
     border = section.end if forward else section.s
     linked = (lane.successor if forward else lane.predecessor) if lane_id else 0
     if linked not in lanes:
-        linked = lane_in(road.sections[following], border, lane.center(border) + offset)
+        linked = _nearest(lane, lanes.values(), border, lane.center(border) + offset)
     elif lane_id == 0 or lane.width(border) > _NARROWED:
         return following, linked, offset
     return following, linked, lane.center(border) + offset - lanes[linked].center(border)
+
+
+def _nearer(border: float, closing: float, s: float, forward: bool) -> float:
+    """Where a movement from s on a lane stops to look on: at the section's border, or before that where the lane closes."""
+    return closing if (s < closing < border if forward else border < closing < s) else border
+
+
+def _merged(section: LaneSection, lane: Lane, s: float, offset: float, forward: bool) -> tuple[int, float] | None:
+    """The lane, and the offset [m] on it, that goes on where a lane has narrowed to nothing; None where no other is there."""
+    t = lane.center(s) + offset
+    open_lanes = [other for other in section.lanes.values() if other.width(s) > NO_WIDTH and not other.closed(s, forward)]
+    beside = _nearest(lane, open_lanes, s, t)
+    return (beside, t - section.lanes[beside].center(s)) if beside != lane.id and beside else None
+
+
+def _nearest(lane: Lane, others: Iterable[Lane], s: float, t: float) -> int:
+    """The one of other lanes on which someone at (s, t) who has lost a lane goes on; the lane itself where there is none.
+
+    It is on the same side of the road, for traffic where the lane is, then the nearest, then the innermost.
+    """
+
+    def key(other: Lane) -> tuple[bool, float, int]:
+        low, high = sorted((other.inner(s), other.outer(s)))
+        return (other.type in DRIVABLE) != (lane.type in DRIVABLE), round(max(low - t, t - high, 0.0), 6), abs(other.id)
+
+    return min((other for other in others if other.id * lane.id > 0), key=key, default=lane).id

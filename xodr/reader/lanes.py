@@ -9,8 +9,9 @@ from operator import attrgetter
 from lxml import etree
 
 from xodr.model import Lane, LaneSection, RoadMark
-from xodr.profiles import ZERO, Cubic, Profile
+from xodr.profiles import ZERO, Cubic, Profile, exceeding
 from xodr.reader.elements import ascending, coefficients, integer, invalid, number, optional, profile, speed
+from xodr.road import NO_WIDTH
 
 
 def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
@@ -45,13 +46,14 @@ def _section(element: etree._Element, start: float, end: float, offset: Profile)
         for lane_id in sorted(items, key=abs):
             if lane_id * sign <= 0:
                 raise invalid(items[lane_id], f"the lane id {lane_id} does not belong on the {side} side")
-            lane = _lane(items[lane_id], lane_id, start, inner, center)
+            lane = _lane(items[lane_id], lane_id, (start, end), inner, center)
             lanes[lane_id] = lane
             inner = lane.outer
     return LaneSection(start, end, lanes)
 
 
-def _lane(element: etree._Element, lane_id: int, start: float, inner: Profile, center: Profile) -> Lane:
+def _lane(element: etree._Element, lane_id: int, ends: tuple[float, float], inner: Profile, center: Profile) -> Lane:
+    start = ends[0]
     sign = 1.0 if lane_id > 0 else -1.0
     widths, borders = element.findall("width"), element.findall("border")
     if widths or not borders:
@@ -62,6 +64,7 @@ def _lane(element: etree._Element, lane_id: int, start: float, inner: Profile, c
         # written as t by the standard; some writers give the distance, without the sign of the right side
         outer = center.plus(border, 1.0 if border(start) * sign >= 0.0 else -1.0)
         width = outer.plus(inner, -1.0) if sign > 0.0 else inner.plus(outer, -1.0)
+    opens, closes = exceeding(width, NO_WIDTH, *ends)
     return Lane(
         id=lane_id,
         type=element.get("type", "none"),
@@ -73,6 +76,8 @@ def _lane(element: etree._Element, lane_id: int, start: float, inner: Profile, c
         outer=outer,
         center=inner.plus(width, 0.5 * sign),
         direction=_direction(element),
+        opens=opens,
+        closes=closes,
         speeds=_speeds(element, start),
         marks=_marks(element, start),
     )

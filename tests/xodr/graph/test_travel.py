@@ -149,6 +149,59 @@ def test_a_lane_that_narrows_to_nothing_at_the_roads_end_goes_on_beside(files) -
     assert reached.point.t == pytest.approx(-3.5, abs=1e-6)
 
 
+CLOSING = '<width sOffset="0" a="3.5" b="-0.07"/><width sOffset="50" a="0"/>'
+FULL = '<width sOffset="0" a="3.5"/>'
+OPENING = '<width sOffset="0" a="0"/><width sOffset="50" a="0" b="0.07"/>'
+
+
+def tapering(files, width: str, lane: int):
+    """A road with two lanes on the right, one of them of changing width."""
+    head, tail = files.section(right=2).split(f'<lane id="{lane}"')
+    return files.load(files.road(lanes=f'{head}<lane id="{lane}"' + tail.replace(FULL, width, 1)))
+
+
+@pytest.mark.parametrize(("lane", "beside", "t"), [(-2, -1, -3.5), (-1, -2, 0.0)])
+@pytest.mark.parametrize(("width", "start", "forward"), [(CLOSING, 10.0, True), (OPENING, 90.0, False)])
+def test_a_lane_that_closes_within_a_section_is_left_there_without_a_jump(
+    files, lane: int, beside: int, t: float, width: str, start: float, forward: bool
+) -> None:
+    network = tapering(files, width, lane)
+    there = network.travel(network.lane_point("1", lane, start), 60.0, forward)
+    assert (there.point.lane_id, there.left) == (beside, 0.0)
+    assert there.point.t == pytest.approx(t, abs=1e-5)
+    assert network.travel(network.lane_point("1", lane, start), 30.0, forward).point.lane_id == lane
+
+
+@pytest.mark.parametrize(("width", "start", "forward"), [(OPENING, 0.0, True), (CLOSING, 100.0, False)])
+def test_a_lane_that_opens_is_followed_from_no_width_on(files, width: str, start: float, forward: bool) -> None:
+    network = tapering(files, width, -2)
+    there = network.travel(network.lane_point("1", -2, start), 80.0, forward).point
+    assert (there.lane_id, there.offset) == (-2, 0.0)
+    assert there.t < -4.5
+
+
+def test_nobody_is_led_onto_the_lanes_of_the_other_direction(files) -> None:
+    both = files.section(left=2, right=1)
+    head, tail = both.split('<lane id="1"')
+    narrow = tail.replace(FULL, OPENING, 1).replace('<predecessor id="1"/>', "", 1)
+    before = files.road(
+        "1",
+        lanes=files.section(left=1, right=1).replace('successor id="1"', 'successor id="2"'),
+        link=files.to_road("successor", "2", "start"),
+    )
+    network = files.load(
+        before,
+        files.road(
+            "2",
+            lanes=f'{head}<lane id="1"{narrow}'.replace('predecessor id="2"', 'predecessor id="1"'),
+            start=(100.0, 0.0, 0.0),
+            link=files.to_road("predecessor", "1", "end"),
+        ),
+    )
+    there = network.travel(network.lane_point("2", 1, 90.0), 120.0, False).point
+    assert (there.road_id, there.lane_id) == ("1", 1)
+
+
 @pytest.mark.parametrize("border", [50.0, 100.0])
 def test_a_step_that_ends_on_a_border_can_go_on(files, border: float) -> None:
     lanes = files.section(right=1) + files.section(right=1, s=50.0)
