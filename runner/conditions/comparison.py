@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable
 from typing import NamedTuple
@@ -39,6 +40,10 @@ RULES = {
 }
 
 
+_BOUNDED = (operator.lt, operator.le, _equal)
+"""Comparisons that no quantity above the value and its tolerance fulfils."""
+
+
 class Comparison:
     """`quantity rule value`.
 
@@ -46,9 +51,12 @@ class Comparison:
         rule: name of the standard's Rule.
         value: what is compared with.
         unit: for descriptions.
+
+    Attributes:
+        greatest: no quantity above this holds.
     """
 
-    __slots__ = ("_border", "_holds", "symbol", "unit", "value")
+    __slots__ = ("_border", "_holds", "greatest", "symbol", "unit", "value")
 
     def __init__(self, rule: str, value: float, unit: str = "") -> None:
         chosen = RULES[rule]
@@ -57,6 +65,7 @@ class Comparison:
         self.unit = unit
         self._holds = chosen.holds
         self._border = value + chosen.shift
+        self.greatest = value + 2.0 * TOLERANCE if chosen.holds in _BOUNDED else math.inf
 
     @classmethod
     def from_xml(cls, node: Node, unit: str = "") -> Comparison:

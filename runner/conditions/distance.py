@@ -10,10 +10,11 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner.conditions.comparison import TOLERANCE, Comparison
-from runner.contracts.condition import EntityCondition
+from runner.contracts.condition import EntityCondition, NearCondition
 from runner.contracts.registry import condition
 from runner.participants.entity import Entity
 from runner.spacing import closing, distances
+from runner.spacing.separation import Separation
 from schemas.errors import InvalidFile
 from xosc.node import Node
 
@@ -103,6 +104,11 @@ class Target:
         """Read the Position inside a condition."""
         return cls(None, context.position(node.need("Position")))
 
+    @property
+    def bound(self) -> bool:
+        """Whether it moves as participants do, or not at all; a position that is relative to one may move faster."""
+        return self.position is None or self.position.fixed is not None
+
     def find(self, run: Instant, actor: Entity) -> Entity | Placement | None:
         """Where it is now; None for an entity that is absent, or a position that is relative to one."""
         if self.entity is not None:
@@ -147,10 +153,44 @@ class _Measured(EntityCondition):
         return self.comparison.describe(what, self._value(entity, run))
 
 
-class _DistanceCondition(_Measured):
+class _DistanceCondition(_Measured, NearCondition):
     """Compares a distance (m) to a target."""
 
     what = "distance"
+
+    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
+        super().__init__(target, measure, comparison)
+        self._gaps: dict[Entity, Separation] = {}
+        """of those from whom a gap between boxes is measured that has to become small"""
+        between_boxes = target.entity is not None and measure.kind == "euclidean" and measure.freespace
+        self._small_gap = between_boxes and comparison.greatest < math.inf
+
+    def reset(self) -> None:
+        """Measure anew."""
+        self._gaps.clear()
+
+    def holds(self, entity: Entity, run: Instant) -> bool:
+        """Whether the comparison is true."""
+        if self._small_gap and self._apart(entity):
+            return False
+        return super().holds(entity, run)
+
+    def _apart(self, entity: Entity) -> bool:
+        """Whether the gap is certainly too great."""
+        assert self.target.entity is not None
+        if entity not in self._gaps:
+            self._gaps[entity] = Separation(entity, self.target.entity)
+        return self._gaps[entity].exceeds(self.comparison.greatest)
+
+    def way(self, entity: Entity, run: Instant) -> float:
+        """Half of the way to where a straight distance is short enough: both go it."""
+        target = self.target.find(run, entity) if self.target.bound else None
+        if target is None or self.measure.kind != "euclidean":
+            return 0.0
+        distance = math.hypot(target.x - entity.x, target.y - entity.y)
+        if self.measure.freespace:
+            distance -= entity.reach + (target.reach if isinstance(target, Entity) else 0.0)
+        return (distance - self.comparison.greatest) / 2
 
     def between(self, entity: Entity, target: Entity | Placement, run: Instant) -> float | None:
         """The distance without its sign."""
@@ -179,7 +219,7 @@ class RelativeDistanceCondition(_DistanceCondition):
 
 
 @condition("ReachPositionCondition")
-class ReachPositionCondition(EntityCondition):
+class ReachPositionCondition(NearCondition):
     """True while the reference point is within a circle about a position (deprecated by the standard for DistanceCondition)."""
 
     def __init__(self, target: Target, tolerance: float) -> None:
@@ -194,6 +234,11 @@ class ReachPositionCondition(EntityCondition):
     def _distance(self, entity: Entity, run: Instant) -> float | None:
         place = self.target.find(run, entity)
         return math.hypot(place.x - entity.x, place.y - entity.y) if place is not None else None
+
+    def way(self, entity: Entity, run: Instant) -> float:
+        """The way to the circle."""
+        distance = self._distance(entity, run) if self.target.bound else None
+        return distance - self.tolerance - 2.0 * TOLERANCE if distance is not None else 0.0
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the entity is inside the circle."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -54,6 +55,14 @@ class EntityCondition(ABC):
         """The expression for this entity with the values of now."""
 
 
+class NearCondition(EntityCondition):
+    """An expression that holds only near to something: where that is far, it need not be looked at for a while."""
+
+    @abstractmethod
+    def way(self, entity: Entity, run: Instant) -> float:
+        """How far (m) each participant may move before the expression, now false, can hold for this entity; 0: not at all."""
+
+
 class ByEntityCondition(Condition):
     """An EntityCondition over its triggering entities.
 
@@ -67,10 +76,13 @@ class ByEntityCondition(Condition):
         self.entities = entities
         self.every = every
         self.condition = condition
+        self._near = condition if isinstance(condition, NearCondition) else None
+        self._asleep = -math.inf
 
     def reset(self) -> None:
         """Reset the expression as well."""
         super().reset()
+        self._asleep = -math.inf
         self.condition.reset()
 
     def measure_from(self, run: Instant) -> None:
@@ -79,10 +91,18 @@ class ByEntityCondition(Condition):
 
     def evaluate(self, run: Instant) -> bool:
         """True when the expression holds for any, or all, of the entities that are present."""
+        if self._near is not None and run.displacement.total < self._asleep:
+            return False
         condition = self.condition
         held = tuple(entity for entity in self.entities if entity.active and condition.holds(entity, run))
         self.triggering = held
+        if self._near is not None and not held:
+            self._asleep = run.displacement.after(self._way(self._near, run))
         return len(held) == len(self.entities) if self.every else bool(held)
+
+    def _way(self, condition: NearCondition, run: Instant) -> float:
+        """How far each participant may move before the expression, false for all, can hold for one of the entities."""
+        return min((condition.way(entity, run) for entity in self.entities if entity.active), default=0.0)
 
     def describe(self, run: Instant) -> str:
         """The expressions of the entities that triggered, or of all of them if none did."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from runner.motion.placement import Placement
     from runner.motion.roads import Roads
     from runner.participants.entity import Entities, Entity
+    from runner.spacing.displacement import Displacement
     from runner.surroundings.environment import Environment
     from runner.surroundings.signals import TrafficSignals
     from runner.worlds.base import World
@@ -81,6 +82,11 @@ class Instant(Surroundings, Protocol):
     @property
     def signals(self) -> TrafficSignals:
         """The traffic signals."""
+        ...
+
+    @property
+    def displacement(self) -> Displacement:
+        """How far participants have moved at most."""
         ...
 
     def touching(self, entity: Entity) -> Sequence[Entity]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from runner.participants.boxes import overlap, reach
+from runner.participants.boxes import overlap
+from runner.spacing.separation import Separation
 
 if TYPE_CHECKING:
     from runner.contracts.run import Run
@@ -14,52 +16,58 @@ if TYPE_CHECKING:
 
 _by_x = attrgetter("x")
 _by_name = attrgetter("name")
+_MARGIN = 10.0
+"""Distance (m) up to which pairs are kept under observation beyond that at which they might touch"""
+_ROUNDING = 1e-6
 
 
 class Contacts:
-    """Who touches whom now, by sweep and prune over x; begin and end of each contact go to the event log.
+    """Who touches whom now; begin and end of each contact go to the event log.
+
+    Pairs near each other are found by sweep and prune over x. These are looked at in each step until others may have come
+    near (Verlet, Computer Experiments on Classical Fluids, Physical Review 159, 1967).
 
     A tractor and the trailer on its hitch do not count: their boxes may overlap by construction.
     """
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self._reach: dict[str, float] = {}
-        self._widest = 0.0
-        for entity in run.entities.values():
-            self.enter(entity)
+        self._near: list[tuple[Entity, Entity, Separation]] = []
+        """pairs that may touch soon"""
+        self._due = -math.inf
+        """total displacement at which others may touch"""
         self._partners: dict[str, list[Entity]] = {}
         self.pairs: set[tuple[str, str]] = set()
         self.history: list[tuple[float, str, str]] = []
         """Beginnings of contacts: time (s) and the two names in alphabetical order."""
 
-    def enter(self, entity: Entity) -> None:
-        """Take a participant into account that was not there at the beginning."""
-        self._reach[entity.name] = reach(entity.box)
-        self._widest = max(self._widest, self._reach[entity.name])
-
     def update(self) -> None:
         """Look at all present entities once a step."""
-        order = [entity for entity in self._run.entities.values() if entity.active and entity.placed]
-        if len(order) > 2:
-            order.sort(key=_by_x)
-        found: list[tuple[Entity, Entity]] = []
-        for index, a in enumerate(order):
-            near = self._reach[a.name] + self._widest
-            for b in order[index + 1 :]:
-                dx = b.x - a.x
-                if dx > near:
-                    break
-                if (
-                    dx >= -near
-                    and abs(b.y - a.y) <= near
-                    and a.controls.trailer is not b
-                    and b.controls.trailer is not a
-                    and overlap(a, b)
-                ):
-                    found.append((a, b))
+        if self._run.displacement.total >= self._due:
+            self._look_around()
+        found = [
+            (a, b)
+            for a, b, separation in self._near
+            if not separation.exceeds(_ROUNDING) and a.controls.trailer is not b and b.controls.trailer is not a and overlap(a, b)
+        ]
         if found or self.pairs:
             self._compare(found)
+
+    def _look_around(self) -> None:
+        """Find the pairs to observe from now on."""
+        order = [entity for entity in self._run.entities.values() if entity.active and entity.placed]
+        order.sort(key=_by_x)
+        widest = max((entity.reach for entity in order), default=0.0)
+        self._near.clear()
+        for index, a in enumerate(order):
+            for b in order[index + 1 :]:
+                dx = b.x - a.x
+                if dx > a.reach + widest + _MARGIN:
+                    break
+                near = a.reach + b.reach + _MARGIN
+                if dx <= near and abs(b.y - a.y) <= near:
+                    self._near.append((a, b, Separation(a, b)))
+        self._due = self._run.displacement.after(_MARGIN / 2)
 
     def _compare(self, found: list[tuple[Entity, Entity]]) -> None:
         pairs: set[tuple[str, str]] = set()

@@ -19,6 +19,7 @@ from runner.interpreter.recorder import Recorder
 from runner.motion.roads import Roads
 from runner.motion.steering import SteeredMotion
 from runner.participants.trailers import disconnect, line_up, tow, train
+from runner.spacing.displacement import Displacement
 from runner.surroundings.environment import Environment
 from schemas.remarks import Remarks
 
@@ -74,6 +75,7 @@ class Simulation:
         self.finished = False
         self.processes: list[Process] = []
         self.log: list[LogEntry] = []
+        self.displacement = Displacement(self.entities)
         self.contacts = Contacts(self)
         self.recorder = Recorder(self.entities, timestep, scenario.network)
         self._changed: list[Element] = []
@@ -95,6 +97,7 @@ class Simulation:
             elif entity.active:
                 entity.active = False
                 self.note("entity", entity.name, "has no position yet: absent until an action places it")
+        self.displacement.update()
         self.contacts.update()
         self._set_velocities()
         self._evaluate()
@@ -133,6 +136,7 @@ class Simulation:
         self.world.step()
         for entity in [entity for entity in self.entities.values() if entity.controls.world_driven]:
             self._read(entity)
+        self.displacement.update()
         self.contacts.update()
         for observe in self.observers:
             observe(self)
@@ -328,7 +332,6 @@ class Simulation:
         entity.controls.world_driven = True
         entity.vx, entity.vy = speed * math.cos(entity.h), speed * math.sin(entity.h)
         self.entities[entity.name] = entity
-        self.contacts.enter(entity)
         self.note("spawned", entity.name, entity.declared.category)
         return True
 

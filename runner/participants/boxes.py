@@ -91,9 +91,13 @@ def gap(a: Boxed, b: Boxed) -> float:
 
     In the plane it is exact: the nearest points of two rectangles that do not overlap include a corner of one of them.
     """
+    return math.hypot(plane_gap(a, b), vertical_gap(a, b))
+
+
+def plane_gap(a: Boxed, b: Boxed) -> float:
+    """Shortest distance between the outlines of two boxes as seen from above, m; 0 where they overlap or touch."""
     seen = outlook(a, b)
-    plane = _outline_gap(seen, a.box, b.box) if _separated(seen, a.box, b.box) else 0.0
-    return math.hypot(plane, vertical_gap(a, b))
+    return _outline_gap(seen, a.box, b.box) if _separated(seen, a.box, b.box) else 0.0
 
 
 def _outline_gap(seen: Outlook, a: BoundingBox, b: BoundingBox) -> float:

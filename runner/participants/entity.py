@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from runner.motion.free import STRAIGHT_AHEAD
+from runner.participants.boxes import reach
 from runner.participants.declaration import Declaration
 from runner.participants.state import EntityState
 
@@ -107,7 +108,7 @@ class Entity(EntityState):
         spawned: whether a traffic action has brought it in.
     """
 
-    __slots__ = ("box", "controls", "declared", "name", "spawned")
+    __slots__ = ("box", "controls", "declared", "name", "reach", "spawned")
 
     controls: Controls
 
@@ -116,6 +117,7 @@ class Entity(EntityState):
         self.spawned = spawned
         self.name = declared.name
         self.box = declared.box
+        self.reach = reach(declared.box)
         self.reset()
 
     def reset(self) -> None:

@@ -15,6 +15,8 @@ from runner.interpreter.collision import Contacts
 from runner.participants.boxes import Spot, box_corners, gap, overlap
 from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entities, Entity
+from runner.spacing.displacement import Displacement
+from tests.runner.movement import Move, move, moves
 from tests.runner.scene import vehicle
 
 CAR = BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5)
@@ -25,6 +27,7 @@ def entity(name: str = "a", x: float = 0.0, y: float = 0.0, h: float = 0.0, box:
 
 
 coordinate = st.floats(-12.0, 12.0)
+far = st.sampled_from([-30.0, 0.0, 30.0]) | st.floats(-60.0, 60.0)
 angle = st.floats(-math.pi, math.pi)
 size = st.floats(0.1, 9.0)
 boxes = st.builds(BoundingBox, st.floats(-2.0, 3.0), st.floats(-0.5, 0.5), st.just(0.75), size, size, st.just(1.5))
@@ -70,7 +73,8 @@ class Log(SimpleNamespace):
 
 
 def contacts_of(*members: Entity) -> tuple[Contacts, Any]:
-    sim = Log(entities=Entities({e.name: e for e in members}), time=0.0, lines=[])
+    entities = Entities({e.name: e for e in members})
+    sim = Log(entities=entities, displacement=Displacement(entities), time=0.0, lines=[])
     return Contacts(sim), sim  # type: ignore[arg-type]
 
 
@@ -79,6 +83,7 @@ def test_contacts_begin_and_end_once() -> None:
     contacts, sim = contacts_of(a, b, far)
     for time, x in enumerate((10.0, 4.0, 3.0, 9.0)):
         sim.time, b.x = float(time), x
+        sim.displacement.update()
         contacts.update()
     assert contacts.history == [(1.0, "a", "b")]
     assert [line[1] for line in sim.lines] == ["collision", "collisionEnd"]
@@ -109,10 +114,16 @@ def test_absent_entities_touch_nobody() -> None:
     assert contacts.pairs == set()
 
 
-@given(st.lists(st.tuples(coordinate, coordinate, angle), min_size=2, max_size=9))
-def test_the_sweep_finds_what_comparing_all_pairs_finds(places: list[tuple[float, float, float]]) -> None:
+@given(st.lists(st.tuples(far, coordinate, angle), min_size=2, max_size=9), moves(9))
+def test_the_sweep_finds_what_comparing_all_pairs_finds(
+    places: list[tuple[float, float, float]], steps: list[tuple[Move, ...]]
+) -> None:
     members = [entity(f"e{i}", *place) for i, place in enumerate(places)]
-    contacts, _ = contacts_of(*members)
-    contacts.update()
-    everyone = {(a.name, b.name) for i, a in enumerate(members) for b in members[i + 1 :] if overlap(a, b)}
-    assert contacts.pairs == everyone
+    contacts, sim = contacts_of(*members)
+    for step in ((), *steps):
+        for member, by in zip(members, step, strict=False):
+            move(member, by)
+        sim.displacement.update()
+        contacts.update()
+        present = [member for member in members if member.active]
+        assert contacts.pairs == {(a.name, b.name) for i, a in enumerate(present) for b in present[i + 1 :] if overlap(a, b)}
