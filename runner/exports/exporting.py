@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from runner.batch.jobs import Outcome, assumed, jobs_of
+from runner.settings import RunSettings
 from schemas.errors import ToolchainError, describe
 from xosc.document import load
-from xosc.exports.draft import DEFAULTS, ExportSettings, roads_in
+from xosc.exports.draft import ExportSettings, roads_in
 
 if TYPE_CHECKING:
     from runner.exports import Target
-    from runner.settings import RunSettings
     from xosc.exports.folder import Folder
 
 
@@ -39,7 +40,7 @@ def export_documents(
         settings: of them, what says how files are read; None for the defaults.
     """
     module = import_module(target.module)
-    chosen = _export_settings(settings) if settings is not None else DEFAULTS
+    chosen = _export_settings(settings or RunSettings())
     for source in sources:
         try:
             yield Exported(str(source), 0, module.export(source, target.name, folder, chosen))
@@ -48,9 +49,11 @@ def export_documents(
 
 
 def _export_settings(settings: RunSettings) -> ExportSettings:
+    from runner.exports.geometry import RunnerGeometry
     from runner.interpreter.roads import made_roads
 
-    return ExportSettings(settings.strict, made_roads if settings.road == "auto" else roads_in(*settings.road_path))
+    roads = made_roads if settings.road == "auto" else roads_in(*settings.road_path)
+    return ExportSettings(settings.strict, roads, None if settings.strict else partial(RunnerGeometry, settings=settings))
 
 
 def export_runs(

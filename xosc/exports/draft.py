@@ -8,7 +8,9 @@ from functools import partial
 from os import PathLike
 
 from schemas.remarks import Remark, Remarks
+from xosc.document import Document
 from xosc.exports.folder import Folder
+from xosc.exports.geometry import Geometry
 from xosc.node import Node
 from xosc.roads import RoadFile, find_roads
 
@@ -21,6 +23,10 @@ def roads_in(*folders: str | PathLike[str]) -> Roads:
     return partial(find_roads, folders=folders)
 
 
+Locate = Callable[[Document], Geometry]
+"""Puts a worked-out scenario on its roads; errors as in a run."""
+
+
 @dataclass(frozen=True)
 class ExportSettings:
     """How documents are exported.
@@ -28,10 +34,12 @@ class ExportSettings:
     Args:
         strict: refuse what is otherwise repaired, changed or left out with a remark.
         roads: where road networks are.
+        locate: puts scenarios on their roads; None leaves out the changes that need it.
     """
 
     strict: bool = False
     roads: Roads = field(default_factory=roads_in)
+    locate: Locate | None = None
 
 
 DEFAULTS = ExportSettings()
@@ -54,9 +62,13 @@ class Draft:
     def copy(self) -> Draft:
         """The same so far, to go on with: what is added to it can be given up."""
         draft = Draft(self.folder, self.settings)
-        draft._files |= self._files
-        draft._remarks |= self._remarks
+        draft.take(self)
         return draft
+
+    def take(self, other: Draft) -> None:
+        """Add what another one has."""
+        self._files |= other._files
+        self._remarks |= other._remarks
 
     def add(self, name: str, content: bytes) -> None:
         """Add a file."""

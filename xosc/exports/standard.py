@@ -6,7 +6,7 @@ distributions then become a scenario for each set of parameters, as for 1.0, whi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from schemas.errors import Unsupported
@@ -16,7 +16,9 @@ from xosc.exports.concrete import concrete, concrete_scenarios, copied
 from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
+from xosc.exports.geometry import Geometry
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
+from xosc.exports.shapes import first_distances, in_world, polylines
 from xosc.versions import Version
 
 TARGETS = {
@@ -68,7 +70,7 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
         add(document, version, trial)
         return trial.write()
     except Unsupported as error:
-        add(concrete(document, strict=draft.settings.strict), version, draft)
+        add_worked_out(concrete(document, strict=draft.settings.strict), version, draft)
         return draft.write(f"everything is worked out: {error}")
 
 
@@ -85,6 +87,28 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
     take_roads(changed, draft)
     named = draft.folder.name(document.path, f"{name or document.path.stem}.xosc")
     draft.add(named, to_bytes(in_version(changed, version or changed.version, draft)))
+
+
+def add_worked_out(document: Document, version: Version | None, draft: Draft, name: str = "") -> None:
+    """Add a worked-out scenario, positions and trajectories as places in the world where the version has no others; as `add`."""
+    trial = draft.copy()
+    try:
+        add(document, version, trial, name)
+        draft.take(trial)
+    except Unsupported:
+        if draft.settings.locate is None or version is None or version >= document.version:
+            raise
+        located = copied(document)
+        draft.note(*_located(located, draft.settings.locate(document), version))
+        add(located, version, draft, name)
+
+
+def _located(document: Document, geometry: Geometry, version: Version) -> Iterator[str]:
+    """Change what needs the roads to be said in a version, in place; remarks."""
+    yield from polylines(document, geometry, ("ClothoidSpline",), offsets=version < (1, 1), relative=True)
+    if version < (1, 1):
+        yield from in_world(document, geometry, lambda position: position.tag in ("TrajectoryPosition", "GeoPosition"))
+        yield from first_distances(document, geometry.starts())
 
 
 def _catalog(catalog: Document, version: Version | None, draft: Draft) -> Document:
@@ -127,5 +151,5 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
 def write_sets(document: Document, version: Version | None, draft: Draft, remark: str) -> Sequence[str]:
     """Write the scenario of a distribution with each set of its parameters worked out; remarks and errors as in `export`."""
     for name, worked_out in concrete_scenarios(document.path, strict=draft.settings.strict):
-        add(worked_out, version, draft, name)
+        add_worked_out(worked_out, version, draft, name)
     return draft.write(remark)

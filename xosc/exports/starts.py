@@ -6,6 +6,7 @@ later one does is known only when the scenario runs.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from xosc.node import Node
@@ -15,12 +16,16 @@ class Start(NamedTuple):
     """How an entity starts.
 
     road, lane, s (m): None, 0 and 0 where its position does not name them. speed: m/s; None where none is set.
+    pose: x, y, z (m) and heading (rad), where the roads are known. centred: whether it is in the middle of its lane and faces
+    as the traffic there.
     """
 
     road: str | None = None
     lane: int = 0
     s: float = 0.0
     speed: float | None = None
+    pose: tuple[float, float, float, float] | None = None
+    centred: bool = False
 
 
 def starts(scenario: Node) -> dict[str, Start]:
@@ -66,6 +71,56 @@ def actors(action: Node) -> list[str]:
     return (
         [node.get("entityRef")] if node.tag == "Private" else [each.get("entityRef") for each in node.need("Actors").children()]
     )
+
+
+State = Callable[[Node, str], Start | None]
+"""How an entity is when an action begins, as far as it is known: by the action and the entity's name."""
+
+
+def as_started(scenario: Node, known: Mapping[str, Start]) -> State:
+    """What is certain: how it started, where it has done nothing of that kind since."""
+
+    def state(action: Node, entity: str) -> Start | None:
+        holder = next(each.tag for each in action.element.iterancestors() if each.tag in ("LateralAction", "LongitudinalAction"))
+        return known.get(entity) if first(action, str(holder), scenario) else None
+
+    return state
+
+
+def as_told(scenario: Node, known: Mapping[str, Start]) -> State:
+    """What is to be expected: the lane and speed that the actions demand of it which stand before that one in the file."""
+    stories = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*_DEMANDS)]
+
+    def state(action: Node, entity: str) -> Start | None:
+        now = known.get(entity)
+        for each in stories:
+            if each.element is action.element or now is None:
+                break
+            if entity in actors(each):
+                now = _after(each, entity, now)
+        return now
+
+    return state
+
+
+_DEMANDS = ("SpeedAction", "SpeedProfileAction", "LongitudinalDistanceAction", "SynchronizeAction", "LaneChangeAction",
+            "TeleportAction")  # fmt: skip
+
+
+def _after(action: Node, entity: str, now: Start) -> Start:
+    """How an entity is after an action; what then is not known is as in an empty `Start`."""
+    if action.tag == "SpeedAction":
+        target = action.find("SpeedActionTarget", "AbsoluteTargetSpeed")
+        return now._replace(speed=target.float("value") if target is not None else None)
+    if action.tag == "LaneChangeAction":
+        target = action.need("LaneChangeTarget").only()
+        facing = 1 if now.lane < 0 else -1
+        if target.tag == "AbsoluteTargetLane":
+            return now._replace(lane=target.int("value"))
+        if target.get("entityRef") == entity:
+            return now._replace(lane=beside(now.lane, facing * target.int("value")))
+        return now._replace(road=None)
+    return Start() if action.tag == "TeleportAction" else now._replace(speed=None)
 
 
 def first(action: Node, tag: str, scenario: Node) -> bool:

@@ -6,6 +6,7 @@ Each change is made in place, in a worked-out document of version 1.1 or later; 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 from lxml import etree
@@ -13,8 +14,8 @@ from lxml import etree
 from schemas.xml import parse
 from xosc.document import Document
 from xosc.ego import EGO_NAME
-from xosc.exports.carla_sides import change_sides
-from xosc.exports.starts import Start, actors, beside, first, starts
+from xosc.exports.carla.sides import change_sides
+from xosc.exports.starts import Start, State, actors, beside
 from xosc.node import TO_RIGHT, Node
 
 HERO = "hero"
@@ -27,23 +28,24 @@ _SLOPES = {"linear": 1.0, "sinusoidal": math.pi / 2, "cubic": 1.5}
 _Elements = list[etree._Element]
 
 
-def change(document: Document, network: Path | None) -> list[str]:
+def change(document: Document, known: Mapping[str, Start], state: State, network: Path | None) -> list[str]:
     """Make all changes; remarks on those that are approximations.
 
     Args:
+        known: how everybody starts.
+        state: how they are when an action begins.
         network: the file of its roads; None where it has none.
 
     Raises:
         Unsupported: something can't be said, named with file and line.
     """
-    known, roads = starts(document.node), _roads(network)
+    roads = _roads(network)
     change_sides(document.node, known)
     for node in list(document.node.iter("RelativeLanePosition")):
         if not node.has(TO_RIGHT):
             _on_lane(node, known, roads)
-    remarks = [_lane_change(node, known, document, roads) for node in document.node.iter("LaneChangeAction")]
-    for node in document.node.iter("SpeedAction"):
-        _speed(node, known, document)
+    remarks = [_speed(node, state) for node in reversed(list(document.node.iter("SpeedAction")))]
+    remarks += [_lane_change(node, state, _left_hand(roads)) for node in reversed(list(document.node.iter("LaneChangeAction")))]
     for node in document.node.iter("RelativeDistanceCondition"):
         if node.get("coordinateSystem", "") in _ALONG_ROADS:  # scenario_runner's s and t are those of the road
             del node.element.attrib["coordinateSystem"]
@@ -59,7 +61,7 @@ def change(document: Document, network: Path | None) -> list[str]:
     return [remark for remark in remarks if remark]
 
 
-def _on_lane(position: Node, known: dict[str, Start], roads: _Elements) -> None:
+def _on_lane(position: Node, known: Mapping[str, Start], roads: _Elements) -> None:
     """The lane that a first position comes to: scenario_runner measures ds with the traffic, the standard with the road."""
     private = next((each for each in position.element.iterancestors() if each.tag == "Private"), None)
     start = known[private.get("entityRef", "")] if private is not None else Start()
@@ -72,43 +74,40 @@ def _on_lane(position: Node, known: dict[str, Start], roads: _Elements) -> None:
     position.element.attrib.update({"roadId": start.road, "laneId": str(start.lane), "s": repr(start.s)})
 
 
-def _lane_change(action: Node, known: dict[str, Start], document: Document, roads: _Elements) -> str:
+def _lane_change(action: Node, state: State, left_hand: bool) -> str:
     """As many lanes to the left of the actor itself, over a distance: what scenario_runner reads."""
     doing = actors(action)
-    if len(doing) != 1 or doing[0] not in known:
+    if len(doing) != 1:
         raise action.unsupported("scenario_runner changes lanes of one entity, which Init places")
-    start, dynamics = known[doing[0]], action.need("LaneChangeActionDynamics")
+    now, dynamics = state(action, doing[0]) or Start(), action.need("LaneChangeActionDynamics")
     target = action.need("LaneChangeTarget").only()
     if target.get("entityRef", None) != doing[0]:
-        steps = _steps(action, target, start, known, document, roads)
+        steps = 0 if left_hand else _steps(target, now, state(action, target.get("entityRef", "")))
         target.element.tag = "RelativeTargetLane"
         target.element.set("entityRef", doing[0])
         target.element.set("value", str(steps))
     if dynamics.get("dynamicsDimension") == "distance":
         return ""
-    if dynamics.get("dynamicsDimension") == "rate" or not start.speed:
+    if dynamics.get("dynamicsDimension") == "rate" or not now.speed:
         raise dynamics.unsupported("scenario_runner changes lanes over a distance, and there is none known for this")
-    distance = dynamics.float("value") * start.speed
+    distance = dynamics.float("value") * now.speed
     dynamics.element.attrib.update({"dynamicsDimension": "distance", "value": repr(distance)})
-    return f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that its first speed makes of it"
+    return f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that {now.speed:g} m/s make of it"
 
 
-def _steps(action: Node, target: Node, start: Start, known: dict[str, Start], document: Document, roads: _Elements) -> int:
-    """How many lanes to its own left an entity changes that is still where it started."""
-    if start.road is None or not first(action, "LateralAction", document.node) or _left_hand(roads):
-        raise target.unsupported("scenario_runner counts lanes from the actor's own, which is known only when it runs")
-    facing = 1 if start.lane < 0 else -1
-    if target.tag == "AbsoluteTargetLane":
+def _steps(target: Node, now: Start, other: Start | None) -> int:
+    """How many lanes to its own left an entity changes that is on a known lane, as is the one that the target may name."""
+    unknown = "scenario_runner counts lanes from the actor's own, which is known only when it runs"
+    if now.road is None or (target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)):
+        raise target.unsupported(unknown)
+    facing = 1 if now.lane < 0 else -1
+    if target.tag == "AbsoluteTargetLane" or other is None:
         lane = target.int("value")
     else:
-        other = known.get(target.get("entityRef"), Start())
-        moves = any(target.get("entityRef") in actors(each) for each in document.node.iter("LateralAction"))
-        if other.road != start.road or moves:
-            raise target.unsupported("scenario_runner counts lanes from the actor's own, which is known only when it runs")
         lane = beside(other.lane, facing * target.int("value")) if target.int("value") else other.lane
-    if lane * start.lane <= 0 or lane == start.lane:
+    if lane * now.lane <= 0 or lane == now.lane:
         raise target.unsupported("scenario_runner changes to other lanes of the same direction only")
-    return facing * (lane - start.lane)
+    return facing * (lane - now.lane)
 
 
 def _left_hand(roads: _Elements) -> bool:
@@ -120,19 +119,20 @@ def _roads(network: Path | None) -> _Elements:
     return list(parse(network).getroot().iter("road")) if network is not None else []
 
 
-def _speed(action: Node, known: dict[str, Start], document: Document) -> None:
+def _speed(action: Node, state: State) -> str:
     """A rate as the time that it takes: scenario_runner reads every number that is no distance as a time."""
     dynamics = action.need("SpeedActionDynamics")
     target = action.find("SpeedActionTarget", "AbsoluteTargetSpeed")
     if dynamics.get("dynamicsDimension") != "rate" or dynamics.get("dynamicsShape") == "step":
-        return
-    speeds = {known[name].speed for name in actors(action) if name in known}
+        return ""
+    speeds = {(state(action, name) or Start()).speed for name in actors(action)}
     speed = next(iter(speeds)) if len(speeds) == 1 else None
-    rate = dynamics.float("value")
-    if target is None or speed is None or rate <= 0.0 or not first(action, "LongitudinalAction", document.node):
+    rate = abs(dynamics.float("value"))
+    if target is None or speed is None or not rate:
         raise dynamics.unsupported("scenario_runner reads the rate as a time, and what time it takes is known only when it runs")
     time = abs(target.float("value") - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")]
     dynamics.element.attrib.update({"dynamicsDimension": "time", "value": repr(time)})
+    return f"{dynamics.where}: {dynamics.tag}: the rate is written as the {time:g} s that it takes from {speed:g} m/s"
 
 
 def _delay(condition: Node) -> None:

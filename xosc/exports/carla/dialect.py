@@ -1,29 +1,17 @@
-"""Target `carla`: the part of OpenSCENARIO 1.0 that CARLA's scenario_runner reads, worked out, on standalone OpenDRIVE roads.
+"""What scenario_runner 0.9.16 stops at, leaves out or reads otherwise, and what it does not mind.
 
-Source: scenario_runner's page on its OpenSCENARIO support and its parser (0.9.16). What it stops at, leaves out or
-reads otherwise is refused (`_REFUSED`), unless it can be expressed in its own way (`carla_changes`); `_IGNORED` gives remarks.
+Source: its page on OpenSCENARIO support, and its parser.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from xosc.exports.refusals import Rule
 
-from xosc.document import load, to_bytes
-from xosc.exports.carla_changes import change
-from xosc.exports.concrete import concrete_scenarios
-from xosc.exports.conversion import in_version
-from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
-from xosc.exports.folder import Folder
-from xosc.exports.references import take_roads
-from xosc.exports.refusals import Rule, refuse, remarks
-
-TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
 """Where triggers are looked at: that of the storyboard's end is not."""
 _SIGNAL = "[not(starts-with(@name, 'id=') or starts-with(@name, 'pos='))]"
 
-_REFUSED = (
+REFUSED = (
     *(
         Rule(f"//Init//{tag}", "scenario_runner has it in stories only")
         for tag in (
@@ -45,7 +33,8 @@ _REFUSED = (
     Rule("//LaneChangeAction[@targetLaneOffset and number(@targetLaneOffset) != 0]", "scenario_runner has no offset here"),
     Rule("//LongitudinalDistanceAction[@timeGap]", "scenario_runner does not have time gaps"),
     Rule("//FollowTrajectoryAction[.//Clothoid or .//Nurbs or .//ClothoidSpline]", "scenario_runner follows polylines only"),
-    Rule("//FollowTrajectoryAction//Timing", "scenario_runner follows trajectories without timing"),
+    Rule("//Timing[@domainAbsoluteRelative='absolute']", "scenario_runner's times count from the start of the action"),
+    Rule("//Timing[number(@scale)!=1 or number(@offset)!=0]", "scenario_runner reads the times of trajectories as they stand"),
     Rule("//Precipitation[@precipitationType='snow']", "CARLA has no snow"),
     Rule(f"//TrafficSignalStateAction{_SIGNAL} | //TrafficSignalCondition{_SIGNAL}", "CARLA's signals are 'id=…' or 'pos=x,y'"),
     Rule("//TrafficSignalController", "scenario_runner reads the first phase of one controller only"),
@@ -74,7 +63,7 @@ _REFUSED = (
     ),
     Rule("//Trailer | //TrailerHitch | //TrailerCoupler", "CARLA has no trailers"),
 )  # fmt: skip
-_IGNORED = (
+IGNORED = (
     Rule(f"{_TRIGGERS}//Condition[@conditionEdge='rising']", "scenario_runner takes it when it first holds"),
     Rule(f"{_TRIGGERS}//SpeedActionDynamics[@dynamicsShape!='step']", "the shape is that of CARLA's controller"),
     Rule(f"{_TRIGGERS}//LaneChangeActionDynamics[@dynamicsShape!='linear']", "scenario_runner changes lanes linearly"),
@@ -84,24 +73,3 @@ _IGNORED = (
     Rule("//ScenarioObject//BoundingBox", "sizes are those of CARLA's models, by category where none has the name"),
     Rule("//SceneGraphFile", "CARLA makes its scene of the roads"),
 )
-
-
-def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
-    """Write a scenario, or that of a distribution with each set of its parameters, for scenario_runner.
-
-    Returns:
-        Remarks on what is approximated, or not read.
-
-    Raises:
-        Unsupported: scenario_runner can't say it, named with file, line and reason.
-        InvalidFile, UsageError: a file can't be read, or not be written.
-    """
-    if load(source, strict=settings.strict).kind == "catalog":
-        return [f"{source}: its entries are part of the scenarios that use them"]
-    draft = Draft(folder, settings)
-    for name, scenario in concrete_scenarios(source, strict=settings.strict):
-        refuse(scenario, _REFUSED)
-        draft.note(*scenario.remarks, *remarks(scenario, _IGNORED))
-        draft.note(*change(scenario, take_roads(scenario, draft)))
-        draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(in_version(scenario, (1, 0), draft)))
-    return draft.write()

@@ -1,0 +1,90 @@
+"""Target `carla`: the part of OpenSCENARIO 1.0 that CARLA's scenario_runner reads, worked out, on standalone OpenDRIVE roads.
+
+Source: scenario_runner's page on its OpenSCENARIO support and its parser (0.9.16). What it stops at, leaves out or
+reads otherwise is refused (`REFUSED`), unless it can be expressed in its own way (`carla_changes`); `IGNORED` gives remarks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from xosc.document import Document, load, to_bytes
+from xosc.exports.carla.beginning import begin
+from xosc.exports.carla.changes import change
+from xosc.exports.carla.dialect import IGNORED, REFUSED
+from xosc.exports.carla.ways import leave_out, routes, steer, times
+from xosc.exports.concrete import concrete_scenarios
+from xosc.exports.conversion import in_version
+from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
+from xosc.exports.folder import Folder
+from xosc.exports.geometry import Geometry
+from xosc.exports.omissions import omit
+from xosc.exports.references import take_roads
+from xosc.exports.refusals import refuse, remarks
+from xosc.exports.shapes import in_world, polylines
+from xosc.exports.starts import Start, as_started, as_told, starts
+from xosc.node import Node
+
+TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
+_CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
+_POSITIONS = ("RoutePosition", "TrajectoryPosition", "GeoPosition")
+
+
+def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
+    """Write a scenario, or that of a distribution with each set of its parameters, for scenario_runner.
+
+    Returns:
+        Remarks on what is approximated, or not read.
+
+    Raises:
+        Unsupported: scenario_runner can't say it, named with file, line and reason.
+        InvalidFile, UsageError: a file can't be read, or not be written.
+    """
+    if load(source, strict=settings.strict).kind == "catalog":
+        return [f"{source}: its entries are part of the scenarios that use them"]
+    draft = Draft(folder, settings)
+    for name, scenario in concrete_scenarios(source, strict=settings.strict):
+        draft.note(*scenario.remarks)
+        if not settings.strict:
+            draft.note(*omit(scenario, (1, 0)))
+        known = prepare(scenario, settings.locate(scenario), draft) if settings.locate else starts(scenario.node)
+        refuse(scenario, REFUSED)
+        draft.note(*remarks(scenario, IGNORED))
+        state = (as_told if settings.locate else as_started)(scenario.node, known)
+        draft.note(*change(scenario, known, state, take_roads(scenario, draft)))
+        written = in_version(scenario, (1, 0), draft)
+        steer(written)
+        draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(written))
+    return draft.write()
+
+
+def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str, Start]:
+    """Say what scenario_runner has no word for by what the roads make of it, in place; how everybody starts.
+
+    Raises:
+        Unsupported: a way is not known before the scenario runs.
+    """
+    known = geometry.starts()
+    draft.note(*_controllers(scenario))
+    draft.note(
+        *polylines(scenario, geometry, _CURVES, offsets=True, relative=False), *in_world(scenario, geometry, _is_read_otherwise)
+    )
+    draft.note(*routes(scenario, geometry), *begin(scenario, known))
+    times(scenario)
+    return {**starts(scenario.node), **known}
+
+
+def _is_read_otherwise(position: Node) -> bool:
+    """Whether a position is none of scenario_runner's, or has an offset or an orientation, which it reads its own way."""
+    if position.tag not in ("LanePosition", "RoadPosition"):
+        return position.tag in _POSITIONS
+    orientation = position.find("Orientation")
+    turned = orientation is not None and orientation.get("type", "absolute") != "relative"
+    return turned or bool(position.float("offset", 0.0))
+
+
+def _controllers(scenario: Document) -> Iterator[str]:
+    for action in list(scenario.node.iter("ActivateControllerAction")):
+        yield f"{action.where}: {action.tag}: left out, scenario_runner would switch CARLA's autopilot"
+        leave_out(action, scenario.node)

@@ -1,0 +1,154 @@
+"""Routes and trajectories as scenario_runner follows them: waypoints in a line, with times if they count.
+
+scenario_runner 0.9.16 stops at routes: it compares their number of waypoints with times that they do not have. Its default
+controller drives by the times of a trajectory whenever there are vertices, so what has no Timing is given to the controller
+that does not look at them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lxml import etree
+
+from xosc.document import Document
+from xosc.exports.carla.beginning import STORY, to_story
+from xosc.exports.geometry import Geometry, Place
+from xosc.exports.shapes import polyline
+from xosc.exports.starts import actors
+from xosc.node import Node
+
+ROUTES = ("AssignRouteAction", "AcquirePositionAction")
+_CONTROLLER = "simple_vehicle_control"
+_IDLE = "nothing"
+_STOPS = "scenario_runner stops at routes"
+_OVERRIDES = {
+    "Throttle": "value", "Brake": "value", "Clutch": "value", "ParkingBrake": "value", "SteeringWheel": "value", "Gear": "number",
+}  # fmt: skip
+
+
+def routes(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Make trajectories of routes, in place; remarks.
+
+    Raises:
+        Unsupported: the way is not known before the scenario runs.
+    """
+    scenario = document.node
+    for action in [each for tag in ROUTES for each in scenario.iter(tag)]:
+        for entity in actors(action):
+            places = geometry.way(action, entity)
+            if places:
+                _only_way(action, entity, scenario)
+                to_story(Node(_private_action(places), action.path), entity, scenario)
+        said = f"written as a trajectory from the beginning on, {_STOPS}" if places else "left out, the lanes lead that way"
+        yield f"{action.where}: {action.tag}: {said}"
+        leave_out(action, scenario)
+
+
+def _only_way(action: Node, entity: str, scenario: Node) -> None:
+    others = [*scenario.iter(*ROUTES, "FollowTrajectoryAction", "LateralAction"), *_teleports(scenario)]
+    for other in others:
+        if other.element is not action.element and entity in actors(other):
+            if other.tag == "LateralAction" and _is_first(other):
+                continue
+            raise action.unsupported(
+                f"scenario_runner gets the route as a trajectory, which {other.tag} in line {other.line} ends"
+            )
+
+
+def _teleports(scenario: Node) -> list[Node]:
+    return [each for story in scenario.need("Storyboard").children("Story") for each in story.iter("TeleportAction")]
+
+
+def _is_first(action: Node) -> bool:
+    return any(each.tag == "Init" for each in action.element.iterancestors())
+
+
+def _private_action(places: Sequence[Place]) -> etree._Element:
+    """An action that follows a trajectory without times."""
+    action = etree.Element("PrivateAction")
+    follow = etree.SubElement(etree.SubElement(action, "RoutingAction"), "FollowTrajectoryAction")
+    reference = etree.SubElement(follow, "TrajectoryRef")
+    trajectory = etree.SubElement(reference, "Trajectory", name="route", closed="false")
+    etree.SubElement(trajectory, "Shape").append(polyline(places))
+    etree.SubElement(etree.SubElement(follow, "TimeReference"), "None")
+    etree.SubElement(follow, "TrajectoryFollowingMode", followingMode="position")
+    return action
+
+
+def leave_out(action: Node, scenario: Node) -> None:
+    """Take an action away; where its event has no other one, it does nothing instead."""
+    holder = action.element
+    while holder.tag not in ("Action", "PrivateAction") or holder.getparent().tag == "Action":  # type: ignore[union-attr]
+        holder = holder.getparent()  # type: ignore[assignment]
+    parent = holder.getparent()
+    assert parent is not None
+    if holder.tag == "PrivateAction" or len(parent.findall("Action")) > 1:
+        parent.remove(holder)
+        if parent.tag == "Private" and len(parent) == 0 and (around := parent.getparent()) is not None:
+            around.remove(parent)
+        return
+    for child in list(holder):
+        holder.remove(child)
+    setting = etree.SubElement(etree.SubElement(holder, "GlobalAction"), "ParameterAction", parameterRef=_IDLE)
+    etree.SubElement(setting, "SetAction", value="")
+    _declare(scenario)
+
+
+def _declare(scenario: Node) -> None:
+    """The parameter that actions set which do nothing."""
+    root = scenario.element
+    declarations = root.find("ParameterDeclarations")
+    if declarations is None:
+        declarations = etree.Element("ParameterDeclarations")
+        header = root.find("FileHeader")
+        assert header is not None
+        header.addnext(declarations)
+    if not any(each.get("name") == _IDLE for each in declarations):
+        etree.SubElement(declarations, "ParameterDeclaration", name=_IDLE, parameterType="string", value="")
+
+
+def times(document: Document) -> None:
+    """Times of trajectories as scenario_runner reads them: at all vertices, from the start of the action, as they stand there.
+
+    Raises:
+        Unsupported: they count from the beginning of the scenario, and the action may start later.
+    """
+    for untimed in document.node.iter("FollowTrajectoryAction"):
+        for vertex in untimed.iter("Vertex") if untimed.find("TimeReference", "Timing") is None else ():
+            vertex.element.set("time", "0")
+    for timing in document.node.iter("Timing"):
+        action = next(each for each in timing.element.iterancestors() if each.tag == "FollowTrajectoryAction")
+        if timing.get("domainAbsoluteRelative") == "absolute" and not _begins(action):
+            raise timing.unsupported("scenario_runner's times of trajectories count from the start of the action")
+        scale, offset = timing.float("scale"), timing.float("offset")
+        for timed in action.iter("Vertex", "ControlPoint"):
+            if timed.get("time") is not None:
+                timed.set("time", repr(float(str(timed.get("time"))) * scale + offset))
+        timing.element.attrib.update({"domainAbsoluteRelative": "relative", "scale": "1", "offset": "0"})
+
+
+def _begins(action: etree._Element) -> bool:
+    return any(each.tag == "Story" and each.get("name") == STORY for each in action.iterancestors())
+
+
+def steer(document: Document) -> None:
+    """Give those who follow trajectories without times a controller that does not look at them; in a document of 1.0."""
+    untimed = [each for each in document.node.iter("FollowTrajectoryAction") if each.find("TimeReference", "Timing") is None]
+    for entity in dict.fromkeys(name for action in untimed for name in actors(action)):
+        for private in document.node.need("Storyboard", "Init").iter("Private"):
+            if private.get("entityRef") == entity and not list(private.iter("AssignControllerAction")):
+                private.element.append(_assign_controller())
+                break
+
+
+def _assign_controller() -> etree._Element:
+    action = etree.Element("PrivateAction")
+    both = etree.SubElement(action, "ControllerAction")
+    controller = etree.SubElement(etree.SubElement(both, "AssignControllerAction"), "Controller", name=_CONTROLLER)
+    properties = etree.SubElement(controller, "Properties")
+    etree.SubElement(properties, "Property", name="module", value=_CONTROLLER)
+    override = etree.SubElement(both, "OverrideControllerValueAction")
+    for tag, value in _OVERRIDES.items():
+        etree.SubElement(override, tag, {"active": "false", value: "0"})
+    return action
