@@ -8,7 +8,7 @@ so is taken: some public libraries rely on it.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -214,7 +214,8 @@ def locate(path: Path, scenario: Path) -> Located:
     """Where the files of a catalogue directory are.
 
     A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: a directory that does
-    not exist is looked for by its name in the scenario's folder and in the folders in that.
+    not exist is looked for by its name in the scenario's folder and in the folders in that, then by its relative path in the
+    folders above.
 
     Raises:
         OSError, ValueError: there is no such directory, or it cannot be read.
@@ -223,13 +224,20 @@ def locate(path: Path, scenario: Path) -> Located:
         return Located([os.path.normpath(path)], f"{path} is a file, a folder is expected: that file alone is taken")
     assumed = ""
     if not path.exists():
-        name = os.path.basename(os.path.normpath(path))
-        places = [scenario.parent, *sorted(scenario.parent.iterdir())]
-        found = next((place / name for place in places if (place / name).is_dir()), None)
+        found = next((place for place in _elsewhere(path, scenario) if place.is_dir()), None)
         if found is not None:
             path, assumed = found, f"there is no folder {path}: {found} is taken, by its name"
     files = sorted(os.path.normpath(entry.path) for entry in os.scandir(path) if entry.name.lower().endswith(".xosc"))
     return Located(files, assumed)
+
+
+def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:
+    """Where a catalogue directory may be that is not where the scenario says."""
+    name = os.path.basename(os.path.normpath(path))
+    yield from (place / name for place in (scenario.parent, *sorted(scenario.parent.iterdir())))
+    if path.is_relative_to(scenario.parent):
+        below = [part for part in path.relative_to(scenario.parent).parts if part != ".."]
+        yield from (above.joinpath(*below) for above in Path(os.path.abspath(scenario)).parents)
 
 
 @lru_cache(maxsize=256)

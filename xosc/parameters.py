@@ -17,7 +17,7 @@ from schemas.expressions import ExpressionError, is_wellformed, references, subs
 from schemas.remarks import Remark, Remarks
 from schemas.values import Value, holds, literal, meant, number, operand, quoted, type_named, typed
 from xosc.node import Node
-from xosc.repairs.joined_texts import parts
+from xosc.repairs.expressions import parts, referring
 
 TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
 ASSIGNED = "xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared"
@@ -130,8 +130,13 @@ class Scope:
         try:
             return substitute(text, self._operand)
         except ExpressionError as error:
-            found = parts(text) if place is not None else []
-            if place is None or not found:
+            if place is None:
+                raise
+            named, found = referring(text, self._visible), parts(text)
+            if named != text:
+                self._remarks.add(place.remark(OPERATORS, f"{error.message}; {quoted(named)} is meant"))
+                return self.literal(named)
+            if not found:
                 raise
             joined = "".join(map(self.literal, found))
             rule = NUMBERS if is_wellformed(text) else OPERATORS

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
@@ -13,6 +14,7 @@ from runner.motion.placement import Placement
 from runner.motion.surface import in_world
 from runner.motion.trajectories import Trajectory
 from runner.positions.orientation import Orientation, on_road
+from schemas.rules.road_length import UID as LENGTH
 from xodr.model import Pose, RoadError
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ class RoutePosition(Position):
         self.where = node.need("InRoutePosition").only()
         self.entity = context.entity(self.where) if self.where.tag == "FromCurrentEntity" else None
         if self.route.fixed and self.entity is None:
-            self.fixed = self._on(self.route.path(None))
+            self.fixed = self._on(self.route.path(None), context.repair)
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> RoutePosition:
@@ -60,7 +62,11 @@ class RoutePosition(Position):
         if self.fixed is not None:
             return self.fixed
         path = self.route.path(run, actor)
-        return self._on(path) if self.entity is None else self._at_entity(path, self.current(self.entity), run)
+        if self.entity is not None:
+            return self._at_entity(path, self.current(self.entity), run)
+        assert run is not None
+        remarks = run.remarks
+        return self._on(path, lambda node, rule, text: remarks.add(node.remark(rule, text)))
 
     def _at_entity(self, path: RoadPath, entity: Entity, run: Surroundings | None) -> Placement:
         point = run.roads.road_point(entity) if run is not None else None
@@ -69,11 +75,12 @@ class RoutePosition(Position):
             raise self.node.invalid(f"{entity.name!r} is not on the route {self.route.name!r}")
         return self._placement(point, path.at(distance)[2])
 
-    def _on(self, path: RoadPath) -> Placement:
+    def _on(self, path: RoadPath, repair: Callable[[Node, str, str], None]) -> Placement:
         where = self.where
         distance = where.finite("pathS")
         if not -_TOLERANCE <= distance <= path.length + _TOLERANCE:
-            raise where.invalid(f"pathS={distance:g} is not on the route {self.route.name!r}, which is {path.length:.2f} m long")
+            what = f"pathS={distance:g} is not on the route {self.route.name!r}, which is {path.length:.2f} m long"
+            repair(where, LENGTH, f"{what}; its {'beginning' if distance < 0.0 else 'end'} is assumed")
         road_id, s, forward = path.at(distance)
         road = self.network.road(road_id)
         side = 1 if forward == path.legs[0].forward else -1

@@ -192,8 +192,15 @@ def test_route_position_of_an_entity_is_where_it_is_facing_along_the_route() -> 
     assert angle(place["h"], 0.0) < 1e-9
 
 
-def test_route_positions_beyond_the_route_are_refused() -> None:
-    assert "pathS=200 is not on the route" in refusal("RoutePosition", PathS=200).message
+def test_route_positions_beyond_the_route_are_at_its_end() -> None:
+    beyond = run("RoutePosition", parameters={"PathS": 200}, world="kinematic", max_time=0.02)
+    remarks = [each for each in beyond.remarks if "pathS=200 is not on the route" in each]
+    assert remarks
+    assert all(
+        each.endswith("its end is assumed [xosc.toolchain:xosc:1.0.0:positioning.position_is_on_the_road]") for each in remarks
+    )
+    with pytest.raises(InvalidFile, match="pathS=200"):
+        run("RoutePosition", parameters={"PathS": 200}, world="kinematic", strict=True)
 
 
 def test_trajectory_position_counts_t_from_the_tangent() -> None:

@@ -113,6 +113,7 @@ FAULTS = {
     "texts of several expressions": Fault(
         'name="Name" parameterType="string" value="Ego"', joined("${$First}${$Last}"), "data_type.allowed_operators", 8
     ),
+    "parameter without a dollar": Fault("${$Half + $Count}", "${Half + $Count}", "data_type.allowed_operators", 72),
     # structure
     "byte-order mark twice": Fault(DECLARATION, BOM + BOM + DECLARATION, XML, 1),
     "XML declaration in the second line": Fault(DECLARATION, "\n" + DECLARATION, XML, 2),
@@ -137,6 +138,12 @@ FAULTS = {
     "attribute in capitals of others": Fault("conditionEdge", "conditionedge", VALID, 80),
     "former name of an attribute": Fault('conditionEdge="rising"', 'edge="rising"', VALID, 80),
     "nothing of visibility": Fault("        </Private>\n", "        " + VISIBLE + "</Private>\n", VALID, 55),
+    "no type of a relative speed": Fault(
+        '<AbsoluteTargetSpeed value="${$Half + $Count}"/>',
+        '<RelativeTargetSpeed entityRef="$Name" value="-3" continuous="false"/>',
+        VALID,
+        72,
+    ),
     "unknown attribute": Fault('name="later"', 'name="later" colour="red"', VALID, 80),
     "unknown element": Fault("  <Entities>", "  <Weather2/><Entities>", VALID, 22),
     "text in an element": Fault("  <Entities>", "  <Entities>text", VALID, 22),

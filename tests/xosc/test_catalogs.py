@@ -55,7 +55,7 @@ def test_every_kind_of_entry_has_its_places(scenario, catalog, place):
     catalog(f"{kind.lower()}/c.xosc", f'<{kind} name="entry"/>', name="C")
     body = f'<{place} name="p"><!-- c -->{reference("C", "entry")}</{place}>'
     part = resolved(scenario(locations=LOCATIONS, storyboard=body)).need("Storyboard", place)
-    assert [node.tag for node in part.children()] == [kind]
+    assert [node.tag for node in part.children(kind, "CatalogReference")] == [kind]
 
 
 def test_assignments_set_the_parameters_of_the_entry(scenario, catalog):
@@ -68,13 +68,13 @@ def test_assignments_set_the_parameters_of_the_entry(scenario, catalog):
 
 
 def test_an_assigned_value_is_a_literal(scenario, catalog):
-    entry = """<Vehicle name="car" model="$model"><ParameterDeclarations>
+    entry = """<Vehicle name="car" model3d="$model"><ParameterDeclarations>
         <ParameterDeclaration name="model" parameterType="string" value=""/>
         <ParameterDeclaration name="one" parameterType="int" value="${2 - 1}"/></ParameterDeclarations></Vehicle>"""
     catalog("vehicle/cars.xosc", entry, name="Cars")
     declared = '<ParameterDeclaration name="price" parameterType="string" value="${1 +} $"/>'
     path = scenario(locations=LOCATIONS, parameters=declared, entities=ego(model="$price"))
-    assert resolved(path).need("Entities", "ScenarioObject", "Vehicle").get("model") == "${1 +} $"
+    assert resolved(path).need("Entities", "ScenarioObject", "Vehicle").get("model3d") == "${1 +} $"
 
 
 def test_the_dollar_sign_before_an_assigned_name_is_dropped(scenario, catalog):
@@ -158,7 +158,7 @@ def test_deep_nesting_is_refused(scenario, catalog):
 
 def test_exponential_growth_is_refused(scenario, catalog, monkeypatch):
     monkeypatch.setattr(import_module("xosc.resolve"), "MAX_INLINED", 1000)
-    parts = (2 * f"<Trailer>{reference('Cars', f'v{i + 1}')}</Trailer>" for i in range(30))
+    parts = (f"<Trailer>{2 * reference('Cars', f'v{i + 1}')}</Trailer>" for i in range(30))
     doubling = "".join(f'<Vehicle name="v{i}">{part}</Vehicle>' for i, part in enumerate(parts)) + '<Vehicle name="v30"/>'
     catalog("vehicle/cars.xosc", doubling, name="Cars")
     with pytest.raises(InvalidFile, match="more than 1000 elements"):
@@ -178,6 +178,18 @@ def test_a_moved_directory_is_found_by_its_name(scenario, catalog):
     catalog("library/vehicle/cars.xosc", CAR, name="Cars")
     path = scenario(locations=LOCATIONS.replace("vehicle", "../elsewhere/vehicle"), entities=ego())
     assert resolved(path).find("Entities", "ScenarioObject", "Vehicle")
+
+
+def test_a_directory_is_found_by_its_path_in_the_folders_above(scenario, catalog, tmp_path):
+    catalog("resources/vehicle/cars.xosc", CAR, name="Cars")
+    moved = tmp_path / "scenarios" / "urban" / "moved.xosc"
+    moved.parent.mkdir(parents=True)
+    locations = '<VehicleCatalog><Directory path="../resources/vehicle"/></VehicleCatalog>'
+    moved.write_bytes(scenario(locations=locations, entities=ego()).read_bytes())
+    found = xosc.resolve(xosc.load(moved))
+    assert found.node.need("Entities", "ScenarioObject", "Vehicle").get("name") == "car"
+    (remark,) = [each for each in found.remarks if "catalogs_referenced_by_directory" in each.rule]
+    assert str(tmp_path / "resources" / "vehicle") in remark.message
 
 
 def test_a_location_may_be_a_file(scenario, catalog):

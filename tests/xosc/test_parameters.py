@@ -123,7 +123,8 @@ def test_unknown_parameters_are_refused_where_they_are_used(scenario):
 
 def test_names_are_texts_and_parameter_references_are_names(scenario):
     path = scenario(parameters=parameter("x", "1"), storyboard='<a name="${free + text}"/><b parameterRef="$x"/><c name="$x"/>')
-    names = [next(iter(node.element.attrib.values())) for node in resolved(path).node.need("Storyboard").children()]
+    board = resolved(path).node.need("Storyboard")
+    names = [next(iter(node.element.attrib.values())) for node in board.children("a", "b", "c")]
     assert names == ["${free + text}", "x", "1"]
 
 
@@ -131,11 +132,11 @@ def test_an_inner_declaration_hides_an_outer_one_inside_its_element_only(scenari
     inner = f"<ParameterDeclarations>{parameter('p', '2')}{parameter('q', '${$p + $r}')}</ParameterDeclarations>"
     path = scenario(
         parameters=parameter("p", "1") + parameter("r", "10"),
-        storyboard=f'<Story name="s"><Act v="$p" w="$q"/>{inner}</Story><Story name="t"><Act v="$p"/></Story>',
+        storyboard=f'<Story name="s"><Act name="$p"/><Act name="$q"/>{inner}</Story><Story name="t"><Act name="$p"/></Story>',
     )
     first, second = resolved(path, {"r": 20}).node.need("Storyboard").children("Story")
-    assert (first.need("Act").get("v"), first.need("Act").get("w")) == ("2", "22")
-    assert second.need("Act").get("v") == "1"
+    assert [act.get("name") for act in first.children("Act")] == ["2", "22"]
+    assert second.need("Act").get("name") == "1"
     assert list(resolved(path).parameters) == ["p", "r"]
 
 

@@ -322,7 +322,7 @@ def test_wrong_versions_and_invalid_documents_are_refused(tmp_path: Path) -> Non
     with pytest.raises(UsageError, match=r"version 2\.0"):
         convert(document(scenario((1, 1)), tmp_path), (2, 0))
     with pytest.raises(InvalidFile, match="SpeedActionDynamics: not valid in its own version"):
-        convert(document(scenario((1, 1), event(action(SPEED.format('nonsense="1"')))), tmp_path), (1, 3))
+        convert(document(scenario((1, 1), event(action(SPEED.format('followingMode="maybe"')))), tmp_path), (1, 3))
 
 
 def test_rules_are_listed_in_the_order_of_the_steps() -> None:
