@@ -17,6 +17,7 @@ from runner.contracts.registry import action
 from runner.contracts.running import Running
 from runner.motion.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
 from runner.participants.entity import Entity
+from schemas.rules.kept_lane_offset import UID as FROM_ITSELF
 from xodr.model import RoadPoint
 from xosc.node import TO_RIGHT, Node
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
-_FROM_ITSELF = "xosc.toolchain:xosc:1.0.0:actions.kept_lane_offset_is_from_another_entity"
 
 
 @action("LaneChangeAction")
@@ -137,7 +137,7 @@ class LaneOffsetAction(PrivateAction):
         from_itself = self.reference is actor
         if from_itself and self.continuous and self.value:
             text = f"{actor.name} can't keep {self.value:g} m from its own lane offset; its offset at the start counts"
-            run.remarks.add(self.node.remark(_FROM_ITSELF, text))
+            run.remarks.add(self.node.remark(FROM_ITSELF, text))
         follow_road(actor, run, self.node)
         goal = self.goal(actor, run)
         extent = self._duration(goal - actor.offset * actor.direction)

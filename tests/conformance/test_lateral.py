@@ -14,6 +14,7 @@ import pytest
 import runner
 from runner import RunResult
 from runner.settings import RunSettings
+from schemas import check
 from schemas.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
@@ -254,6 +255,18 @@ def test_a_continuous_offset_from_ones_own_counts_from_the_start(tmp_path: Path)
     assert offsets[-1] == pytest.approx(offsets[len(offsets) // 2])
     with pytest.raises(InvalidFile, match="can't keep"):
         runner.run(path, replace(settings, strict=True), parameters={"Continuous": True})
+
+
+@pytest.mark.parametrize(("continuous", "reference", "named"), [("true", "Other", 1), ("true", "Car", 0), ("false", "Other", 0)])
+def test_the_check_names_a_continuous_offset_from_ones_own(continuous: str, reference: str, named: int, tmp_path: Path) -> None:
+    """The action of the file with a reference is that of the entity Other."""
+    kept = (
+        'name="Continuous" parameterType="boolean" value="false"',
+        f'name="Continuous" parameterType="boolean" value="{continuous}"',
+    )
+    own = ('<RelativeTargetLaneOffset entityRef="Car"', f'<RelativeTargetLaneOffset entityRef="{reference}"')
+    path = changed(SCENARIOS / "LaneOffsetAction.xosc", tmp_path, kept, own)
+    assert sum("own lane offset" in problem.message for problem in check(path)) == named
 
 
 def test_headings_are_the_lanes_where_it_slants(tmp_path: Path) -> None:

@@ -107,6 +107,17 @@ FAULTS = [
         '<Position><RelativeLanePosition entityRef="Target" dLane="1"/></Position><Init>',
         "dLane",
     ),
+    Fault(
+        OWN + "1.0.0:actions.kept_lane_offset_is_from_another_entity",
+        "scenario",
+        """<LongitudinalAction>
+                    <LongitudinalDistanceAction entityRef="Target" continuous="false" freespace="true" distance="20"/>
+                  </LongitudinalAction>""",
+        """<LateralAction><LaneOffsetAction continuous="true"><LaneOffsetActionDynamics dynamicsShape="linear"/><LaneOffsetTarget>
+                    <RelativeTargetLaneOffset entityRef="Ego" value="1"/>
+                  </LaneOffsetTarget></LaneOffsetAction></LateralAction>""",
+        "RelativeTargetLaneOffset",
+    ),
     Fault(ASAM + "1.2.0:data_type.allowed_operators", "scenario", "${$twice / 2}", "${$twice ** 2}", "**"),
     Fault(
         OWN + "1.0.0:parameters.value_is_of_the_declared_type",
