@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.options import Density, Jobs, Kind, Method, Pin, Quiet, Recorded, Sut, Timestep
+from generation.options import Density, Free, Jobs, Kind, Map, Method, Pin, Quiet, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
+    from generation.declared import Ask
     from generation.outcomes.outcomes import Outcomes
     from generation.pipeline import Generated, SearchSettings
     from generation.recorded import Recorded as Units
@@ -34,18 +35,19 @@ app = new_app()
 
 
 class Search(NamedTuple):
-    """A scenario to search, what gives the recorded parameters of its space, and the folder for its files."""
+    """A scenario to search, what gives the recorded parameters of its space, the folder for its files, and the settings."""
 
     scenario: Path
     recorded: Callable[[Space], Units]
     out: Path
+    settings: SearchSettings
 
 
 @app.command(epilog=_EPILOG)
 def xosc_generate(
     source: Annotated[
         Path,
-        typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A logical scenario, or a catalogue's folder from xosc-recognize."),
+        typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A scenario, a variation file, or a catalogue's folder."),
     ],
     out: Annotated[Path, out_folder("Folder for the files; nothing in it is overwritten.")],
     sut: Sut = DEFAULT_SYSTEM,
@@ -59,9 +61,8 @@ def xosc_generate(
     ] = None,
     density: Density = "kde",
     pin: Pin = None,
-    free: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Search a parameter besides the actor's (repeatable).")
-    ] = None,
+    free: Free = None,
+    maps: Map = None,
     most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases to write.")] = 100,
     apart: Annotated[float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")] = 0.05,
     violations: Annotated[
@@ -80,40 +81,44 @@ def xosc_generate(
     Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
     parameters as a stochastic variation file, and copies of all that they need to run.
     """
+    from generation.declared import Ask
     from generation.outcomes.cases import Choice
     from generation.pipeline import SearchSettings
 
     settings = SearchSettings(
         RunSettings(sut=sut, timestep=timestep), method, budget, seed, density, weight, rss, jobs,
-        parameters_of(pin or [], "--pin"), tuple(free or ()), Choice(most, apart, violations), concrete,
+        choice=Choice(most, apart, violations), concrete=concrete,
     )  # fmt: skip
+    ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), free or (), maps or ())
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
-        found = [_found(each, settings, quiet, source.is_dir()) for each in _searches(source, recorded, kind, out)]
+        found = [_found(each, quiet, source.is_dir()) for each in _searches(source, ask, out, settings)]
     raise typer.Exit(0 if any(found) else 1)
 
 
-def _searches(source: Path, recorded: Path | None, kind: str | None, out: Path) -> Iterator[Search]:
-    from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
+def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings) -> Iterator[Search]:
+    from generation.recorded import of_catalogue
 
     if not source.exists():
         raise UsageError("no such file or folder", path=source)
     if not source.is_dir():
-        samples = of_recordings(recorded, kind or kind_of(source))
-        yield Search(source, partial(of_samples, samples), out)
+        asked = ask.of(source)
+        what = replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
+        yield Search(asked.scenario, asked.recorded, out, what)
         return
-    if recorded is not None or kind is not None:
-        raise UsageError("a catalogue brings its recorded parameters along: --recorded and --kind are for single scenarios")
+    if ask.recordings is not None or ask.kind is not None or ask.maps:
+        raise UsageError("a catalogue brings its recorded parameters along: --recorded, --kind, --map are for single scenarios")
     catalogue = list(of_catalogue(source))
     if not catalogue:
         raise UsageError("no scenario with parameters to search is in this folder or those in it", path=source)
     for each in catalogue:
-        yield Search(each.path, each.on, out / each.path.parent.name)
+        yield Search(each.path, each.on, out / each.path.parent.name, replace(settings, pinned=ask.pinned, free=tuple(ask.free)))
 
 
-def _found(search: Search, settings: SearchSettings, quiet: bool, catalogue: bool) -> bool:
+def _found(search: Search, quiet: bool, catalogue: bool) -> bool:
     """Search one scenario; whether there are edge cases. In a catalogue the next one follows where one can't be searched."""
     from generation.pipeline import generate
 
+    settings = search.settings
     try:
         with progress_bar(search.scenario.stem, settings.budget, quiet) as progress:
             generated = generate(search.scenario, search.recorded, search.out, settings, progress)
@@ -137,7 +142,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {failed} runs failed, the first with: {_first_error(outcomes)}"
     yield (
         f"  {len(outcomes)} runs: {outcomes.collision.mean():.1%} collisions, "
-        f"mean R_risk {outcomes.r_risk.mean():.3f}; prior from {generated.recorded} recorded manoeuvres"
+        f"mean R_risk {outcomes.r_risk.mean():.3f}; {_prior(generated)}"
     )
     yield f"  {generated.gate}"
     if generated.gate.refusal is not None:
@@ -150,6 +155,12 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield f"  and {len(generated.files) - _LISTED} more files in {generated.files[0].parent}"
+
+
+def _prior(generated: Generated) -> str:
+    if generated.gate.replayed is None:
+        return "prior as stated, independent of recordings in part or in whole"
+    return f"prior from {generated.recorded} recorded manoeuvres"
 
 
 def _first_error(outcomes: Outcomes) -> str:

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from generation.density.model import models
+from generation.density.prior import UNIFORM
+from generation.density.roles import ROLES
 from generation.search.method import offered
 
 Sut = Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")]
@@ -17,7 +19,24 @@ Recorded = Annotated[
 ]
 Kind = Annotated[str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")]
 Method = Annotated[str, typer.Option(help=f"Search method: {', '.join(offered())}.")]
-Density = Annotated[str, typer.Option(help=f"Density of recorded parameters: {', '.join(models())}.")]
+Density = Annotated[
+    str,
+    typer.Option(
+        help=f"Density of recorded parameters: {', '.join(models())}; or {UNIFORM} within all limits, without recordings."
+    ),
+]
+Free = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME[=LOW..HIGH]", help="Search a parameter besides the default ones, between these limits (repeatable)."
+    ),
+]
+Map = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--map", metavar="NAME=ROLE[*FACTOR]", help=f"What a parameter is in recordings: {', '.join(ROLES)} (repeatable)."
+    ),
+]
 Pin = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from generation.density.base import Density
 from generation.density.gate import Gate, measured
-from generation.density.prior import Prior
+from generation.density.marginals import Marginal
+from generation.density.model import DEFAULT
+from generation.density.prior import UNIFORM, Prior
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator
 from generation.recorded import Recorded
@@ -45,6 +47,8 @@ class SearchSettings:
         processes: how many runs at a time.
         pinned: values of parameters that are not searched.
         free: names of parameters to search besides the default ones.
+        marginals: densities, and ranges, of parameters to search besides.
+        default: whether to search what is searched by default; otherwise only what is free or has a range.
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
     """
@@ -59,6 +63,8 @@ class SearchSettings:
     processes: int = 2
     pinned: Mapping[str, str] = field(default_factory=dict)
     free: Sequence[str] = ()
+    marginals: Mapping[str, Marginal] = field(default_factory=dict)
+    default: bool = True
     choice: Choice = field(default_factory=Choice)
     concrete: bool = False
 
@@ -111,7 +117,7 @@ def generate(
         InvalidFile: the scenario is malformed.
     """
     search = method(settings.method)
-    space = Space.of(scenario, settings.pinned, settings.free)
+    space = Space.of(scenario, settings.pinned, settings.free, ranges=settings.marginals, default=settings.default)
     source = recorded(space)
     real = source.within(space)
     realism, prior = _realism(real, settings.density, scenario), source.prior(space, settings.density)
@@ -133,10 +139,13 @@ def _gate(
 ) -> Gate:
     """Replays of the recorded units, and draws of the density."""
     most = min(settings.budget, max(_GATED[0], min(settings.budget // 10, _GATED[1])))
-    own, replays = recorded.replays(space)
+    replays = recorded.replays(space)
+    if replays is None:
+        return measured(prior, run, None, run, most)
+    own, units = replays
     with _evaluator(scenario, own, settings) as evaluator:
         replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
-        return measured(prior, run, replays, replay, most)
+        return measured(prior, run, units, replay, most)
 
 
 def _realism(real: Recorded, name: str, scenario: Path) -> Realism:
@@ -144,7 +153,7 @@ def _realism(real: Recorded, name: str, scenario: Path) -> Realism:
     if len(real.theta) < LEAST:
         reason = f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at least {LEAST} are needed"
         raise UsageError(reason, path=scenario)
-    return Realism.fitted(name, real.theta, real.recordings)
+    return Realism.fitted(DEFAULT if name == UNIFORM else name, real.theta, real.recordings)
 
 
 def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings, kind: str) -> Path:

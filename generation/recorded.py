@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import xosc
+from generation.density.declared_prior import Admits, DeclaredPrior, JointPrior
+from generation.density.marginals import Marginal, uniform
+from generation.density.prior import Prior
 from generation.density.recorded_prior import Box, RecordedPrior
-from generation.density.roles import ROLES, Role, roles_of
+from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
@@ -24,6 +27,8 @@ from xosc.node import Node
 from xosc.tags import PREFIX
 
 _RECORDING = f"{PREFIX}Recording"
+_DRAWN, _PARTS = 1000, 5
+"""Draws in the place of recorded units, and how many recordings they count as."""
 
 
 class Recorded(NamedTuple):
@@ -36,6 +41,7 @@ class Recorded(NamedTuple):
             for; None where that is not known.
         values: recorded values (n,) by parameter, of pinned ones too.
         roles: of these parameters.
+        marginals: densities of those of which nothing is recorded; their columns of `theta` are drawn.
     """
 
     theta: FloatArray
@@ -43,23 +49,42 @@ class Recorded(NamedTuple):
     errors: FloatArray | None = None
     values: Mapping[str, FloatArray] = MappingProxyType({})
     roles: Mapping[str, Role] = MappingProxyType({})
+    marginals: Mapping[str, Marginal] = MappingProxyType({})
 
-    def prior(self, space: Space, density: str) -> RecordedPrior:
+    def prior(self, space: Space, density: str) -> Prior:
         """What they say of a space.
 
         Args:
-            density: name of the model (`generation.density.model`).
+            density: name of the model of what is recorded (`generation.density.model`).
 
         Raises:
             UsageError: there is no such density, or it can't be made of them.
         """
+        if len(self.marginals) == len(space.names):
+            return self._stated(space, space.admits)
         values = self.values or dict(zip(space.names, self.theta.T, strict=True))
         pinned = {name: float(value) for name, value in space.pinned.items() if name in values}
-        box = Box(space.names, space.low, space.high, pinned)
-        return RecordedPrior(box, values, self.recordings, self.roles or roles_of(values), density)
+        kept = [index for index, name in enumerate(space.names) if name not in self.marginals]
+        box = Box(tuple(space.names[index] for index in kept), space.low[kept], space.high[kept], pinned)
+        told = RecordedPrior(box, values, self.recordings, self.roles or roles_of(values), density)
+        if not self.marginals and space.constraints is None:
+            return told
+        return JointPrior(space.names, (told, self._stated(space)), space.admits)
 
-    def replays(self, space: Space) -> tuple[Space, FloatArray]:
-        """A space in which nothing is pinned that is recorded, and the units (n, k) inside the limits, with their own values."""
+    def _stated(self, space: Space, admits: Admits | None = None) -> DeclaredPrior:
+        """The prior of what is not recorded."""
+        roles = roles_of(space.names)
+        nuisances = [name for name in self.marginals if name in roles and roles[name].role in NUISANCES]
+        marginals = {name: self.marginals[name] for name in space.names if name in self.marginals}
+        return DeclaredPrior(marginals, admits, nuisances, self.theta if admits is not None else None)
+
+    def replays(self, space: Space) -> tuple[Space, FloatArray] | None:
+        """A space in which nothing is pinned that is recorded, and the units (n, k) inside the limits, with their own values.
+
+        None where something is searched of which nothing is recorded: there is nothing to replay.
+        """
+        if self.marginals:
+            return None
         own = [name for name in self.values if name in space.pinned]
         sides = [Parameter(name, float(self.values[name].min()), float(self.values[name].max())) for name in own]
         inside = self.within(space)
@@ -72,7 +97,7 @@ class Recorded(NamedTuple):
         inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
         errors = None if self.errors is None else self.errors[inside]
         values = {name: each[inside] for name, each in self.values.items()}
-        return Recorded(self.theta[inside], self.recordings[inside], errors, values, self.roles)
+        return Recorded(self.theta[inside], self.recordings[inside], errors, values, self.roles, self.marginals)
 
 
 class Scenario(NamedTuple):
@@ -130,20 +155,48 @@ def kind_of(scenario: Path) -> str:
     return found
 
 
-def of_samples(samples: Samples, space: Space) -> Recorded:
+def of_samples(
+    samples: Samples,
+    space: Space,
+    mapped: Mapping[str, Role] = MappingProxyType({}),
+    marginals: Mapping[str, Marginal] = MappingProxyType({}),
+) -> Recorded:
     """The columns of a table that belong to a space: the seven of its actor, and the speed of the one who is not.
+
+    Args:
+        mapped: roles of parameters whose names don't tell them.
+        marginals: densities of parameters of which nothing is recorded.
 
     Raises:
         UsageError: recordings have no values of one of the parameters.
     """
-    roles = roles_of([*space.names, *space.pinned])
+    roles = roles_of([*space.names, *space.pinned], mapped)
     table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds], strict=True))
     values = {name: each.factor * table[each.role] for name, each in roles.items()}
-    unknown = [name for name in space.names if name not in values]
+    unknown = [name for name in space.names if name not in values and name not in marginals]
     if unknown:
-        raise UsageError(f"recordings have no values of the parameter {unknown[0]}: pin it")
-    theta = np.stack([values[name] for name in space.names], axis=1)
-    return Recorded(theta, samples.recordings, samples.errors, values, roles)
+        raise UsageError(
+            f"recordings have no values of the parameter {unknown[0]}: pin it, give it a range by --free {unknown[0]}=LOW..HIGH, "
+            "or say by --map what it is in recordings"
+        )
+    rest = {name: marginals[name] for name in space.names if name not in values}
+    drawn = _drawn(rest, len(samples.theta))
+    theta = np.stack([values[name] if name in values else drawn[name] for name in space.names], axis=1)
+    return Recorded(theta, samples.recordings, samples.errors, values, roles, rest)
+
+
+def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:
+    """Draws in the place of recordings, from densities that are stated; uniform where there is none."""
+    every = {each.name: marginals.get(each.name) or uniform(each.low, each.high) for each in space.parameters}
+    drawn = _drawn(every, _DRAWN)
+    theta = np.stack([drawn[name] for name in space.names], axis=1)
+    theta = theta[space.admits(theta)]
+    return Recorded(theta, np.array([f"drawn {number % _PARTS}" for number in range(len(theta))]), marginals=every)
+
+
+def _drawn(marginals: Mapping[str, Marginal], n: int) -> dict[str, FloatArray]:
+    generator = np.random.default_rng(0)
+    return {name: each.sample(n, generator) for name, each in marginals.items()}
 
 
 def of_catalogue(path: Path) -> Iterator[Scenario]:

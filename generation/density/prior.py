@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray
+
+FORESEEABLE = 0.01
+"""Share of what is recorded (or, without recordings, stated) that is less likely than what counts as foreseeable."""
+UNIFORM = "uniform"
+"""Name of the density of parameters of which nothing is known but their limits."""
+_TRIES = 200
+"""Times that draws are made before it is given up."""
 
 
 class Prior(ABC):
@@ -82,3 +90,23 @@ class Prior(ABC):
     @abstractmethod
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) with the nuisances of the recorded unit that is most like each of them."""
+
+
+def until_possible(
+    draw: Callable[[int, np.random.Generator], FloatArray],
+    possible: Callable[[FloatArray], BoolArray],
+    n: int,
+    generator: np.random.Generator,
+) -> FloatArray:
+    """So many possible draws (n, d).
+
+    Raises:
+        UsageError: nearly no draw is possible.
+    """
+    parts: list[FloatArray] = []
+    for _ in range(_TRIES):
+        drawn = draw(max(n, 64), generator)
+        parts.append(drawn[possible(drawn)])
+        if sum(map(len, parts)) >= n:
+            return np.concatenate(parts)[:n]
+    raise UsageError("nearly nothing that the density draws is inside the limits of the parameters")

@@ -19,15 +19,11 @@ from generation.density.base import Density
 from generation.density.components import Components
 from generation.density.fitting import fitted, others
 from generation.density.physics import ByRole, Limits
-from generation.density.prior import Prior
+from generation.density.prior import FORESEEABLE, Prior, until_possible
 from generation.density.roles import NUISANCES, Role
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray
 
-FORESEEABLE = 0.01
-"""Share of the recorded units that are less likely than what counts as foreseeable."""
-_TRIES = 200
-"""Times that draws are made before it is given up."""
 _COUNTED = 20_000
 """Draws that say which share of the density is possible."""
 
@@ -146,13 +142,7 @@ class RecordedPrior(Prior):
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d), all `possible`."""
-        parts: list[FloatArray] = []
-        for _ in range(_TRIES):
-            drawn = self._draw(max(n, 64), generator)
-            parts.append(drawn[self.possible(drawn)])
-            if sum(map(len, parts)) >= n:
-                return np.concatenate(parts)[:n]
-        raise UsageError("nearly nothing that the density of recordings draws is inside the limits of the parameters")
+        return until_possible(self._draw, self.possible, n, generator)
 
     # what is foreseeable
 

@@ -6,10 +6,13 @@ scenario with other or more parameters (an ego's speed, a jerk, a second adversa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
+from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
@@ -17,13 +20,31 @@ import xosc
 from generation.density.roles import roles_of
 from recognition.maneuvers.parameters import PARAMETERS, Parameter
 from schemas.errors import UsageError, nearest
-from xodr.array_types import FloatArray
+from xodr.array_types import BoolArray, FloatArray
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope
 
 DIGITS = 6
 """Decimal digits of values in files."""
 _STEP = 10.0**-DIGITS
+_WHOLE = ("integer", "int", "unsignedInt", "unsignedShort")
+"""Types of whole numbers."""
+
+
+class Interval(Protocol):
+    """Limits of a parameter, and the only values that it takes; none where it takes all between."""
+
+    @property
+    def low(self) -> float:
+        """Least value."""
+
+    @property
+    def high(self) -> float:
+        """Greatest value."""
+
+    @property
+    def choices(self) -> tuple[float, ...]:
+        """The only values, ascending."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +55,14 @@ class Space:
         parameters: its sides, in the order of the columns of every array theta (n, d).
         pinned: what else the scenario declares as literals, with the values that hold in all runs: they decide as much as the
             searched ones do, and belong beside every result.
+        choices: the only values of some parameters, ascending: points between stand for the nearest one.
+        constraints: whether values by name keep the scenario's constraints; None where the box says it all.
     """
 
     parameters: tuple[Parameter, ...]
     pinned: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    constraints: Callable[[Mapping[str, str]], bool] | None = field(default=None, compare=False, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,7 +99,19 @@ class Space:
         """A point (d,) as the scenario's parameters take it, rounded to `DIGITS`."""
         if len(row) != len(self.parameters):
             raise UsageError(f"{len(row)} values for {len(self.parameters)} parameters")
-        return {name: repr(round(float(value), DIGITS)) for name, value in zip(self.names, row, strict=True)}
+        return {name: self._text(name, float(value)) for name, value in zip(self.names, row, strict=True)}
+
+    def _text(self, name: str, value: float) -> str:
+        if name not in self.choices:
+            return repr(round(value, DIGITS))
+        nearest_one = min(self.choices[name], key=lambda each: abs(each - value))
+        return str(int(nearest_one)) if nearest_one.is_integer() else repr(nearest_one)
+
+    def admits(self, theta: FloatArray) -> BoolArray:
+        """Points (n, d) that keep the scenario's constraints beyond the box: (n,)."""
+        if self.constraints is None:
+            return np.ones(len(theta), bool)
+        return np.array([self.constraints({**self.pinned, **self.values(row)}) for row in theta], bool)
 
     @classmethod
     def of(
@@ -83,6 +120,8 @@ class Space:
         pinned: Mapping[str, str] | None = None,
         free: Sequence[str] = (),
         ego: str = "Ego",
+        ranges: Mapping[str, Interval] = MappingProxyType({}),
+        default: bool = True,
     ) -> Space:
         """The space of a logical scenario: its double parameters that have a lower and an upper limit.
 
@@ -95,40 +134,70 @@ class Space:
             pinned: values of parameters that are not to be searched, or that are to differ from their defaults.
             free: names of parameters to search besides.
             ego: name of the ego.
+            ranges: limits of parameters to search besides, in the place of those that are declared.
+            default: whether to search what is searched by default; otherwise only what is free or has a range.
 
         Raises:
             UsageError: a name is not declared, a free one has no limits or is pinned as well, a pinned value is not of its type,
-                or nothing is left to search.
+                a range is not that of a number, or nothing is left to search.
             Unsupported: the values allowed to a searched parameter are not one interval.
             InvalidFile: the file is malformed, or a pinned value violates its constraints.
         """
         node = xosc.load(scenario).node
         declared = {each.get("name"): each for each in _declarations(node)}
         pinned = dict(pinned or {})
-        for name in (*pinned, *free):
+        for name in (*pinned, *free, *ranges):
             if name not in declared:
                 raise UsageError(f"there is no parameter {name!r}; {nearest(name, declared)}", path=scenario)
         assigned = {name: Assignment(value, partial(UsageError, path=scenario), True) for name, value in pinned.items()}
         scope = Scope(declared.values(), assigned=assigned)
         bounded = [name for name, each in declared.items() if _bounded(each, scope)]
-        chosen = _by_default(bounded, ego) | set(free)
-        for name in free:
-            if name not in bounded or name in pinned:
-                reason = "is pinned" if name in pinned else "has no lower and upper limit"
+        chosen = (_by_default(bounded, ego) if default else set()) | {*free, *ranges}
+        for name in (*free, *ranges):
+            if (reason := _obstacle(name, name in pinned, name in bounded, name in ranges, scope)) is not None:
                 raise UsageError(f"the parameter {name} can't be searched: it {reason}", path=scenario)
         for violation in Scope([declared[name] for name in pinned], scope, assigned).violations():
             raise violation
-        searched = [name for name in bounded if name in chosen and name not in pinned]
+        searched = [name for name in declared if name in chosen and name not in pinned and (name in bounded or name in ranges)]
         if not searched:
             raise UsageError("no parameter with a lower and an upper limit is left to search", path=scenario)
         literals = {name: scope.own[name].text for name, each in declared.items() if "$" not in each.get("value")}
         rest = {name: value for name, value in (literals | pinned).items() if name not in searched}
-        return cls(tuple(_parameter(declared[name], scope) for name in searched), rest)
+        sides = (_of_range(name, ranges[name]) if name in ranges else _parameter(declared[name], scope) for name in searched)
+        choices = {name: _choices(ranges[name], scope.own[name].type) for name in searched if name in ranges}
+        admits = partial(_admits, list(declared.values())) if ranges else None
+        return cls(tuple(sides), rest, {name: each for name, each in choices.items() if each}, admits)
 
 
 def _declarations(root: Node) -> list[Node]:
     holder = root.find("ParameterDeclarations")
     return holder.children("ParameterDeclaration") if holder is not None else []
+
+
+def _obstacle(name: str, pinned: bool, bounded: bool, ranged: bool, scope: Scope) -> str | None:
+    """Why a parameter can't be searched; None where it can."""
+    if pinned:
+        return "is pinned"
+    if not (bounded or ranged):
+        return f"has no lower and upper limit; --free {name}=LOW..HIGH gives it some"
+    kind = scope.own[name].type
+    return None if bounded or kind == "double" or kind in _WHOLE else f"is of the type {kind}, not a number"
+
+
+def _of_range(name: str, limits: Interval) -> Parameter:
+    return Parameter(name, limits.low, limits.high, name.rpartition("_")[2] if "_" in name else "", "")
+
+
+def _choices(limits: Interval, kind: str) -> Sequence[float]:
+    """The values of a range that its parameter can have; none where it can have all."""
+    if limits.choices or kind == "double":
+        return limits.choices
+    return [float(value) for value in range(math.ceil(limits.low), math.floor(limits.high) + 1)]
+
+
+def _admits(declared: Sequence[Node], values: Mapping[str, str]) -> bool:
+    assigned = {name: Assignment(value, UsageError, True) for name, value in values.items()}
+    return next(Scope(declared, assigned=assigned).violations(), None) is None
 
 
 def _by_default(bounded: Sequence[str], ego: str) -> set[str]:

@@ -1,0 +1,181 @@
+"""What a search is asked to vary besides what recordings tell: ranges, distributions of variation files, names of roles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import xosc
+from generation.density.marginals import Marginal, marginal, uniform
+from generation.density.model import DEFAULT
+from generation.density.prior import UNIFORM
+from generation.density.roles import EGO, ROLES, Role
+from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
+from generation.search.space import Space
+from schemas.errors import UsageError
+from xosc.distributions import DeterministicMultiParameterDistribution, ParameterSpace
+
+
+class Varied(NamedTuple):
+    """What a variation file says of a scenario.
+
+    Attributes:
+        scenario: its file.
+        marginals: densities of the parameters that it varies.
+        pinned: values of those to which it gives one, or words to choose from, of which it is the likeliest.
+    """
+
+    scenario: Path
+    marginals: dict[str, Marginal]
+    pinned: dict[str, str]
+
+
+def varied(path: Path) -> Varied | None:
+    """What a variation file says; None for a scenario.
+
+    Raises:
+        InvalidFile: the file is malformed, or a catalogue.
+        UsageError: one of its distributions has no density.
+    """
+    if xosc.load(path).kind != "distribution":
+        return None
+    space = ParameterSpace(path)
+    found = Varied(space.scenario, {}, {})
+    if space.distribution is None:
+        return None
+    for each in space.distribution.definition.distributions:
+        if isinstance(each, DeterministicMultiParameterDistribution):
+            raise UsageError("sets of values that belong together have no density: search the scenario itself", path=path)
+        try:
+            of = marginal(each.distribution)
+        except UsageError as error:
+            raise UsageError(f"{each.parameter_name}: {error.message}", path=path) from None
+        if isinstance(of, str):
+            found.pinned[each.parameter_name] = of
+        else:
+            found.marginals[each.parameter_name] = of
+    return found
+
+
+def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
+    """Names to search, and the ranges of those that have one, from texts NAME or NAME=LOW..HIGH.
+
+    Raises:
+        UsageError: a text is of neither form.
+    """
+    names, ranges = [], {}
+    for text in texts:
+        name, equals, limits = text.partition("=")
+        low, dots, high = limits.partition("..")
+        try:
+            if equals:
+                ranges[name] = uniform(float(low), float(high))
+            elif name:
+                names.append(name)
+            if not name or bool(equals) != bool(dots):
+                raise ValueError
+        except (ValueError, UsageError):
+            raise UsageError(f"--free {text!r}: NAME or NAME=LOW..HIGH is expected, as Ego_Speed_mps=10..40") from None
+    return tuple(names), ranges
+
+
+def mapped(texts: Iterable[str]) -> dict[str, Role]:
+    """Roles by parameter, from texts NAME=ROLE or NAME=ROLE*FACTOR.
+
+    Raises:
+        UsageError: a text is not of that form, there is no such role, or two parameters have the same.
+    """
+    found: dict[str, Role] = {}
+    for text in texts:
+        name, equals, right = text.partition("=")
+        role, times, factor = right.partition("*")
+        try:
+            scale = float(factor) if times else 1.0
+        except ValueError:
+            scale = 0.0
+        if not (name and equals and scale > 0.0):
+            raise UsageError(f"--map {text!r}: NAME=ROLE or NAME=ROLE*FACTOR is expected, as Ego_speed_kph=ego_speed*3.6")
+        if role not in ROLES:
+            raise UsageError(f"--map {text!r}: recordings have no role {role!r}; roles: {', '.join(ROLES)}")
+        if role in (each.role for each in found.values()):
+            raise UsageError(f"--map {text!r}: another parameter has the role {role}")
+        found[name] = Role(EGO, role, scale)
+    return found
+
+
+class Asked(NamedTuple):
+    """A search as it was asked for.
+
+    Attributes:
+        scenario: the file to search.
+        recorded: gives what is recorded of the parameters of its space, or stated in its place.
+        pinned, free, marginals, default: see `generation.pipeline.SearchSettings`.
+    """
+
+    scenario: Path
+    recorded: Callable[[Space], Recorded]
+    pinned: Mapping[str, str]
+    free: tuple[str, ...]
+    marginals: Mapping[str, Marginal]
+    default: bool
+
+
+@dataclass(frozen=True)
+class Ask:
+    """What a user says of searches, in the texts of the options.
+
+    Attributes:
+        recordings: `--recorded`. kind: `--kind`. density: `--density`.
+        pinned: `--pin`, by name. free: `--free`. maps: `--map`.
+    """
+
+    recordings: Path | None = None
+    kind: str | None = None
+    density: str = DEFAULT
+    pinned: Mapping[str, str] = field(default_factory=dict)
+    free: Sequence[str] = ()
+    maps: Sequence[str] = ()
+
+    def of(self, path: Path) -> Asked:
+        """The search of a scenario, or of the one that a variation file is about, with what that varies.
+
+        Recordings say what is likely where a kind of them is known: by `--kind`, or of a scenario of the library by its name.
+        Otherwise the distributions of the variation file and the ranges of `--free` are the density, and with the density
+        `uniform` the limits of all that is searched.
+
+        Raises:
+            UsageError: an option is wrong, or nothing says what is likely.
+            InvalidFile: a file is malformed.
+        """
+        variation, (free, ranges), roles = varied(path), freed(self.free), mapped(self.maps)
+        scenario = variation.scenario if variation is not None else path
+        stated = {**(variation.marginals if variation is not None else {}), **ranges}
+        marginals = {name: each for name, each in stated.items() if name not in self.pinned}
+        pinned = {**(variation.pinned if variation is not None else {}), **self.pinned}
+        pinned = {name: value for name, value in pinned.items() if name not in ranges and name not in free}
+        if self._recorded(scenario, variation is not None, bool(marginals)):
+            samples = of_recordings(self.recordings, self.kind or kind_of(scenario))
+            default = variation is None and not roles
+            named = (*free, *(name for name in roles if name not in marginals))
+            return Asked(
+                scenario, partial(of_samples, samples, mapped=roles, marginals=marginals), pinned, named, marginals, default
+            )
+        default = variation is None and not ranges
+        return Asked(scenario, partial(of_statements, marginals), pinned, free, marginals, default)
+
+    def _recorded(self, scenario: Path, variation: bool, stated: bool) -> bool:
+        """Whether recordings say what is likely."""
+        if self.density == UNIFORM:
+            return False
+        if self.kind is not None or self.recordings is not None or self.maps:
+            return True
+        try:
+            kind_of(scenario)
+        except UsageError:
+            if stated:
+                return False
+            raise
+        return not variation
