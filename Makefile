@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 READERS := .venv-readers
+# Tests start many processes: without the compiled modules of the others each would compile all it imports.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test readers lint types install docs clean
 

@@ -79,5 +79,8 @@ def _log_kernels(white: FloatArray, centres: FloatArray, bandwidths: FloatArray)
     nearest = squares.min(axis=1)
     squares -= nearest[:, None]
     scale = np.log(len(centres)) + 0.5 * d * np.log(2.0 * np.pi) + d * np.log(bandwidths)
-    sums = [np.log(np.exp(squares * (-0.5 / h**2)).sum(axis=1)) - 0.5 * nearest / h**2 for h in bandwidths]
+    kernels, sums = np.empty_like(squares), []
+    for h in bandwidths:
+        np.exp(np.multiply(squares, -0.5 / h**2, out=kernels), out=kernels)  # new memory takes as long
+        sums.append(np.log(kernels.sum(axis=1)) - 0.5 * nearest / h**2)
     return np.array(sums) - scale[:, None]

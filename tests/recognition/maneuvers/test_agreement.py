@@ -10,6 +10,9 @@ import numpy as np
 
 import xosc
 from recognition.catalogue.pipeline import ByRules, CatalogueSettings, build
+from recognition.catalogue.recognisers.findings import Moment
+from recognition.catalogue.scenes.scenes import Scope
+from recognition.catalogue.writing.catalogue import CatalogueConfig
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
 from recognition.maneuvers.parameters import PARAMETERS
@@ -28,10 +31,18 @@ KINDS = {
 }
 
 
+class LaneChanges(ByRules):
+    """The rules, of which only moments of `KINDS` become scenarios."""
+
+    def moments(self, name: str) -> list[Moment]:
+        return [moment for moment in super().moments(name) if moment.rule in KINDS]
+
+
 def compared(paths: Sequence[Path], folder: Path) -> tuple[int, list[str]]:
     """How many lane changes near another vehicle a catalogue of recordings varies, and those that no unit agrees with."""
     out = folder / "catalogue"
-    build(paths, out, CatalogueSettings(), ByRules(), lambda sources, _: sources)
+    settings = CatalogueSettings(config=CatalogueConfig(Scope(reach=30.0)))  # what is further away makes no difference here
+    build(paths, out, settings, LaneChanges(), lambda sources, _: sources)
     units = Samples.joined([extract(path, folder / "roads") for path in paths])
     kinds, count, apart = {label.title: kind for label, kind in KINDS.items()}, 0, []
     for row in rows_of(out):

@@ -70,13 +70,19 @@ def table(out: Path, name: str) -> list[list[str]]:
 
 
 def test_classes_that_lie_apart_are_recognised_and_found(windows: Path, tmp_path: Path) -> None:
-    run(windows, tmp_path)
+    evaluation = Evaluation(windows, tmp_path, ProtocolSettings(None, grid=GRID))
+    first = [key for key in evaluation.pending(1, KINDS, NAMES) if key.round == 1]  # a chain is one of all rounds
+    for _ in evaluation.run([key for key in first if (key.kind, key.method) != ("open-world", "trfe")]):
+        pass
+    write_report(evaluation, tmp_path)
     open_set = {row[0]: float(row[1]) for row in table(tmp_path, "open-set")[1:]}
     clustering = {row[0]: float(row[1]) for row in table(tmp_path, "clustering")[1:]}
     chain = {row[0]: float(row[1]) for row in table(tmp_path, "chain")[1:]}
+    ((_, open_world, *_),) = table(tmp_path, "open-world")[1:]
     assert open_set["**TRFE**"] > 0.8 > 0.5 > open_set["random"]
     assert clustering["k-means on features, given K"] > 0.95 > 0.8 > clustering["random"]
     assert chain["**TRFE**"] > 0.6
+    assert float(open_world) > 0.6
 
 
 def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path, tmp_path: Path, encoder: list[int]) -> None:
