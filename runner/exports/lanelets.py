@@ -23,6 +23,7 @@ SPACING = 2.0
 
 Key = tuple[str, int, int]
 """A lane: road id, number of its section, lane id."""
+Paint = tuple[str, str, float | None]
 
 
 @dataclass(eq=False)
@@ -32,7 +33,8 @@ class Lanelet:
     Attributes:
         key: the lane that it is.
         left, right: its bounds in driving direction, world coordinates (n, 3) in m.
-        marks: types of the road marks on the left and right bound, as in OpenDRIVE; "none" where there are none.
+        paint: type, colour and width (m, None where the file does not say) of the road marks on the left and right bound, as in
+            OpenDRIVE; type "none" where there are none.
         lane_type, road_type: as in OpenDRIVE.
         in_junction: whether its road connects others in a junction.
         limit: speed limit in m/s, None where there is none.
@@ -43,7 +45,7 @@ class Lanelet:
     key: Key
     left: Points
     right: Points
-    marks: tuple[str, str]
+    paint: tuple[Paint, Paint]
     lane_type: str
     road_type: str
     in_junction: bool
@@ -51,6 +53,16 @@ class Lanelet:
     successors: list[Key] = field(default_factory=list)
     predecessors: list[Key] = field(default_factory=list)
     beside: tuple[tuple[Key, bool] | None, tuple[Key, bool] | None] = (None, None)
+
+    @property
+    def marks(self) -> tuple[str, str]:
+        """Types of the road marks on the left and right bound."""
+        return self.paint[0][0], self.paint[1][0]
+
+    @property
+    def centre(self) -> Points:
+        """The line in the middle, in driving direction, world coordinates (n, 3) in m."""
+        return 0.5 * (self.left + self.right)
 
 
 @lru_cache(maxsize=8)
@@ -86,7 +98,7 @@ def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Lanel
             key=(road.id, number, lane.id),
             left=(inner if on_right == towards_s else outer)[:: 1 if towards_s else -1],
             right=(outer if on_right == towards_s else inner)[:: 1 if towards_s else -1],
-            marks=marks if on_right == towards_s else marks[::-1],
+            paint=marks if on_right == towards_s else marks[::-1],
             lane_type=lane.type,
             road_type=road.road_type(section.s),
             in_junction=road.junction_id in network.junctions,
@@ -99,8 +111,8 @@ def _inwards(section: LaneSection, lane: Lane) -> Lane:
     return section.lanes.get(lane.id - 1 if lane.id > 0 else lane.id + 1, section.lanes[0])
 
 
-def _mark(lane: Lane) -> str:
-    return lane.marks[0].type if lane.marks else "none"
+def _mark(lane: Lane) -> Paint:
+    return lane.marks[0][1:] if lane.marks else ("none", "standard", None)
 
 
 def _ahead(network: RoadNetwork, key: Key) -> Iterator[Key]:

@@ -1,8 +1,8 @@
 """Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, one channel, in the `.osi` and `.mcap` formats.
 
 Source: ASAM OSI 3.8, GroundTruth and "trace file formats". Positions are those of the bounding box's centre, angles and
-rates those of the world frame, as OSI asks for; the OpenSCENARIO reference point is in `bbcenter_to_rear`. The road is in
-the file that `map_reference` names; lanes are not repeated in the messages.
+rates those of the world frame, as OSI asks for; the OpenSCENARIO reference point is in `bbcenter_to_rear`. Every message has
+the lanes around (`runner.exports.osi_lanes`); the whole road network is in the file that `map_reference` names.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
+from runner.exports.osi_lanes import Lanes
 from schemas.errors import UsageError
 from schemas.packages import version
 
@@ -115,6 +116,8 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
     tables = [_table(track) for track in tracks]
     standing = [stands(track) for track in tracks]
     network = result.recording.network
+    lanes = Lanes(result.recording, len(tracks)) if network is not None else None
+    on = [lanes.of(track) if lanes is not None else [None] * len(track.columns["time"]) for track in tracks]
     for time, there in moments(result.recording):
         message = osi.groundtruth.GroundTruth()
         message.version.CopyFrom(osi.interface_version)
@@ -123,6 +126,9 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
         if network is not None:
             message.map_reference = network.path.name
             message.proj_string = network.geo_reference or ""
+        host = next((on[number][row] for number, row in there if tracks[number].name == result.ego), None)
+        if lanes is not None:
+            lanes.fill(message, host)
         for number, row in there:
             track = tracks[number]
             each = message.stationary_object.add() if standing[number] else message.moving_object.add()
@@ -135,6 +141,8 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
                 each.classification.type = osi.objects.StationaryObject.Classification.TYPE_OTHER
             else:
                 _fill_type(each, track, osi)
+                if (lane := on[number][row]) is not None:
+                    each.moving_object_classification.assigned_lane_id.add(value=lane)
             if track.name == result.ego:
                 message.host_vehicle_id.value = number
         yield message

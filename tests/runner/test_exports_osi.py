@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from shapely import LineString, Point
 from typer.testing import CliRunner
 
 import runner
+import xosc
 from runner import cli
 from runner.exports import osi
 from schemas.errors import UsageError
 from tests.runner.files import car, place, scenario, speed_action, story
+from tests.runner.osi_rules import broken
 from xosc.exports.folder import Folder
 
 pytest.importorskip("osi3", reason="the extra `osi` is not installed")
@@ -104,3 +109,67 @@ def test_one_trace_is_of_one_run(path: Path, tmp_path: Path) -> None:
         list(osi.alone(iter([1, 2]), tmp_path / "t.osi"))  # type: ignore[list-item]
     with pytest.raises(UsageError, match=r"\.osi or \.mcap"):
         list(osi.alone(iter([]), tmp_path / "t.txt"))
+
+
+LIBRARY = Path(xosc.__file__).parent / "library"
+ROADS = ["ramp_exiting_highway", "roundabout_exiting", "intersection_pedestrian_crossing", "turn_off_t_junction"]
+
+
+@pytest.fixture(scope="module", params=ROADS)
+def driven(request: pytest.FixtureRequest) -> runner.RunResult:
+    """Runs of the library on highways, roundabouts and intersections."""
+    return runner.run(LIBRARY / f"{request.param}.xosc", world="kinematic", timestep=0.5, sut="none", max_time=10.0)
+
+
+def test_traces_keep_the_rules_of_the_standard(driven: runner.RunResult, tmp_path: Path) -> None:
+    osi.write_trace(driven, tmp_path / "trace.osi")
+    messages = read(tmp_path / "trace.osi")
+    assert broken(messages) == []
+    assert all(message.lane and message.lane_boundary for message in messages)
+
+
+def test_everyone_is_between_the_boundaries_of_the_lane_that_is_assigned(result: runner.RunResult) -> None:
+    for message in osi.ground_truths(result):
+        lanes = {lane.id.value: lane.classification for lane in message.lane}
+        lines = {each.id.value: LineString([(p.position.x, p.position.y) for p in each.boundary_line])
+                 for each in message.lane_boundary}  # fmt: skip
+        for each in message.moving_object:
+            (assigned,) = each.moving_object_classification.assigned_lane_id
+            lane = lanes[assigned.value]
+            here = Point(each.base.position.x, each.base.position.y)
+            centre = LineString([(p.x, p.y) for p in lane.centerline])
+            assert centre.distance(here) < 0.3
+            ahead = Point(here.x + math.cos(each.base.orientation.yaw), here.y + math.sin(each.base.orientation.yaw))
+            assert centre.project(ahead) > centre.project(here), "centre lines lead in driving direction"
+            (left,), (right,) = lane.left_lane_boundary_id, lane.right_lane_boundary_id
+            side = [math.cos(each.base.orientation.yaw), math.sin(each.base.orientation.yaw)]
+            for boundary, sign in ((left, 1.0), (right, -1.0)):
+                nearest = lines[boundary.value].interpolate(lines[boundary.value].project(here))
+                assert sign * (side[0] * (nearest.y - here.y) - side[1] * (nearest.x - here.x)) > 0.5
+        (host,) = [number for number, lane in lanes.items() if lane.is_host_vehicle_lane]
+        assert host == message.moving_object[0].moving_object_classification.assigned_lane_id[0].value
+
+
+BREAKS = [
+    (lambda m: m.ClearField("host_vehicle_id"), "host_vehicle_id: is_set"),
+    (lambda m: setattr(m.host_vehicle_id, "value", 999), "refers_to: MovingObject"),
+    (lambda m: setattr(m.moving_object[1].id, "value", m.moving_object[0].id.value), "is_globally_unique"),
+    (lambda m: setattr(m.moving_object[0].base.orientation, "yaw", 4.0), "between -pi and pi"),
+    (lambda m: m.moving_object[0].base.ClearField("velocity"), "velocity: is_set"),
+    (lambda m: setattr(m.moving_object[0], "type", 0), "type: is not unknown"),
+    (lambda m: setattr(m.lane[0].classification, "type", 0), "type: is not unknown"),
+    (lambda m: m.lane[0].classification.ClearField("left_lane_boundary_id"), "a left and a right boundary"),
+    (lambda m: setattr(m.lane[0].classification.right_lane_boundary_id[0], "value", 999), "LaneBoundary: refers_to"),
+    (lambda m: m.lane[0].classification.ClearField("centerline"), "two points or more"),
+    (lambda m: setattr(m.lane_boundary[0].classification, "color", 0), "color: is not unknown"),
+    (lambda m: setattr(m.timestamp, "seconds", -1), "timestamp: is_greater_than_or_equal_to 0"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("damage", "rule"), BREAKS, ids=[rule for _, rule in BREAKS])
+def test_the_checker_finds_what_breaks_a_rule(damage: Callable[[Any], object], rule: str, result: runner.RunResult) -> None:
+    first, second, *_ = osi.ground_truths(result)
+    assert broken([first, second]) == []
+    damage(first)
+    assert any(rule in each for each in broken([first, second]))
+    assert broken([second, second]) == ["message 1: timestamp: does not grow"]
