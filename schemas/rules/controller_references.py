@@ -7,10 +7,12 @@ from schemas.checks.messages import unknown
 from schemas.checks.registry import Finding, rule
 from schemas.xml import local_name
 
+UID = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_controller_reference"
+
 _HOLDERS = {"ObjectController", "AssignControllerAction"}
 
 
-@rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_controller_reference", kinds=("scenario",))
+@rule(UID, kinds=("scenario",))
 def check(document: Document) -> Iterator[Finding]:
     """A controllerRef must name a controller that an entity has or is assigned, itself or by a catalogue entry."""
     controllers = document.names("ObjectController", "Controller") | {

@@ -24,6 +24,7 @@ LENGTH, LANE = "positioning.position_is_on_the_road", "reference_control.lane_ex
 DISTANCE, TIMING = "positioning.relative_lane_position_has_one_distance", "routing.trajectory_timing_exists_if_requested"
 IN_RUNS = {LANE, LENGTH}
 """Rules of which only a run can know that relative positions break them."""
+CONTROLLER = "reference_control.resolvable_controller_reference"
 SIGNAL = "reference_control.traffic_signal_state_references"
 ENTRY = "reference_control.catalog_reference_resolvability"
 
@@ -52,6 +53,10 @@ VISIBLE = '<PrivateAction><VisibilityAction traffic="true" sensors="true"/></Pri
 SIGNALS = (
     '<TrafficSignals><TrafficSignalController name="s"><Phase name="p" duration="9">'
     '<TrafficSignalState trafficSignalId="0" state="on"/></Phase></TrafficSignalController></TrafficSignals>'
+)
+ACTIVATION = (
+    '<PrivateAction><ControllerAction><ActivateControllerAction objectControllerRef="pilot" lateral="false"/></ControllerAction>'
+    "</PrivateAction>"
 )
 WEATHER = (
     '<GlobalAction><EnvironmentAction><Environment name="e"><Weather cloudState="cloudless"/></Environment></EnvironmentAction>'
@@ -199,6 +204,7 @@ FAULTS = {
         60,
         10.0,
     ),
+    "activation of no controller": Fault("        </Private>\n", f"        {ACTIVATION}</Private>\n", CONTROLLER, 55),
     "state of no signal": Fault('roads/straight.xodr"/>', f'roads/straight.xodr"/>{SIGNALS}', SIGNAL, 20),
     # positions and trajectories
     "s beyond the end": Fault('s="300"', 's="1300"', LENGTH, 41, 0.0),
