@@ -26,7 +26,7 @@ from runner.interpreter.simulation import Simulation
 from xodr.builders import four_way_intersection, straight_highway
 
 COUNTS = (2, 6, 20)
-ROUNDS = 3
+ROUNDS = 8
 
 
 class Start(NamedTuple):
@@ -254,7 +254,7 @@ def profile(path: Path, steps: int, timestep: float) -> Iterator[tuple[str, floa
 def main() -> None:
     """Print costs, ratios and profiles."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("--steps", type=int, default=2500)
+    arguments.add_argument("--steps", type=int, default=1000)
     arguments.add_argument("--timestep", type=float, default=0.01, help="s")
     options = arguments.parse_args()
     with tempfile.TemporaryDirectory() as folder:

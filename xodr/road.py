@@ -90,9 +90,9 @@ class Road:
 
     def pose(self, s: float, t: float = 0.0) -> Pose:
         """World pose of (s, t); before 0 and beyond the length the road goes on straight."""
-        x, y, h = self.line.at(s)
         if self.flat:
-            return Pose(x - t * math.sin(h), y + t * math.cos(h), 0.0, h, 0.0, 0.0)
+            x, y, h = self.from_above(s, t)
+            return Pose(x, y, 0.0, h, 0.0, 0.0)
         roll = self.superelevation(s)
         slope = self.elevation.slope(s)
         z = self.elevation(s) + (self.surface.height(s, t) if self.surface else 0.0)
@@ -100,7 +100,13 @@ class Road:
             tilted = self._tilted_part(s, t)
             z += tilted * math.sin(roll)
             t += tilted * (math.cos(roll) - 1.0)
-        return Pose(x - t * math.sin(h), y + t * math.cos(h), z, h, -math.atan(slope), roll)
+        x, y, h = self.from_above(s, t)
+        return Pose(x, y, z, h, -math.atan(slope), roll)
+
+    def from_above(self, s: float, aside: float) -> tuple[float, float, float]:
+        """x, y and heading of the place `aside` [m] to the left of the reference line, measured horizontally."""
+        x, y, h = self.line.at(s)
+        return x - aside * math.sin(h), y + aside * math.cos(h), h
 
     def t_of(self, s: float, aside: float) -> float:
         """t of the place that lies `aside` [m] to the left of the reference line, measured horizontally."""

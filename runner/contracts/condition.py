@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from runner.participants.entity import Entity
 
 
+_SLEEPLESS = 8
+"""Steps from one try to let a condition sleep to the next: where everyone is near all tries are in vain."""
+
+
 class Condition(ABC):
     """A ByValueCondition, or a ByEntityCondition with its triggering entities."""
 
@@ -96,7 +100,7 @@ class ByEntityCondition(Condition):
         condition = self.condition
         held = tuple(entity for entity in self.entities if entity.active and condition.holds(entity, run))
         self.triggering = held
-        if self._near is not None and not held:
+        if self._near is not None and not held and run.step_index % _SLEEPLESS == 0:
             self._asleep = run.displacement.after(self._way(self._near, run))
         return len(held) == len(self.entities) if self.every else bool(held)
 

@@ -54,10 +54,11 @@ class Recorder:
                 row = (time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.road.id, e.lane, e.s, e.t, e.offset)
             else:
                 row = (time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, None, 0, 0.0, 0.0, 0.0)
-            if e in rows:
-                rows[e].append(row)
-            else:
+            written = rows.get(e)
+            if written is None:
                 rows[e] = [row]
+            else:
+                written.append(row)
 
     def recording(self) -> Recording:
         """What was written down so far."""

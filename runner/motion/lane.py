@@ -44,16 +44,16 @@ class LaneMotion:
         if entity.controls.target_offset is not None:
             distance, turn = self._sidestep(entity, distance)
         lane = section.lanes[entity.lane]
-        center = lane.center
+        center, constant = lane.center, lane.center.constant
         ds = entity.direction * distance
-        if center.constant is None or not road.line.straight:
+        if constant is None or not road.line.straight:
             per_s = 1.0 - road.line.curvature(entity.s + 0.5 * ds) * t
-            slope = 0.0 if center.constant is not None else center.slope(entity.s)
+            slope = 0.0 if constant is not None else center.slope(entity.s)
             ds /= max(math.hypot(per_s, slope) if slope else per_s, _SHARPEST)
         s = entity.s + ds
-        if section.s <= s < section.end and (center.constant is not None or not lane.closed(s, ds > 0.0)):
+        if section.s <= s < section.end and (constant is not None or not lane.closed(s, ds > 0.0)):
             entity.s = s
-            entity.t = center(s) + entity.offset
+            entity.t = (center(s) if constant is None else constant) + entity.offset
             self._pose(entity, turn)
             return speed
         return self._cross(entity, distance, turn, dt)
@@ -106,13 +106,16 @@ class LaneMotion:
 
     def _pose(self, entity: Entity, turn: float) -> None:
         """World pose at the entity's road coordinates, facing along its lane but for the turn (rad) of a way across it."""
-        assert entity.road is not None and entity.section is not None
-        pose = entity.road.pose(entity.s, entity.t)
-        h = pose.h + slant(entity.road, entity.section, entity.lane, entity.s, entity.t) + entity.heading_offset + turn
-        if entity.direction < 0:
-            h += math.pi
-        entity.x, entity.y, entity.z, entity.h = pose.x, pose.y, pose.z, h
-        entity.pitch, entity.roll = entity.direction * pose.pitch, entity.direction * pose.roll
+        road, direction = entity.road, entity.direction
+        assert road is not None and entity.section is not None
+        if road.flat:
+            entity.x, entity.y, h = road.from_above(entity.s, entity.t)
+            entity.z, entity.pitch, entity.roll = 0.0, direction * 0.0, direction * 0.0
+        else:
+            entity.x, entity.y, entity.z, h, pitch, roll = road.pose(entity.s, entity.t)
+            entity.pitch, entity.roll = direction * pitch, direction * roll
+        h = h + slant(road, entity.section, entity.lane, entity.s, entity.t) + entity.heading_offset + turn
+        entity.h = h + math.pi if direction < 0 else h
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
         """Distance (m, in s) along the entity's route, or else the shortest way, to a place; negative once passed."""

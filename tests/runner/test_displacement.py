@@ -59,13 +59,14 @@ def test_a_separation_exceeds_what_the_gap_exceeds(steps: Steps, distance: float
 
 def compare(steps: Steps, condition: EntityCondition, members: Sequence[Entity], every: bool, plain: Any) -> None:
     """Evaluate over all steps for the first two of them, against the plain way."""
-    sim: Any = SimpleNamespace(displacement=Displacement(Entities({each.name: each for each in members})))
+    sim: Any = SimpleNamespace(displacement=Displacement(Entities({each.name: each for each in members})), step_index=0)
     entities = list(members[:2])
     watched = ByEntityCondition(entities, every, condition)
     for step in steps:
         for member, by in zip(members, step, strict=True):
             move(member, by)
         sim.displacement.update()
+        sim.step_index += 1
         held = [entity for entity in entities if entity.active and plain(entity)]
         assert watched.evaluate(sim) == (len(held) == 2 if every else bool(held))
         assert list(watched.triggering) == held

@@ -195,7 +195,7 @@ class Act(Element):
         """Events that wait for their triggers."""
         if self.state is ElementState.RUNNING:
             for event in self.events:
-                if event.waits:
+                if event.state is ElementState.STANDBY and event.waits:
                     yield event
 
     def evaluate(self, run: StoryboardRun) -> None:
