@@ -87,15 +87,17 @@ def _read_trailer(vehicle: Node, tractor: Entity, context: Context) -> None:
     """The Trailer of a vehicle: an entity of its own, or a reference to one of the scenario's.
 
     A trailer that is part of a catalogue entry would have the same name wherever the entry is used; it is called after its
-    tractor, with a `+`. An empty reference, which entries leave to a parameter, means none.
+    tractor, with a `+`. An empty reference, which entries leave to a parameter, means none. A vehicle without the element
+    Trailer around it is a trailer all the same.
     """
     holder = vehicle.find("Trailer")
     if holder is None:
         return
     described = holder.only()
-    if described.tag == "Trailer":
+    if described.tag == "Trailer" or described.tag in _KINDS:
         ours = described.path == context.document.path
-        trailer = _read_scenario_object(described, described.get("name") if ours else f"{tractor.name}+", context)
+        whole = described if described.tag == "Trailer" else holder
+        trailer = _read_scenario_object(whole, described.get("name") if ours else f"{tractor.name}+", context)
         _couple(described, tractor, trailer, context)
     elif described.get("entityRef"):
         context.late(lambda: _couple(described, tractor, context.entity(described), context))

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.conformance.support import at, run, track
+import runner
+from schemas.errors import InvalidFile
+from tests.conformance.support import SCENARIOS, at, run, track
 
 HITCH, COUPLER = -1.0, 3.0
 
@@ -62,3 +66,20 @@ def test_an_inline_trailer_is_an_entity_of_its_own_placed_behind_its_tractor_and
     assert at(trailer, 3.9, "speed") == 0.0
     assert at(trailer, 3.9, "x") == pytest.approx(216.0, abs=0.11)
     assert at(car, 3.9, "x") == pytest.approx(239.0)
+
+
+def test_a_vehicle_without_the_element_around_it_is_a_trailer_with_a_remark(tmp_path: Path) -> None:
+    shutil.copytree(SCENARIOS.parent / "roads", tmp_path / "roads")
+    text = (SCENARIOS / "DisconnectTrailerAction.xosc").read_text(encoding="utf-8")
+    begin, end = text.index('<Trailer name="Trailer">'), text.index("</Trailer>")
+    bare = text[:begin] + text[begin + len('<Trailer name="Trailer">') : end] + text[end + len("</Trailer>") :]
+    path = tmp_path / "scenarios" / "bare.xosc"
+    path.parent.mkdir()
+    path.write_text(bare.replace('<Vehicle name="trailer"', '<Vehicle name="Trailer"'), encoding="utf-8")
+    result = runner.run(path, sut=None, world="kinematic", timestep=0.01)
+    assert track(result, "Trailer")["x"][0] == pytest.approx(200.0 + HITCH - COUPLER)
+    line = bare[:begin].count("\n") + 2
+    (remark,) = [each for each in result.remarks if "valid_schema" in each]
+    assert remark.startswith(f"{path}:{line}: 'Vehicle': This element is not expected")
+    with pytest.raises(InvalidFile, match="valid_schema"):
+        runner.run(path, sut=None, world="kinematic", strict=True)
