@@ -75,7 +75,7 @@ class ManeuverScenario:
     def defaults(self) -> dict[str, float]:
         """Values of the seven, by the names of their declarations."""
         place, braking = self.geometry, self.maneuver.braking
-        start = self._kept if self.maneuver.actor != EGO else place.ego_speed
+        start = self._kept if self.maneuver.actor != EGO else self._ego_speed
         end = braking[0] if braking else round(0.95 * start, 1)
         values = (place.gap, start, 3.0, end, 4.0, end, 5.0)
         return {declared_name(self.maneuver.actor, role): value for role, value in zip(PARAMETERS, values, strict=True)}
@@ -83,7 +83,13 @@ class ManeuverScenario:
     @property
     def _kept(self) -> float:
         """Speed of slower vehicles by default, m/s."""
-        return round(self.maneuver.pace * self.geometry.ego_speed, 1)
+        return round(self.maneuver.pace * self._ego_speed, 1)
+
+    @property
+    def _ego_speed(self) -> float:
+        """Speed of the ego by default, m/s."""
+        fastest = self.maneuver.dense
+        return self.geometry.ego_speed if fastest is None else min(fastest, self.geometry.ego_speed)
 
     def _others(self) -> list[str]:
         maneuver = self.maneuver
@@ -97,11 +103,11 @@ class ManeuverScenario:
         actor = self.maneuver.actor
         declared = [(name, value, limits[name.removeprefix(f"{actor}_")]) for name, value in self.defaults().items()]
         if actor != EGO:
-            declared.append((f"{EGO}_Speed_mps", place.ego_speed, place.speeds))
+            declared.append((f"{EGO}_Speed_mps", self._ego_speed, place.speeds))
         else:
             declared.append((f"{self.maneuver.leader}_Speed_mps", self._kept, place.speeds))
         if self.maneuver.ahead:
-            declared.append((f"{self.maneuver.ahead}_Speed_mps", round(0.6 * place.ego_speed, 1), (0.0, place.speeds[1])))
+            declared.append((f"{self.maneuver.ahead}_Speed_mps", round(0.6 * self._ego_speed, 1), (0.0, place.speeds[1])))
         return [
             maneuvers.parameter(name, "double", value, [[("greaterOrEqual", low), ("lessOrEqual", high)]])
             for name, value, (low, high) in declared

@@ -29,6 +29,7 @@ class Maneuver:
         beside: who is beside the leader in the other lane, with its speeds.
         turns: whether the leader turns off afterwards.
         pace: default speed of the slower one, as a share of the faster one's.
+        dense: greatest default speed (m/s) before the manoeuvre, where traffic is dense; None for that of the geometry.
     """
 
     description: str
@@ -46,6 +47,7 @@ class Maneuver:
     beside: str | None = None
     turns: bool = False
     pace: float = 0.85
+    dense: float | None = None
 
 
 JUNCTIONS = ("four_way_intersection", "t_junction")
@@ -78,6 +80,7 @@ MANEUVERS = {
     "congestion": Maneuver(
         "The ego's leader brakes at the end of a queue that fills both lanes",
         "Lead", "Lead", "right", "right", 0, BRAKING, EVERYWHERE, braking=(0.0, 10.0), beside="Queue",
+        dense=16.0,
     ),
     "merging": Maneuver(
         "A vehicle merges in front of the ego",

@@ -30,13 +30,13 @@ def declaring(path: Path, *parameters: object) -> Path:
     return path
 
 
-def test_the_box_of_the_cut_in_is_table_1_and_the_speed_of_the_ego() -> None:
+def test_the_box_of_the_cut_in_is_as_wide_as_recordings_and_has_the_speed_of_the_ego() -> None:
     space = Space.of(CUT_IN)
     assert space.names[-1] == "Ego_Speed_mps"
     space = Space.of(CUT_IN, pinned={"Ego_Speed_mps": "30.0"})
     assert space.names == tuple(declared_name("CutIn", role) for role in PARAMETERS)
-    assert space.low.tolist() == [5, 10, 0, 10, 1, 10, 0]
-    assert space.high.tolist() == [80, 40, 10, 40, 8, 40, 10]
+    assert space.low.tolist() == [0.5, 5, 0, 5, 1, 5, 0]
+    assert space.high.tolist() == [150, 42, 10, 42, 8, 42, 10]
     assert [each.meaning for each in space.parameters] == [each.meaning for each in PARAMETERS.values()]
     assert [each.unit for each in space.parameters] == [each.unit for each in PARAMETERS.values()]
     assert space.pinned == {"Ego_Speed_mps": "30.0"}
