@@ -1,4 +1,4 @@
-"""How closely catalogues of vehicles' scenes repeat recordings when they are run: largest distance from the recorded positions.
+"""How closely catalogues of vehicles' scenes repeat recordings when they are run: places, speeds, accelerations, criticality.
 
     python benchmarks/replay_fidelity.py PATH... [--world sumo|kinematic] [--limit 0.3]
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
 from schemas.commands.files import expand
+from xodr.array_types import FloatArray
 
 
 def main() -> None:
@@ -43,20 +45,44 @@ def main() -> None:
         report(dict(fidelity.of_catalogue(out, sources, settings.config.scope, options.world)), options.limit)
 
 
-def report(runs: dict[str, list[fidelity.Deviation]], limit: float) -> None:
-    """Print how far the participants of all runs are from where they were recorded."""
-    everyone = [(each.greatest, name, each) for name, found in runs.items() for each in found]
-    greatest = np.array([far for far, _, _ in everyone])
-    missing = [each.missing for *_, each in everyone]
-    print(
-        f"{len(runs)} runs, {len(everyone)} participants, {sum(missing)} rows missing, at most {max(missing)} of one participant"
-    )
-    quantiles = ", ".join(f"{share:.0%}: {np.quantile(greatest, share):.4f} m" for share in (0.5, 0.9, 0.99, 1.0))
-    print(f"greatest distance of a participant from its recorded positions: {quantiles}")
-    far = sorted((each for each in everyone if not each[0] <= limit), reverse=True)
+def report(runs: dict[str, fidelity.Replay], limit: float) -> None:
+    """Print how far the participants of all runs are from their recorded motion."""
+    everyone = [(each.greatest, name, each) for name, run in runs.items() for each in run.deviations]
+    each = [deviation for *_, deviation in everyone]
+    missing = [one.missing for one in each]
+    print(f"{len(runs)} runs, {len(each)} participants, {sum(missing)} rows missing, at most {max(missing)} of one participant")
+    print(f"greatest distance of a participant from its recorded positions: {quantiles([one.greatest for one in each], 'm')}")
+    rows = np.array([one.rows for one in each])
+    for what, unit, values in (
+        ("speed", "m/s", np.array([one.speed for one in each])),
+        ("acceleration", "m/s²", np.array([one.acceleration for one in each])),
+    ):
+        overall = float(np.sqrt((rows * values**2)[rows > 0].sum() / rows.sum()))
+        print(f"{what}, root mean square of the difference: {overall:.3f} {unit}; of a participant {quantiles(values, unit)}")
+    print(f"greatest speed {max(one.fastest for one in each):.1f} m/s")
+    print(f"greatest acceleration of a participant: {quantiles([one.hardest for one in each], 'm/s²')}")
+    print(f"greatest turn from step to step: {quantiles([one.turn for one in each], 'rad')}")
+    encounters(runs)
+    far = sorted((one for one in everyone if not one[0] <= limit), key=lambda one: one[:2], reverse=True)
     print(f"{len(far)} participants beyond {limit} m, in {len({name for _, name, _ in far})} runs")
-    for distance, name, each in far[:20]:
-        print(f"  {distance:8.3f} m  {name}  {each.participant}")
+    for distance, name, one in far[:20]:
+        print(f"  {distance:8.3f} m  {name}  {one.participant}")
+
+
+def encounters(runs: dict[str, fidelity.Replay]) -> None:
+    """Print how the least times to collision of runs compare with those of the recording."""
+    pairs = [run.encounter for run in runs.values()]
+    both = [(one.recorded, one.driven) for one in pairs if one.recorded is not None and one.driven is not None]
+    once = sum((one.recorded is None) != (one.driven is None) for one in pairs)
+    critical = [abs(driven - recorded) for recorded, driven in both if min(recorded, driven) < 5.0]
+    print(f"least time to collision in both: {len(both)} runs, in one only: {once}")
+    if critical:
+        print(f"  below 5 s: {len(critical)} runs, off by {quantiles(critical, 's')}")
+
+
+def quantiles(values: Sequence[float] | FloatArray, unit: str) -> str:
+    """Median and upper quantiles of values, as text."""
+    return ", ".join(f"{share:.0%}: {np.quantile(values, share):.4f} {unit}" for share in (0.5, 0.9, 0.99, 1.0))
 
 
 if __name__ == "__main__":

@@ -80,9 +80,9 @@ class SpeedAction(PrivateAction):
 
 
 def set_speed(actor: Entity, speed: float, run: Run) -> None:
-    """Have the entity drive at a speed (m/s) from the coming step on; an initial action sets its state as well."""
+    """Have the entity drive at a speed (m/s) from the coming step on; at the start, or when it has just entered, from now on."""
     actor.controls.target_speed = speed
-    if run.initialising:
+    if run.initialising or actor.entered == run.time:
         actor.speed = speed
 
 

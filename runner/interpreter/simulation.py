@@ -311,6 +311,7 @@ class Simulation:
             if member is entity or not member.active:
                 member.active = True
                 member.speed = member.controls.target_speed = member.acceleration = 0.0
+                member.entered = self.time
                 self.world.add(member)
 
     def deactivate(self, entity: Entity) -> None:

@@ -39,7 +39,7 @@ class Schedule:
 
     def __init__(self, times: Sequence[float], stations: Sequence[float], pieces: Sequence[Piece], final_speed: float) -> None:
         self.times, self.stations, self.final_speed = times, stations, final_speed
-        self._pieces = pieces
+        self.pieces = pieces
         self._times, self._stations = [piece.time for piece in pieces], [piece.station for piece in pieces]
 
     def station(self, time: float) -> float:
@@ -48,7 +48,7 @@ class Schedule:
             return self.stations[0]
         if time >= self.times[-1]:
             return self.stations[-1]
-        piece = self._pieces[bisect_right(self._times, time) - 1]
+        piece = self.pieces[bisect_right(self._times, time) - 1]
         past = time - piece.time
         return piece.station + past * (piece.speed + 0.5 * past * piece.acceleration)
 
@@ -58,7 +58,7 @@ class Schedule:
             return self.times[0]
         if station >= self.stations[-1]:
             return self.times[-1]
-        piece = self._pieces[bisect_right(self._stations, station) - 1]
+        piece = self.pieces[bisect_right(self._stations, station) - 1]
         way = station - piece.station
         reached = math.sqrt(max(piece.speed * piece.speed + 2.0 * piece.acceleration * way, 0.0))
         return piece.time + (2.0 * way / (piece.speed + reached) if way > 0.0 else 0.0)

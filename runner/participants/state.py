@@ -26,6 +26,8 @@ class EntityState:
     """whether it exists in the world"""
     placed: bool = False
     """whether it has a position"""
+    entered: float | None = None
+    """time (s) at which an action has brought it into the world; None where it is there from the start"""
 
     x: float = 0.0
     y: float = 0.0

@@ -1,4 +1,4 @@
-"""Scenes as scenarios that replay them: everyone follows the recorded trajectory, at the recorded times.
+"""Scenes as scenarios that replay them: everyone follows the recorded trajectory, at the recorded times and speeds.
 
 Participants that are there from the beginning start in Init; later ones are added when they come; those that leave are deleted.
 Times are those of the scenario from its start, so that an event that begins a step late makes no one late.
@@ -84,16 +84,22 @@ def _place(part: Part) -> Any:
 
 
 def _init(part: Part) -> list[Any]:
-    return [maneuvers.teleport(_place(part)), maneuvers.speed(_rounded(part.column("speed")[:1])[0])]
+    return [maneuvers.teleport(_place(part)), _speed(part)]
+
+
+def _speed(part: Part) -> Any:
+    """The speed that its trajectory begins with."""
+    return maneuvers.speed(_rounded(part.column("speed")[:1])[0])
 
 
 def _events(part: Part, scene: Scene) -> list[Any]:
     begins, ends = _rounded(part.time[[0, -1]] - scene.start)
     start = maneuvers.simulation_time(begins - _EARLY)
-    follow = maneuvers.follow_trajectory(maneuvers.reference("TrajectoryCatalog", part.name), domain="absolute")
+    follow = maneuvers.follow_trajectory(maneuvers.reference("TrajectoryCatalog", part.name), "follow", domain="absolute")
     events = [maneuvers.event("follow", [follow], start, "parallel")]
     if not _from_start(part, scene):
-        events.insert(0, maneuvers.event("appear", [maneuvers.add_entity(part.name, _place(part))], start, "parallel"))
+        appear = [maneuvers.add_entity(part.name, _place(part)), _speed(part)]
+        events.insert(0, maneuvers.event("appear", appear, start, "parallel"))
     if part.name != EGO and part.time[-1] < scene.end - _EARLY:
         events.append(
             maneuvers.event("leave", [maneuvers.delete_entity(part.name)], maneuvers.simulation_time(ends - _EARLY), "parallel")

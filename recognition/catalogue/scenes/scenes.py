@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from recognition.catalogue.scenes.vertices import Tolerance, vertices
 from runner.recording import Recording, Track
 from xodr.array_types import FloatArray, IntArray
 
@@ -16,6 +17,8 @@ EGO = "Ego"
 
 _SAME_TIME = 1e-6
 """Times (s) that are the same but for rounding."""
+_STEP, _SOON = 0.05, 0.25
+"""Step of runs (s): who enters between two steps is late by up to one. Time (s) by which one may enter later instead."""
 
 
 @dataclass(frozen=True)
@@ -24,13 +27,11 @@ class Scope:
 
     Attributes:
         reach: distance (m) within which others matter, at any time of the scene.
-        tolerance: how far (m) a trajectory may leave the recorded positions, where that saves vertices.
-        turn: how far (rad) its headings may leave the recorded ones.
+        tolerance: how far the run of a trajectory may leave the recorded motion, where that saves vertices.
     """
 
     reach: float = 100.0
-    tolerance: float = 0.02
-    turn: float = 0.01
+    tolerance: Tolerance = field(default_factory=Tolerance)
 
 
 class Part(NamedTuple):
@@ -73,6 +74,7 @@ class SceneCutter:
 
     def __init__(self, recording: Recording, scope: Scope) -> None:
         self.recording, self.scope = recording, scope
+        self._vertices: dict[str, IntArray] = {}
         self._tracks = list(recording.tracks.values())
         self._first = np.array([track.columns["time"][0] for track in self._tracks])
         self._last = np.array([track.columns["time"][-1] for track in self._tracks])
@@ -83,12 +85,13 @@ class SceneCutter:
         time = track.columns["time"]
         mine = _between(time, start, end)
         start, end = float(time[mine[0]]), float(time[mine[-1]])
-        parts = [Part(EGO, track, mine[self._vertices(track, mine)])]
+        parts = [self._part(EGO, track, mine)]
         taken = {EGO}
         for other in self._others(track, mine, start, end):
             rows = _between(other.columns["time"], start, end)
+            rows = rows[_entrance(other.columns["time"][rows] - start) :]
             name = _free(f"{other.category}_{other.name}".replace("::", "_").replace("$", "_"), taken)
-            parts.append(Part(name, other, rows[self._vertices(other, rows)]))
+            parts.append(self._part(name, other, rows))
         return Scene(start, end, tuple(parts))
 
     def _others(self, ego: Track, mine: IntArray, start: float, end: float) -> Iterator[Track]:
@@ -107,34 +110,25 @@ class SceneCutter:
     def _frames(self, track: Track, rows: IntArray) -> IntArray:
         return np.round(track.columns["time"][rows] / self.recording.timestep).astype(np.int64)
 
-    def _vertices(self, track: Track, rows: IntArray) -> IntArray:
-        columns, scope = track.columns, self.scope
-        x, y, h = (columns[name][rows] for name in ("x", "y", "h"))
-        values = np.column_stack([x / scope.tolerance, y / scope.tolerance, np.unwrap(h) / scope.turn])
-        return needed(columns["time"][rows], values)
-
-
-def needed(time: FloatArray, values: FloatArray) -> IntArray:
-    """Rows between which values (n, k) are linear in time but for less than 1, ends included (Douglas and Peucker, 1973)."""
-    kept = {0, len(time) - 1}
-    pending = [(0, len(time) - 1)]
-    while pending:
-        a, b = pending.pop()
-        if b - a < 2:
-            continue
-        share = (time[a : b + 1] - time[a]) / (time[b] - time[a])
-        line = values[a] + share[:, None] * (values[b] - values[a])
-        off = np.abs(values[a : b + 1] - line).max(axis=1)
-        worst = int(off.argmax())
-        if off[worst] > 1.0:
-            kept.add(a + worst)
-            pending += [(a, a + worst), (a + worst, b)]
-    return np.array(sorted(kept), np.int64)
+    def _part(self, name: str, track: Track, rows: IntArray) -> Part:
+        """A participant with the vertices of its track within the scene, and its first and last row there."""
+        if track.name not in self._vertices:
+            self._vertices[track.name] = vertices(track.columns, self.scope.tolerance)
+        found = self._vertices[track.name]
+        inner = found[(found > rows[0]) & (found < rows[-1])]
+        return Part(name, track, np.unique([rows[0], *inner, rows[-1]]))
 
 
 def _between(time: FloatArray, start: float, end: float) -> IntArray:
     """Rows from start to end."""
     return np.arange(*np.searchsorted(time, [start - _SAME_TIME, end + _SAME_TIME]))
+
+
+def _entrance(time: FloatArray) -> int:
+    """The first of the rows of one who comes, at times (s) from the scene's start, that is at a step of usual runs."""
+    soon = time[: np.searchsorted(time, time[0] + _SOON)]
+    at_step = np.abs(np.remainder(soon / _STEP + 0.5, 1.0) - 0.5) < _SAME_TIME / _STEP
+    return int(np.argmax(at_step))
 
 
 def _free(name: str, taken: set[str]) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from recognition.catalogue.scenes.scenes import Scope, needed
+from recognition.catalogue.scenes.vertices import needed
 from recognition.maneuvers.estimation.speeds import EVERY, distance_model, fit_speeds
 from runner.recording import Track
 from xodr.array_types import FloatArray, IntArray
@@ -15,6 +15,8 @@ from xosc import maneuvers
 
 SMOOTHING = 0.5
 """Window (s) over which speeds are averaged"""
+_PLACE, _HEADING = 0.02, 0.01
+"""How far a trajectory may leave the recorded positions (m) and headings (rad), where that saves vertices."""
 _SPACING = 0.5
 """Way (m) from point to point: more than who stands still seems to move about"""
 
@@ -51,8 +53,7 @@ class RecordedPath:
 
     def trajectory(self, name: str) -> Any:
         """The entry of a trajectory catalogue."""
-        scope = Scope()
-        values = np.column_stack([self.x / scope.tolerance, self.y / scope.tolerance, self.h / scope.turn])
+        values = np.column_stack([self.x / _PLACE, self.y / _PLACE, self.h / _HEADING])
         rows = needed(self.station, values)
         columns = (self.time - self.time[0], self.x, self.y, self.h)
         time, x, y, h = (np.round(values[rows], 4).tolist() for values in columns)

@@ -14,7 +14,8 @@ import xosc
 from recognition import datasets
 from recognition.catalogue.scenes import replay
 from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.scenes.scenes import Scene, SceneCutter, Scope, needed
+from recognition.catalogue.scenes.scenes import Scene, SceneCutter, Scope
+from recognition.catalogue.scenes.vertices import needed
 from recognition.study.fidelity import replayed
 from runner.recording import Recording
 from schemas import check
@@ -76,16 +77,19 @@ def test_replays_are_valid_and_sound_in_every_version(tmp_path: Path, recording:
 )
 def test_runs_repeat_what_was_recorded(tmp_path: Path, recording: Recording, ego: str, world: str) -> None:
     scene = SceneCutter(recording, Scope()).cut(ego, 0.5, 11.9)
-    deviations = list(replayed(write(tmp_path, recording, scene), scene, world))
+    deviations = replayed(write(tmp_path, recording, scene), scene, world).deviations
     assert len(deviations) == len(scene.parts) >= 4
     assert max(each.greatest for each in deviations) < 0.03
     assert max(each.missing for each in deviations) <= 2, "all are there but for the step in which they come"
+    assert max(each.speed for each in deviations) < 0.1
+    assert max(each.acceleration for each in deviations) < 0.5
+    assert max(each.hardest for each in deviations) < 6.0, "those who come later have their speed at once"
 
 
 def test_who_stands_at_the_end_of_a_trajectory_stays_there(tmp_path: Path, recording: Recording) -> None:
     scene = SceneCutter(recording, Scope()).cut(motorway.STOPPING, 0.0, 11.9)
     assert scene.ego.column("speed")[-1] == pytest.approx(0.0, abs=1e-6)
-    (ego, *_) = replayed(write(tmp_path, recording, scene), scene, "kinematic")
+    (ego, *_) = replayed(write(tmp_path, recording, scene), scene, "kinematic").deviations
     assert ego.greatest < 0.03
 
 
