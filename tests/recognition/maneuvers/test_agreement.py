@@ -41,7 +41,7 @@ class LaneChanges(ByRules):
 def compared(paths: Sequence[Path], folder: Path) -> tuple[int, list[str]]:
     """How many lane changes near another vehicle a catalogue of recordings varies, and those that no unit agrees with."""
     out = folder / "catalogue"
-    settings = CatalogueSettings(config=CatalogueConfig(Scope(reach=30.0)))  # what is further away makes no difference here
+    settings = CatalogueSettings(config=CatalogueConfig(Scope(reach=0.0)))  # replays of those around are not looked at
     build(paths, out, settings, LaneChanges(), lambda sources, _: sources)
     units = Samples.joined([extract(path, folder / "roads") for path in paths])
     kinds, count, apart = {label.title: kind for label, kind in KINDS.items()}, 0, []
