@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -11,9 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.checks.problems import LEVELS, Problem
-from schemas.commands.options import Version, new_app, print_anything
-from schemas.errors import ToolchainError
-from schemas.storage import writing
+from schemas.commands.options import Version, deliver, guarded_reader, new_app
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 _EPILOG = "Exit codes: 0 all files are accepted (no error; with --strict no warning either), 1 some are not, 2 wrong usage."
@@ -96,27 +93,14 @@ def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: 
 def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: Path | None, quiet: bool) -> None:
     from schemas.checks import report
 
-    content = report.FORMATS[format](results)
-    if output is None:
-        print(content, end="")
-        return
-    with writing("the report", output):
-        output.write_text(content, encoding="utf-8", errors="backslashreplace")
-    if not quiet:
+    deliver(report.FORMATS[format](results), "the report", output)
+    if output is not None and not quiet:
         print(report.summary(results))
 
 
 def main() -> None:
-    """Entry point: problems of the call itself are one line on standard error and exit code 2."""
-    print_anything()
-    try:
-        app()
-    except ToolchainError as error:
-        print(f"xosc-check: {error}", file=sys.stderr)
-        sys.exit(2)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
-        sys.exit(1)
+    """Entry point."""
+    guarded_reader("xosc-check", app)
 
 
 if __name__ == "__main__":

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.commands.options import Version, new_app, print_anything
-from schemas.errors import ToolchainError
-from schemas.storage import writing
+from schemas.commands.options import Version, deliver, guarded_reader, new_app
 
 if TYPE_CHECKING:
     from xosc.tags import Tag
@@ -44,11 +40,7 @@ def xosc_list(
     if label or tag:
         chosen = Listing(found.chosen(label, map(_tag, tag or [])), [])
     content = tables.text(chosen, verbose) if format == "text" else tables.FORMATS[format](chosen)
-    if output is None:
-        print(content, end="")
-        return
-    with writing("the list", output):
-        output.write_text(content, encoding="utf-8")
+    deliver(content, "the list", output)
 
 
 def _tag(text: str) -> Tag:
@@ -59,16 +51,8 @@ def _tag(text: str) -> Tag:
 
 
 def main() -> None:
-    """Entry point: an error is one line on standard error and an exit code."""
-    print_anything()
-    try:
-        app()
-    except ToolchainError as error:
-        print(f"xosc-list: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
-        sys.exit(1)
+    """Entry point."""
+    guarded_reader("xosc-list", app)
 
 
 if __name__ == "__main__":

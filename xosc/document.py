@@ -10,10 +10,10 @@ from pathlib import Path
 
 from lxml import etree
 
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.errors import InvalidFile, Unsupported
 from schemas.registry import OPENSCENARIO, detect
 from schemas.remarks import Remark, Remarks
-from schemas.storage import Stamp, stamp
+from schemas.storage import Stamp, stamp, writing
 from schemas.xml import line_of, parse
 from xosc.node import OWN, Node
 from xosc.repairs import repair
@@ -76,11 +76,8 @@ def write(document: Document, path: str | os.PathLike[str]) -> None:
     Raises:
         UsageError: the file can't be written.
     """
-    try:
+    with writing("the file", Path(path)):
         Path(path).write_bytes(to_bytes(document))
-    except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise UsageError(f"the file cannot be written: {reason}", path=path) from None
 
 
 def to_bytes(document: Document) -> bytes:

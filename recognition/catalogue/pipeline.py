@@ -25,7 +25,6 @@ from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
 """The model that comes with the package"""
 EVENTS, VEHICLES = "events", "vehicles"
-SCENES = (EVENTS, VEHICLES)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,14 @@ def unknown(what: str, name: str, known: Iterable[str]) -> str:
     return f"there is no {what} {name!r}; {nearest(name, sorted(known))}"
 
 
+def unresolved(document: Document, what: str, known: Iterable[str], *attributes: str, where: str = "") -> Iterator[Finding]:
+    """A finding for each attribute with one of these names whose value is none of the known names of what it refers to."""
+    known = frozenset(known)
+    for element, attribute, name in document.values(*attributes):
+        if name not in known:
+            yield Finding(element, f"{attribute}: {unknown(what, name, known)}{where}")
+
+
 def negative(document: Document, attributes: Iterable[tuple[str, str]]) -> Iterator[Finding]:
     """A finding for each of these attributes (element name, attribute name) that is a negative number or none at all."""
     for tag, name in attributes:

@@ -17,6 +17,7 @@ from typer.models import OptionInfo
 
 from schemas.errors import ToolchainError, UsageError, describe
 from schemas.packages import version
+from schemas.storage import writing
 
 INTERRUPTED, PIPE_CLOSED = 130, 141
 """Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
@@ -84,6 +85,37 @@ def guarded(name: str, app: Callable[[], object]) -> None:
         raise SystemExit(code) from None
 
 
+def guarded_reader(name: str, app: Callable[[], object]) -> None:
+    """Run the app of a command that reads files and prints: errors become one line and an exit code, a closed pipe the code 1."""
+    print_anything()
+    try:
+        app()
+    except ToolchainError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        _close_output()  # the reader has seen enough
+        sys.exit(1)
+
+
+def _close_output() -> None:
+    """Send what is still to be printed nowhere, or the interpreter reports an error when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def deliver(content: str, what: str, output: Path | None) -> None:
+    """Write a text to a file, or print it where none is given.
+
+    Raises:
+        UsageError: it can't be written; the message says what.
+    """
+    if output is None:
+        print(content, end="")
+        return
+    with writing(what, output):
+        output.write_text(content, encoding="utf-8", errors="backslashreplace")
+
+
 @contextmanager
 def interruptible(name: str, hint: str = "") -> Iterator[None]:
     """End the command in good order when it is interrupted (with a hint what to do then), or its output is no longer read."""
@@ -93,7 +125,7 @@ def interruptible(name: str, hint: str = "") -> Iterator[None]:
         print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter reports an error when it ends
+        _close_output()
         raise typer.Exit(PIPE_CLOSED) from None
 
 

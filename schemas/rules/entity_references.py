@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
-from schemas.checks.messages import unknown
+from schemas.checks.messages import unresolved
 from schemas.checks.registry import Finding, rule
 
 
@@ -11,6 +11,4 @@ from schemas.checks.registry import Finding, rule
 def check(document: Document) -> Iterator[Finding]:
     """A reference to an entity must name a ScenarioObject or an EntitySelection of the scenario."""
     entities = document.names("ScenarioObject", "EntitySelection")
-    for element, attribute, name in document.values("entityRef", "masterEntityRef", "trailerRef"):
-        if name not in entities:
-            yield Finding(element, f"{attribute}: {unknown('entity', name, entities)}")
+    return unresolved(document, "entity", entities, "entityRef", "masterEntityRef", "trailerRef")

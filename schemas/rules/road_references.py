@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
-from schemas.checks.messages import unknown
+from schemas.checks.messages import unresolved
 from schemas.checks.registry import Finding, rule
 
 
@@ -11,8 +11,4 @@ from schemas.checks.registry import Finding, rule
 def check(document: Document) -> Iterator[Finding]:
     """A roadId must be the id of a road in the road network."""
     network = document.road_network
-    if network is None:
-        return
-    for element, attribute, road in document.values("roadId"):
-        if road not in network.roads:
-            yield Finding(element, f"{attribute}: {unknown('road', road, network.roads)} in {network.path.name}")
+    return unresolved(document, "road", network.roads, "roadId", where=f" in {network.path.name}") if network else iter(())

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
-from schemas.checks.messages import unknown
+from schemas.checks.messages import unresolved
 from schemas.checks.registry import Finding, rule
 
 
@@ -14,6 +14,4 @@ from schemas.checks.registry import Finding, rule
 def check(document: Document) -> Iterator[Finding]:
     """A trafficSignalControllerRef must name a TrafficSignalController of the scenario's RoadNetwork."""
     controllers = document.names("TrafficSignalController")
-    for element, attribute, name in document.values("trafficSignalControllerRef"):
-        if name not in controllers:
-            yield Finding(element, f"{attribute}: {unknown('traffic signal controller', name, controllers)}")
+    return unresolved(document, "traffic signal controller", controllers, "trafficSignalControllerRef")
