@@ -13,6 +13,7 @@ from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.condition import EntityCondition
 from runner.contracts.registry import condition
 from runner.spacing.closing import velocity
+from schemas.rules.durations import UID as NOT_NEGATIVE
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -33,13 +34,20 @@ class _Lasting(EntityCondition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> EntityCondition:
         """Read the duration."""
-        return cls(node.float("duration"))
+        return cls(_duration(node, context))
 
     def _lasted(self, since: float) -> bool:
         return since > 0.0 and since >= self.duration - TOLERANCE
 
     def _text(self, entity: Entity, state: str, since: float) -> str:
         return f"{entity.name} {state} for {since:.2f} s ≥ {self.duration:g} s"
+
+
+def _duration(node: Node, context: Context) -> float:
+    duration = float(node.float("duration"))
+    if duration < 0.0:
+        context.repair(node, NOT_NEGATIVE, f"duration={duration:g} is negative; 0 is assumed")
+    return max(duration, 0.0)
 
 
 @condition("EndOfRoadCondition")
@@ -79,7 +87,7 @@ class OffroadCondition(_Lasting):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> EntityCondition:
         """Read the duration, and keep time from the beginning of the run."""
-        self = cls(node.float("duration"))
+        self = cls(_duration(node, context))
         above = node.parent
         by_entity = above.parent if above is not None else None
         entities = context.triggering_entities(by_entity.need("TriggeringEntities")) if by_entity is not None else []

@@ -6,6 +6,8 @@ from schemas.checks.document import Document
 from schemas.checks.messages import negative
 from schemas.checks.registry import Finding, rule
 
+UID = "xosc.toolchain:xosc:1.0.0:data_type.durations_and_radii_are_not_negative"
+
 _DURATIONS = (
     ("StandStillCondition", "duration"),
     ("EndOfRoadCondition", "duration"),
@@ -21,7 +23,7 @@ _DURATIONS = (
 )
 
 
-@rule("xosc.toolchain:xosc:1.0.0:data_type.durations_and_radii_are_not_negative")
+@rule(UID)
 def check(document: Document) -> Iterator[Finding]:
     """Durations, time gaps, delays and radii must be non-negative."""
     return negative(document, _DURATIONS)

@@ -25,6 +25,7 @@ DISTANCE, TIMING = "positioning.relative_lane_position_has_one_distance", "routi
 IN_RUNS = {LANE, LENGTH}
 """Rules of which only a run can know that relative positions break them."""
 CONTROLLER = "reference_control.resolvable_controller_reference"
+DURATION = "data_type.durations_and_radii_are_not_negative"
 SIGNAL = "reference_control.traffic_signal_state_references"
 ENTRY = "reference_control.catalog_reference_resolvability"
 
@@ -191,6 +192,9 @@ FAULTS = {
         '<TriggeringEntities triggeringEntitiesRule="all">',
         EMPTY,
         94,
+    ),
+    "negative duration": Fault(
+        '<SpeedCondition rule="greaterThan" value="1"/>', '<StandStillCondition duration="-1"/>', DURATION, 98, 10.0
     ),
     "empty group of conditions": Fault("    <StopTrigger>\n", "    <StopTrigger><ConditionGroup/>\n", EMPTY, 106),
     "no actors": Fault(
