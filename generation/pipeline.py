@@ -19,10 +19,11 @@ from generation.search.method import method
 from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
 from generation.search.space import Space
+from generation.twin.episodes import Twin
 from generation.variations import Evidence, Writer
 from runner.settings import RunSettings
 from runner.sut import system_name
-from schemas.errors import UsageError
+from schemas.errors import Unsupported, UsageError
 from schemas.storage import digest
 from xodr.array_types import FloatArray
 
@@ -126,7 +127,7 @@ def generate(
         gate = _gate(scenario, source, space, out, settings, prior, draws)
         evaluate = counted(Memory(evaluator, _runs_file(scenario, space, out, settings, "runs")), progress)
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
-        problem = Problem(space, evaluate, reward, real.theta, found, prior)
+        problem = Problem(space, evaluate, reward, real.theta, found, prior, _twin(scenario, space, settings))
         history = search(problem, settings.budget, settings.seed)
         judged = prior.judged if gate.refusal is None else prior.unjudged
         cases = choose(space, history, judged, evaluator, settings.choice, found)
@@ -169,6 +170,14 @@ def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings
     except OSError as error:
         raise UsageError(f"the folder can't be made: {error.strerror or error}", path=out) from None
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
+
+
+def _twin(scenario: Path, space: Space, settings: SearchSettings) -> Twin | None:
+    """The scenario's twin; None where it, its system under test or a setting is nothing that a twin can play."""
+    try:
+        return Twin(scenario, space, settings.run, settings.rss)
+    except Unsupported:
+        return None
 
 
 def _evaluator(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:

@@ -53,6 +53,20 @@ class EliteStarts:
         return uniform_rows(elite, n, generator)
 
 
+class RealStarts:
+    """Real scenarios, or what was found before; no episode is carried on."""
+
+    def __init__(self, problem: Problem, settings: McsgSettings) -> None:
+        self._starts = problem.starts
+
+    def add(self, episodes: Episodes) -> None:
+        """Episodes change nothing."""
+
+    def draw(self, n: int, spent: float, generator: np.random.Generator) -> FloatArray:
+        """Starts (n, d)."""
+        return uniform_rows(self._starts, n, generator)
+
+
 def uniform_rows(rows: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
     """Rows (n, d) drawn with replacement, each as likely as the others."""
     return rows[generator.integers(len(rows), size=n)]

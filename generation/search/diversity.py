@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from generation.density.roles import NUISANCES, roles_of
 from generation.search.space import Space
-from recognition.maneuvers.parameters import PARAMETERS
 from xodr.array_types import BoolArray, FloatArray, IntArray
-
-NUISANCES = tuple(PARAMETERS[role].name for role in ("start_time", "rest_time"))
-"""Parameters that are no part of the manoeuvre: two cases that differ in nothing else are one"""
 
 
 def distinctive(space: Space) -> BoolArray:
     """The parameters (d,) that tell cases apart: all but the nuisances."""
-    return np.array([not name.endswith(NUISANCES) for name in space.names], bool)
+    roles = roles_of(space.names)
+    return np.array([name not in roles or roles[name].role not in NUISANCES for name in space.names], bool)
 
 
 def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Protocol
 from zipfile import BadZipFile
 
 import numpy as np
@@ -19,6 +20,14 @@ from xodr.array_types import FloatArray
 
 BATCH = 50
 """Points asked for at a time, wherever a method has no number of its own."""
+
+
+class Plays(Protocol):
+    """Plays points of a space; `generation.twin.episodes.Twin` does."""
+
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d), driven by the problem's system under test, or by the one of a name."""
+        ...
 
 
 class History(Episodes):
@@ -57,6 +66,7 @@ class Problem:
         real: parameters (n, d) extracted from recordings, within the box.
         found: critical points (m, d) that earlier searches of the same space have found; None for none.
         prior: what traffic does in this space; None where only the published reward is asked for.
+        twin: plays points without a simulator, with any system under test; None where there is none.
     """
 
     space: Space
@@ -65,6 +75,7 @@ class Problem:
     real: FloatArray
     found: FloatArray | None = None
     prior: Prior | None = None
+    twin: Plays | None = None
 
     @property
     def starts(self) -> FloatArray:
@@ -99,6 +110,8 @@ class Calls:
     @property
     def history(self) -> History:
         """All episodes so far."""
+        if not self._parts:
+            return History(np.empty((0, len(self.problem.space.parameters))), Outcomes.of(0), np.empty(0))
         thetas, outcomes, rewards = zip(*self._parts, strict=True)
         return History(np.concatenate(thetas), joined(outcomes), np.concatenate(rewards))
 

@@ -59,7 +59,7 @@ def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
         ((str(SCENARIOS / "cut_in_highway_variation.xosc"),), 2, "no parameter with a lower"),
         ((str(SCENARIOS), "--kind", "cut_in"), 2, "for single scenarios"),
         ((str(Path(__file__).parent),), 2, "no scenario with parameters to search"),
-        ((CUT_IN, "--method", "no-maneuver"), 2, "methods: mcsg, conscend, kde, random"),
+        ((CUT_IN, "--method", "no-maneuver"), 2, "methods: mcsg, conscend, kde, mcsg-published, quality, random"),
     ],
 )
 def test_wrong_use_is_one_line_and_an_exit_code(

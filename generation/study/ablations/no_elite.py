@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from generation.mcsg.search import search as mcsg
+from generation.mcsg.starts import RealStarts
 from generation.search.problem import History, Problem
-from generation.study.strategies.real_starts import RealStarts
 
 METHOD = {"title": "No-Elite", "meaning": "MCSG that starts from real scenarios throughout", "realistic": True}
 

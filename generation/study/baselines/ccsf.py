@@ -6,8 +6,8 @@ from functools import partial
 
 from generation.mcsg.edits import single
 from generation.mcsg.search import search as mcsg
+from generation.mcsg.starts import RealStarts
 from generation.search.problem import History, Problem
-from generation.study.strategies.real_starts import RealStarts
 from generation.study.strategies.rewarded import rewarded
 
 METHOD = {"title": "CCSF", "meaning": "REINFORCE with an LSTM, on criticality", "realistic": False}

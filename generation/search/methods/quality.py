@@ -1,0 +1,18 @@
+"""Quality-diversity search: see `generation.search.quality.search`."""
+
+from __future__ import annotations
+
+from generation.search.problem import History, Problem
+
+METHOD = {
+    "title": "**quality-diversity**",
+    "meaning": "an archive of distinct foreseeable and preventable failures, found on the twin",
+    "realistic": True,
+}
+
+
+def search(problem: Problem, budget: int, seed: int) -> History:
+    """Quality-diversity with the emitters that earn their place."""
+    from generation.search.quality.search import search as quality
+
+    return quality(problem, budget, seed)
