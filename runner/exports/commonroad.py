@@ -1,7 +1,8 @@
 """Target `commonroad`: the run as a CommonRoad 2020a scenario, with lanelets, obstacles and the ego's planning problem.
 
-Source: CommonRoad "XML Format" 2020a. Positions are those of the bounding box's centre. The ego is the planning problem: it
-starts as it did, and its goal is where it ended; its own way is not in the file, everybody else's is.
+Source: CommonRoad "XML Format" 2020a, and its scheme of benchmark ids. Positions are those of the bounding box's centre. The ego
+is the planning problem: it starts as it did, and its goal is where it ended, or was before it first touched somebody, so that
+its own way up to there solves the problem; that way is not in the file, everybody else's is.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ _OBSTACLES = {
 """CommonRoad's types by OpenSCENARIO category; everything else is `unknown`."""
 _UNKNOWN_PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
 """What CommonRoad scenarios say that are nowhere on earth."""
+_FACING = 0.25
+"""rad to either side by which one may face otherwise at the goal"""
 
 
 def export(result: RunResult, name: str, folder: Folder) -> list[str]:
@@ -69,17 +72,28 @@ def scenario(result: RunResult, name: str) -> etree._Element:
     standing = [track for track in others if stands(track)]
     for track in (*standing, *(each for each in others if each not in standing)):
         root.append(_obstacle(track, track in standing, next(numbers), result.recording.timestep))
-    root.append(_problem(tracks[result.ego], next(numbers), result.recording.timestep))
+    root.append(_problem(tracks[result.ego], next(numbers), result.recording.timestep, _goal_row(result)))
     return root
 
 
 def _header(result: RunResult, name: str) -> dict[str, str]:
-    words = "".join(c for c in name.title() if c.isascii() and c.isalnum())
     return {
         "timeStepSize": decimal(result.recording.timestep), "commonRoadVersion": "2020a", "author": "xosc-toolchain",
-        "affiliation": "xosc-toolchain", "source": result.scenario.name, "benchmarkID": f"ZAM_{words or 'Run'}-1_1_T-1",
+        "affiliation": "xosc-toolchain", "source": result.scenario.name, "benchmarkID": benchmark_id(name),
         "date": date(result)[:10],
     }  # fmt: skip
+
+
+def benchmark_id(name: str) -> str:
+    """The benchmark id of a run: country, scene, number of the map and the configuration, kind and number of the prediction.
+
+    A set of parameters of a distribution (`NAME~000003`) is a configuration of its own, as CommonRoad counts: from 1.
+    """
+    stem, _, number = name.partition("~")
+    if not number.isdecimal():
+        stem, number = name, "0"
+    scene = "".join(c for c in stem.title() if c.isascii() and c.isalnum())
+    return f"ZAM_{scene or 'Run'}-1_{int(number) + 1}_T-1"
 
 
 def _obstacle(track: Track, standing: bool, number: int, step: float) -> etree._Element:
@@ -118,8 +132,17 @@ def _waiting(first: etree._Element) -> Iterable[etree._Element]:
     return [second]
 
 
-def _problem(track: Track, number: int, step: float) -> etree._Element:
-    """The ego's planning problem: to come, by the end of the run, to where it came."""
+def _goal_row(result: RunResult) -> int:
+    """The row of the ego's track where its goal is: the last one, or the last before it first touches somebody."""
+    times = result.recording.tracks[str(result.ego)].columns["time"]
+    contacts = [each for each in result.events if each.kind == "collision"]
+    touched = [each.time for each in contacts if each.subject == result.ego or each.text == f"touches {result.ego}"]
+    before = np.flatnonzero(times < min(touched, default=np.inf) - result.recording.timestep / 2)
+    return int(before[-1]) if len(before) else len(times) - 1
+
+
+def _problem(track: Track, number: int, step: float, goal_row: int) -> etree._Element:
+    """The ego's planning problem: to come, by the end of the run, to where it came, facing as it did."""
     problem = etree.Element("planningProblem", id=str(number))
     columns, centre = track.columns, box_centre(track)
     start = etree.SubElement(problem, "initialState")
@@ -132,11 +155,14 @@ def _problem(track: Track, number: int, step: float) -> etree._Element:
     etree.SubElement(time, "intervalStart").text = "0"
     etree.SubElement(time, "intervalEnd").text = str(max(round(float(columns["time"][-1]) / step), 1))
     area = _rectangle(track)
-    etree.SubElement(area, "orientation").text = decimal(wrapped(columns["h"])[-1])
-    middle = point(centre[-1])
+    etree.SubElement(area, "orientation").text = decimal(wrapped(columns["h"])[goal_row])
+    middle = point(centre[goal_row])
     middle.tag = "center"
     area.append(middle)
     etree.SubElement(goal, "position").append(area)
+    facing, heading = etree.SubElement(goal, "orientation"), float(wrapped(columns["h"])[goal_row])
+    etree.SubElement(facing, "intervalStart").text = decimal(heading - _FACING)
+    etree.SubElement(facing, "intervalEnd").text = decimal(heading + _FACING)
     return problem
 
 

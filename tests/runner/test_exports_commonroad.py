@@ -83,6 +83,34 @@ def test_lanelets_lie_left_to_right_and_end_where_the_next_begin(name: str) -> N
     assert any(lanelet.in_junction for lanelet in found.values())
 
 
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("cut_in", "ZAM_CutIn-1_1_T-1"),
+        ("cut_in~000003", "ZAM_CutIn-1_4_T-1"),
+        ("a~b", "ZAM_AB-1_1_T-1"),
+        ("~", "ZAM_Run-1_1_T-1"),
+    ],
+)
+def test_benchmark_ids_count_sets_of_parameters_as_configurations(name: str, expected: str) -> None:
+    assert commonroad.benchmark_id(name) == expected
+
+
+def test_the_goal_is_where_the_ego_was_before_it_hit_somebody(tmp_path: Path) -> None:
+    crash = place("Ego", 20, 20) + place("Other", 40, 0)
+    path = scenario(tmp_path, entities=[car("Ego"), car("Other")], init=crash, stop=3.0)
+    crashed = runner.run(path, world="kinematic", timestep=0.1, sut="none")
+    assert crashed.verdict.reasons
+    (goal,) = commonroad.scenario(crashed, "crash").iter("goalState")
+    centre = [float(goal.findtext(f"position/rectangle/center/{axis}", "")) for axis in "xy"]
+    ego, other = (box_centre(crashed.recording.tracks[name]) for name in ("Ego", "Other"))
+    gaps = other[:, 0] - ego[:, 0] - 5.0
+    (row,) = np.flatnonzero(np.isclose(ego[:, 0], centre[0], atol=1e-5))
+    assert gaps[row] > 0.0 >= gaps[row + 1]
+    interval = [float(goal.findtext(f"orientation/interval{end}", "")) for end in ("Start", "End")]
+    assert interval[0] < crashed.recording.tracks["Ego"].columns["h"][row] < interval[1]
+
+
 def test_a_run_without_an_ego_is_refused(tmp_path: Path) -> None:
     path = scenario(tmp_path, entities=[car("A"), car("B")], init=place("A", 20, 10) + place("B", 60, 10), stories=story("A", []))
     other = runner.run(path, world="kinematic", sut="none", timestep=0.1)
