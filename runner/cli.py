@@ -75,7 +75,7 @@ def xosc_run(
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
     ray: Ray = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Load and compile everything, run nothing.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Load, compile and begin everything, run nothing.")] = False,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures and errors only.")] = False,
     _version: Version = False,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from random import Random
 
@@ -14,7 +15,7 @@ from xodr.graph.routes import RoadPath, Router
 from xodr.graph.travel import Choose, Travel, Traveller
 from xodr.graph.ways import Ways
 from xodr.lookup.locate import Locator, follow
-from xodr.model import Controller, Header, Junction, LaneLink, Pose, RoadError, RoadPoint, Signal
+from xodr.model import Controller, Header, Junction, LaneLink, LaneSection, Pose, RoadError, RoadPoint, Signal
 from xodr.road import Road
 
 
@@ -51,6 +52,19 @@ class RoadNetwork:
         ways = Ways(self.roads, self._links)
         self._router = Router(ways, self._traveller.straightest)
         self._relations = Relations(ways, self._traveller)
+
+    @cached_property
+    def lane_ids(self) -> frozenset[int]:
+        """Ids that lanes have anywhere, without the centre lane's."""
+        return frozenset(lane for section in self._sections() for lane in section.lanes if lane)
+
+    @cached_property
+    def most_lanes(self) -> int:
+        """How many lanes lie side by side at most, without the centre lane."""
+        return max((len(section.lanes) - 1 for section in self._sections()), default=0)
+
+    def _sections(self) -> Iterator[LaneSection]:
+        return (section for road in self.roads.values() for section in road.sections)
 
     @property
     def name(self) -> str:

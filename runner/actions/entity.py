@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from runner.contracts.action import GlobalAction
 from runner.contracts.registry import action
@@ -11,7 +11,10 @@ from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from runner.contracts.context import Context
+    from runner.contracts.position import Position
     from runner.contracts.run import Run
 
 
@@ -27,12 +30,16 @@ class AddEntityAction(GlobalAction):
     """Brings a declared entity into the world at a position, standing; nothing happens where it is there already."""
 
     entity: Entity
-    position: Any
+    position: Position
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> AddEntityAction:
         """Build from an AddEntityAction element."""
         return cls(_entity(node, context), context.position(node.need("Position")))
+
+    def puts(self) -> Iterable[tuple[Entity, Position | None]]:
+        """The position."""
+        return [(self.entity, self.position)]
 
     def start(self, run: Run) -> None:
         """Add at once."""

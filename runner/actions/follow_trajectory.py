@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from runner.contracts.context import Context
+    from runner.contracts.position import Position
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
     from xosc.node import Node
@@ -91,6 +92,10 @@ class FollowTrajectoryAction(PrivateAction):
     def places(self) -> bool:
         """Whether it puts the actor on the trajectory at once."""
         return not self.follow
+
+    def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
+        """Wherever the trajectory leads."""
+        return [(actor, None)]
 
     def claims(self) -> tuple[str, ...]:
         """Lateral control; with times also longitudinal control."""

@@ -24,6 +24,7 @@ from xosc.node import TO_RIGHT, Node
 if TYPE_CHECKING:
     from runner.contracts.context import Context
     from runner.contracts.run import Run
+    from xodr.network import RoadNetwork
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
@@ -57,6 +58,8 @@ class LaneChangeAction(PrivateAction):
         value = target.int("value")
         if reference is None and value == 0:
             raise target.invalid("value='0' is the centre lane, which has no width to drive on")
+        if context.network is not None:
+            _check_lane(target, value, reference is None, context.network)
         from_own = reference is not None and context.document.for_carla
         return cls(node, dynamics, reference, value, node.finite("targetLaneOffset", 0.0), from_own)
 
@@ -93,6 +96,15 @@ class LaneChangeAction(PrivateAction):
                 f"{', '.join(map(str, there))}"
             )
         return lane
+
+
+def _check_lane(target: Node, value: int, absolute: bool, network: RoadNetwork) -> None:
+    """Refuse a target lane that is nowhere on the roads."""
+    if absolute and value not in network.lane_ids:
+        lanes = ", ".join(map(str, sorted(network.lane_ids))) or "none"
+        raise target.invalid(f"value='{value}' is no lane of any road; lanes there are: {lanes}")
+    if not absolute and abs(value) >= max(network.most_lanes, 1):
+        raise target.invalid(f"value='{value}' leads beyond the lanes of any road, which has {network.most_lanes} at most")
 
 
 @action("LaneOffsetAction")

@@ -13,12 +13,14 @@ from runner.contracts.running import Running
 from runner.motion.routes import AssignedRoute, RandomRoute, Route
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from runner.contracts.context import Context
     from runner.contracts.position import Position
     from runner.contracts.run import Run
+    from runner.motion.placement import Placement
     from runner.participants.entity import Entity
+    from xodr.model import RoadPoint
     from xodr.network import RoadNetwork
     from xosc.node import Node
 
@@ -78,16 +80,29 @@ class AcquirePositionAction(PrivateAction):
         """Entities that the position is relative to."""
         return self.position.references()
 
+    def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
+        """A way must lead to the position from a place where the actor can be put."""
+        if self.position.fixed is None or not starts:
+            return
+        there = self._point(self.position.fixed)
+        if not any(self.network.route([self._point(start), there]) for start in starts):
+            raise self._unreachable(actor)
+
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Find the way and assign it."""
         here = run.roads.road_point(actor)
-        place = self.position.resolve(run, actor)
-        there = place.point or self.network.locate(place.x, place.y, place.z)
+        there = self._point(self.position.resolve(run, actor))
         path = self.network.route([here, there]) if here is not None else None
         if path is None:
-            raise self.node.invalid(f"no way leads {actor.name!r} to the position")
+            raise self._unreachable(actor)
         route = actor.controls.route = AssignedRoute(path)
         return _Acquiring(actor, run, route)
+
+    def _point(self, place: Placement) -> RoadPoint:
+        return place.point or self.network.locate(place.x, place.y, place.z)
+
+    def _unreachable(self, actor: Entity) -> Exception:
+        return self.node.invalid(f"no way leads {actor.name!r} to the position")
 
 
 class _Acquiring(Running):

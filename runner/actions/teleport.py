@@ -34,6 +34,10 @@ class TeleportAction(PrivateAction):
         """It does."""
         return True
 
+    def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
+        """The position."""
+        return [(actor, self.position)]
+
     def references(self) -> Iterable[Entity]:
         """Entities that the position is relative to."""
         return self.position.references()

@@ -9,10 +9,11 @@ from runner.contracts.action import PrivateAction
 from runner.participants.trailers import connect, disconnect, train
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from runner.contracts.context import Context
     from runner.contracts.run import Run
+    from runner.motion.placement import Placement
     from runner.participants.entity import Entity
     from xosc.node import Node
 
@@ -36,14 +37,14 @@ class ConnectTrailerAction(PrivateAction):
         """The trailer."""
         return (self.trailer,)
 
-    def check(self, actor: Entity) -> None:
+    def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
         """It has to have a hitch."""
         if actor.declared.hitch is None:
             raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
 
     def start(self, actor: Entity, run: Run) -> None:
         """Connect."""
-        self.check(actor)
+        self.check(actor, None)
         trailer = self.trailer
         if actor.controls.trailer is trailer:
             return

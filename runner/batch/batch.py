@@ -27,7 +27,7 @@ Also = Callable[["RunResult"], None]
 
 
 def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Generator[Outcome]:
-    """Load, resolve and compile what is to be run, without running it; one outcome a file, the gravest of its sets."""
+    """Load, resolve, compile and begin what is to be run, without a step of it; one outcome a file, the gravest of its sets."""
     for _, group in groupby(jobs, key=lambda job: job.job.source if isinstance(job, Outcome) else job.source):
         yield _rehearsed(group, settings)
 
@@ -60,9 +60,10 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
         remarks = assumed(job, settings.strict)
         prepared = prepare(job.scenario, job.parameters, settings)
         prepared.ego(settings.ego)
+        begun = prepared.rehearse(settings)
     except Exception as error:  # a defect of ours is an outcome too, the other files go on
         return failure(job, error)
-    remarks += map(str, prepared.scenario.remarks)
+    remarks += map(str, (*prepared.scenario.remarks, *begun))
     return Outcome(job, "loaded", 0, status="compiled", remarks=[one_line(remark) for remark in remarks])
 
 

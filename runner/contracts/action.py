@@ -10,10 +10,12 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
+    from runner.contracts.position import Position
     from runner.contracts.run import Run
     from runner.contracts.running import Running
+    from runner.motion.placement import Placement
     from runner.participants.entity import Entity
     from xosc.node import Node
 
@@ -55,8 +57,15 @@ class PrivateAction(ABC):
         """Entities whose state `start` reads; initial actions are ordered by it."""
         return ()
 
-    def check(self, actor: Entity) -> None:  # noqa: B027  (most actions suit every actor)
+    def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
+        """Where it puts entities, None for a place that only a run knows."""
+        return [(actor, None)] if self.places else []
+
+    def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:  # noqa: B027  (most actions suit every actor)
         """Complain before any run about what this actor can never do.
+
+        Args:
+            starts: all places where actions can put the actor; None where only a run knows.
 
         Raises:
             InvalidFile: the action makes no sense for this actor.
@@ -69,6 +78,10 @@ class PrivateAction(ABC):
 
 class GlobalAction(ABC):
     """An action on the simulation at large."""
+
+    def puts(self) -> Iterable[tuple[Entity, Position | None]]:
+        """Where it puts entities, None for a place that only a run knows."""
+        return []
 
     @abstractmethod
     def start(self, run: Run) -> Running | None:

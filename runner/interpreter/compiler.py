@@ -15,6 +15,7 @@ from runner.contracts import registry
 from runner.contracts.action import Action, PrivateAction
 from runner.contracts.condition import ByEntityCondition, Condition
 from runner.criteria.declared import Criterion, declared
+from runner.interpreter.storyboard.actors import check_actors
 from runner.interpreter.storyboard.elements import ActionElement
 from runner.interpreter.storyboard.one_shot import OneShotCondition
 from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
@@ -229,7 +230,7 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
     _check_signals(context)
     read_entities(document.node.need("Entities"), context)
     _read_storyboard(document.node.need("Storyboard"), context)
-    _check_actors(context.storyboard)
+    check_actors(context.storyboard)
     context.finish()
     return Scenario(
         path=document.path,
@@ -256,23 +257,6 @@ def _check_signals(context: ScenarioContext) -> None:
         name = state.get("trafficSignalId", "")
         if network is not None and name not in network.signals:
             context.repair(state, SIGNALS, f"{network.path.name} has no signal {name!r}; its state has no effect")
-
-
-def _check_actors(storyboard: Storyboard) -> None:
-    """Have every action look at the actors that it is sure to have."""
-    starts = [(element, [actor] if actor is not None else []) for actor, element in storyboard.init]
-    starts += [
-        (element, event.group.actors)
-        for act in storyboard.acts
-        for event in act.events
-        for element in event.children
-        if isinstance(element, ActionElement)
-    ]
-    for element, actors in starts:
-        for action in element.actions:
-            if isinstance(action, PrivateAction):
-                for actor in actors:
-                    action.check(actor)
 
 
 def _activated(storyboard: Storyboard) -> frozenset[str]:

@@ -73,6 +73,20 @@ class Prepared:
         """The ego: the entity of that name, or else found by `runner.interpreter.ego.find_ego`."""
         return find_ego(self.scenario, name)
 
+    def rehearse(self, settings: RunSettings | None = None) -> tuple[str, ...]:
+        """Do what a run begins with, at time 0 and without a simulator; what it assumes.
+
+        Raises:
+            InvalidFile: an initial action, or one that starts at time 0, can't be done.
+            Unsupported: likewise.
+        """
+        from runner.worlds.kinematic import RehearsalWorld
+
+        chosen = settings or RunSettings()
+        sim = Simulation(self.scenario, RehearsalWorld(), chosen.timestep, chosen.seed, strict=chosen.strict)
+        sim.begin()
+        return tuple(map(str, sim.remarks.found))
+
     def run(self, settings: RunSettings | None = None, **changes: Any) -> RunResult:
         """Run it to its end; arguments and errors as in `runner.run`."""
         chosen = replace(settings or RunSettings(), **changes)

@@ -172,6 +172,9 @@ class RelativeLanePosition(_RelativeRoadPosition):
     def __init__(self, node: Node, context: Context) -> None:
         super().__init__(node, context)
         self.lanes = int(node.int("dLane"))
+        if abs(self.lanes) > self.network.most_lanes:  # one step beyond the lanes is beside them
+            most = self.network.most_lanes
+            raise node.invalid(f"dLane={self.lanes} leads beyond the lanes of any road, which has {most} at most")
         self.offset = node.finite("offset", 0.0)
         self.ds, self.ds_lane = node.finite("ds", None), node.finite("dsLane", None)
         if self.ds is not None and self.ds_lane is not None:

@@ -13,6 +13,7 @@ import pytest
 
 import runner
 from runner import RunResult
+from runner.interpreter.execution import prepare
 from runner.settings import RunSettings
 from schemas import check
 from schemas.errors import InvalidFile
@@ -119,12 +120,23 @@ def test_an_absolute_lane_is_reached_across_others() -> None:
     assert (int(car["lane_id"][-1]), car["y"][-1]) == (2, pytest.approx(1.5 * LANE))
 
 
-@pytest.mark.parametrize("parameters", [{"Target": "-7"}, {"Steps": -5}])
-def test_a_lane_that_does_not_exist_is_named(parameters: dict[str, object]) -> None:
+def test_a_lane_that_does_not_exist_there_is_named() -> None:
     with pytest.raises(
         InvalidFile, match=r"LaneChangeAction\.xosc:\d+: LaneChangeAction: .* can't change to lane .* has the lanes"
     ):
-        change_run(**parameters)
+        change_run(Steps=-5)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"Target": "-7"}, "AbsoluteTargetLane: value='-7' is no lane of any road; lanes there are: -3, -2, -1, 1, 2, 3"),
+        ({"Steps": -6}, "RelativeTargetLane: value='-6' leads beyond the lanes of any road, which has 6 at most"),
+    ],
+)
+def test_a_lane_that_exists_nowhere_is_named_before_the_run(parameters: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidFile, match=re.escape(message)):
+        prepare(SCENARIOS / "LaneChangeAction.xosc", parameters)
 
 
 @pytest.mark.parametrize("target", ("0", "left", "-1.5"))

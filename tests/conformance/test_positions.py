@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import runner
+from runner.interpreter.execution import prepare
 from schemas.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, run, track
 
@@ -164,6 +165,8 @@ def test_ds_lane_counts_in_the_direction_that_the_entity_faces() -> None:
 
 def test_relative_lane_positions_that_do_not_exist_are_refused() -> None:
     assert "dLane=5 leads from 'Other'" in refusal("RelativeLanePosition", Lanes=5).message
+    with pytest.raises(InvalidFile, match="dLane=7 leads beyond the lanes of any road, which has 6 at most"):
+        prepare(SCENARIOS / "RelativeLanePosition.xosc", {"Lanes": 7})
 
 
 # routes, trajectories, geography ------------------------------------------------------------------

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import runner
+from runner.interpreter.execution import prepare
 from schemas.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
@@ -56,6 +57,21 @@ def test_acquire_position_leads_there_and_ends_when_it_is_reached(arm: str) -> N
     at_end = int(np.searchsorted(columns["time"], end.time + 0.005))
     assert str(columns["road_id"][at_end]) == arm
     assert float(columns["s"][at_end]) == pytest.approx(40.0, abs=0.15)
+
+
+def test_a_position_that_no_way_leads_to_is_named_before_the_run(tmp_path: Path) -> None:
+    """The road that is to be reached is joined to no other."""
+    roads = SCENARIOS.parent / "roads"
+    island = (roads / "straight.xodr").read_text(encoding="utf-8")
+    island = island[island.index("<road ") : island.index("</road>") + len("</road>")].replace(
+        'id="1" junction', 'id="island" junction'
+    )
+    crossing = (roads / "crossing.xodr").read_text(encoding="utf-8")
+    (tmp_path / "island.xodr").write_text(crossing.replace("</OpenDRIVE>", f"{island}</OpenDRIVE>"), encoding="utf-8")
+    path = changed(SCENARIOS / "AcquirePositionAction.xosc", tmp_path, (str(roads / "crossing.xodr"), "island.xodr"))
+    assert prepare(path, {"Exit": "1"}) is not None
+    with pytest.raises(InvalidFile, match="AcquirePositionAction: no way leads 'Car' to the position"):
+        prepare(path, {"Exit": "island"})
 
 
 def test_a_random_route_depends_on_the_seed_only() -> None:

@@ -20,6 +20,7 @@ from lxml import etree
 
 from schemas.packages import version
 from tests.commands import Command
+from tests.conformance.support import SCENARIOS as CONFORMANCE
 from tests.runner.files import HEADER, car, distribution, place, scenario, story
 
 
@@ -210,6 +211,16 @@ def test_a_dry_run_compiles_and_writes_nothing(xosc_run: Command, tmp_path: Path
     assert "not run (--dry-run)" in answer.out and "PASSED" not in answer.out
     assert answer.out.splitlines()[-1] == "2 files: 1 error, 1 loaded"
     assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_begins_the_scenario(xosc_run: Command) -> None:
+    """Its initial actions are done, so that what these can't do, or assume, is said."""
+    path = CONFORMANCE / "RelativeLanePosition.xosc"
+    assert xosc_run(path, "--dry-run", "-p", "Lanes=0").code == 0
+    refused = xosc_run(path, "--dry-run", "-p", "Lanes=5")
+    assert refused.code == 3 and "dLane=5 leads from" in refused.out + refused.err
+    assumed = xosc_run(path, "--dry-run", "-p", "Lanes=0", "-p", "Ds=5000")
+    assert assumed.code == 0 and "its end is assumed" in assumed.out + assumed.err
 
 
 def test_a_dry_run_of_a_variation_file_is_one_line(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
