@@ -13,12 +13,12 @@ from recognition.catalogue import usable
 from recognition.catalogue.episodes import Around, of_findings, of_vehicles
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Moment, by_rules
+from recognition.catalogue.shelf import Shelf
 from recognition.catalogue.writing.catalogue import Catalogue, CatalogueConfig
 from recognition.catalogue.writing.index import recordings_of
 from recognition.datasets import Source, cache_roads
 from recognition.labels import Event, Rules, label
 from recognition.sites import Site, site_of
-from recognition.sites.placing import place
 from runner.recording import Recording
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 
@@ -107,12 +107,13 @@ def build(paths: Sequence[Path], out: Path, settings: CatalogueSettings, recogni
     sources = [source for path in paths for source in datasets.open(path).sources]
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
-    work = _Work(settings, recogniser, Catalogue(out, settings.config))
-    for source in progress(sources, "recognising"):
-        work.try_to(work.look, source)
-    for source in progress([source for source in sources if source.name not in work.failures], "writing"):
-        work.try_to(work.write, source)
-    return work.close()
+    with Shelf() as shelf:
+        work = _Work(settings, recogniser, Catalogue(out, settings.config), shelf)
+        for source in progress(sources, "recognising"):
+            work.try_to(work.look, source)
+        for source in progress([source for source in sources if source.name not in work.failures], "writing"):
+            work.try_to(work.write, source)
+        return work.close()
 
 
 def _refuse_twins(sources: Sequence[Source]) -> None:
@@ -135,8 +136,8 @@ def _refuse_others(out: Path, names: set[str]) -> None:
         )
 
 
-def look(source: Source, recogniser: Recogniser, rules: Rules) -> Site:
-    """Read a recording, label it by the rules, and have a recogniser look at it; its site.
+def look(source: Source, recogniser: Recogniser, rules: Rules) -> tuple[Recording, Site]:
+    """Read a recording, label it by the rules, and have a recogniser look at it; the recording, placed on roads, and its site.
 
     Raises:
         InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
@@ -144,16 +145,16 @@ def look(source: Source, recogniser: Recogniser, rules: Rules) -> Site:
     recording = source.load()
     site = site_of(source, recording, cache_roads())
     recogniser.look(source.name, recording, site, label(recording, site, source.name, rules))
-    return site
+    return recording, site
 
 
 class _Work:
     """One catalogue in the making."""
 
-    def __init__(self, settings: CatalogueSettings, recogniser: Recogniser, catalogue: Catalogue) -> None:
+    def __init__(self, settings: CatalogueSettings, recogniser: Recogniser, catalogue: Catalogue, shelf: Shelf) -> None:
         self.failures: dict[str, ToolchainError] = {}
         self._settings, self._recogniser, self._catalogue = settings, recogniser, catalogue
-        self._sites: dict[str, Site] = {}
+        self._shelf, self._sites = shelf, dict[str, Site]()
 
     def try_to(self, do: Callable[[Source], None], source: Source) -> None:
         """Do something with a source; what is wrong with it is kept for the end."""
@@ -165,14 +166,14 @@ class _Work:
 
     def look(self, source: Source) -> None:
         """Read and label a recording."""
-        self._sites[source.name] = look(source, self._recogniser, self._settings.rules)
+        recording, self._sites[source.name] = look(source, self._recogniser, self._settings.rules)
+        self._shelf.put(source.name, recording)
 
     def write(self, source: Source) -> None:
         """Write the scenarios of a recording."""
         settings, site = self._settings, self._sites[source.name]
-        recording = source.load()
+        recording = self._shelf.take(source.name)
         self._catalogue.tell(source)
-        place(recording, site.network)
         found = findings.joined(self._recogniser.moments(source.name), settings.gap)
         if settings.scenes == EVENTS:
             self._catalogue.add(source, recording, site, of_findings(source.name, found, settings.around), [])

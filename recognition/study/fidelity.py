@@ -121,6 +121,8 @@ def _deviation(part: Track, result: RunResult) -> Deviation:
     if track is None:
         return Deviation(part.name, part.category, *_ABSENT, len(time))
     driven = track.columns
+    if driven["time"][0] > time[-1] + _SAME_TIME:
+        return Deviation(part.name, part.category, *_ABSENT, len(time))
     there = (time >= driven["time"][0] - _SAME_TIME) & (time <= driven["time"][-1] + _SAME_TIME)
     off = {name: (np.interp(time, driven["time"], driven[name]) - recorded[name])[there] for name in _COMPARED}
     away = np.hypot(off["x"], off["y"])

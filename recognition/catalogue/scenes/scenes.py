@@ -126,7 +126,7 @@ def _between(time: FloatArray, start: float, end: float) -> IntArray:
 
 def _entrance(time: FloatArray) -> int:
     """The first of the rows of one who comes, at times (s) from the scene's start, that is at a step of usual runs."""
-    soon = time[: np.searchsorted(time, time[0] + _SOON)]
+    soon = time[: min(int(np.searchsorted(time, time[0] + _SOON)), len(time) - 1)]  # a trajectory has two rows
     at_step = np.abs(np.remainder(soon / _STEP + 0.5, 1.0) - 0.5) < _SAME_TIME / _STEP
     return int(np.argmax(at_step))
 

@@ -11,6 +11,8 @@ from recognition.trfe.samples import Features, class_labels, deviations, drawn_o
 from xodr.array_types import IntArray
 
 _NEAREST = 3
+_BLOCK = 1024
+"""Samples at a time: enough for one matrix product, few enough for memory."""
 _MOST = 400
 """References of a class: more would cost time at each recognition."""
 
@@ -59,15 +61,27 @@ class Neighbours(NamedTuple):
         return np.concatenate([matrix(features), self.distances(features)], axis=1)
 
     def _distance(self, standard: Features, label: int) -> Features:
-        from sklearn.neighbors import NearestNeighbors
-
         references = self.references[self.labels == label].astype(np.float32)
         count = min(_NEAREST + 1, len(references))
-        found = NearestNeighbors(n_neighbors=count, algorithm="brute").fit(references).kneighbors(standard)[0]
+        found = np.concatenate([_nearest(part, references, count) for part in _blocks(standard)])
         if count == 1:
             return _logarithm(found[:, 0])
         itself = found[:, 0] == 0.0
         return _logarithm(np.where(itself, found[:, 1:].mean(axis=1), found[:, :-1].mean(axis=1)))
+
+
+def _blocks(standard: Features) -> list[Features]:
+    return [standard[first : first + _BLOCK] for first in range(0, max(len(standard), 1), _BLOCK)]
+
+
+def _nearest(standard: Features, references: Features, count: int) -> NDArray[np.floating]:
+    """Distances to the nearest references (n, count), ascending: |a - b|² as |a|² + |b|² - 2ab, one product for all.
+
+    What is nearest by the product is measured again by differences, so that a reference is at distance 0 from itself.
+    """
+    squares = (references * references).sum(axis=1) - 2.0 * (standard @ references.T)
+    near = np.argpartition(squares, count - 1, axis=1)[:, :count]
+    return np.sort(np.linalg.norm(standard[:, None, :] - references[near], axis=2), axis=1)
 
 
 def _logarithm(distances: NDArray[np.floating]) -> Features:

@@ -86,6 +86,14 @@ def test_runs_repeat_what_was_recorded(tmp_path: Path, recording: Recording, ego
     assert max(each.hardest for each in deviations) < 6.0, "those who come later have their speed at once"
 
 
+def test_who_enters_for_two_rows_has_both(recording: Recording) -> None:
+    """A truck comes at 2.04 s, between two steps of usual runs."""
+    start = float(recording.tracks["5"].columns["time"][0])
+    scene = SceneCutter(recording, Scope()).cut(motorway.EGO, 0.5, start + 0.05)
+    (part,) = (part for part in scene.parts if part.track.name == "5")
+    assert len(part.rows) == 2
+
+
 def test_who_stands_at_the_end_of_a_trajectory_stays_there(tmp_path: Path, recording: Recording) -> None:
     scene = SceneCutter(recording, Scope()).cut(motorway.STOPPING, 0.0, 11.9)
     assert scene.ego.column("speed")[-1] == pytest.approx(0.0, abs=1e-6)
