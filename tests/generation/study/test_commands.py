@@ -38,7 +38,7 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help_lists_every_experiment(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(monkeypatch, "--help") == 0
     text = capsys.readouterr().out
-    assert all(name in text for name in ("methods", "systems", "densities", "reconstruction", "rounds"))
+    assert all(name in text for name in ("methods", "failures", "twin", "systems", "densities", "reconstruction", "rounds"))
 
 
 def test_methods_are_compared_and_their_cases_run_with_other_systems(
@@ -77,7 +77,10 @@ def test_units_of_recordings_are_reconstructed_and_kept(
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (("methods", CUT_IN, "--out", "{out}", "--methods", "magic"), "methods: mcsg, conscend, kde, random, ccsf"),
+        (
+            ("methods", CUT_IN, "--out", "{out}", "--methods", "magic"),
+            "methods: mcsg, conscend, kde, mcsg-published, quality, random",
+        ),
         (("systems", "{out}"), "neither a comparison of methods nor edge cases"),
         (("densities", CUT_IN, "--density", "spline"), "densities: kde"),
         (("densities", "nothing.xosc"), "no such file"),
@@ -95,3 +98,26 @@ def test_wrong_use_is_one_line(
     said = capsys.readouterr().err
     assert reason in said
     assert "Traceback" not in said
+
+
+def test_failures_are_counted_on_sumo_and_never_twice(
+    tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick = ("--methods", "kde", "--seeds", 1, "--budget", 6, "--recorded", units, "--jobs", 1, "--out", tmp_path)
+    assert call(monkeypatch, "failures", CUT_IN, *quick) == 0
+    first = capsys.readouterr().out
+    assert "| cut_in_highway | cas | kde | 1 | 6 |" in first
+    assert "cut_in_highway, cas, kde, seed 100" in first
+    assert call(monkeypatch, "failures", CUT_IN, *quick) == 0
+    assert "seed 100" not in capsys.readouterr().out
+    assert call(monkeypatch, "failures", CUT_IN, *quick[:4], "--budget", 7, *quick[6:]) == 2
+    assert "another budget" in capsys.readouterr().err
+
+
+def test_the_twin_is_measured_against_sumo(
+    units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "twin", CUT_IN, "--draws", 8, "--finds", 0, "--recorded", units, "--jobs", 1) == 0
+    said = capsys.readouterr().out
+    assert "draws of the prior, system under test: 8 of 8 verdicts are SUMO's" in said
+    assert "episodes a second" in said
