@@ -62,14 +62,18 @@ class Recorded(NamedTuple):
         """
         if len(self.marginals) == len(space.names):
             return self._stated(space, space.admits)
+        told = self.recorded_prior(space, density)
+        if not self.marginals and space.constraints is None:
+            return told
+        return JointPrior(space.names, (told, self._stated(space)), space.admits)
+
+    def recorded_prior(self, space: Space, density: str) -> RecordedPrior:
+        """What they say of those of a space's parameters that are recorded."""
         values = self.values or dict(zip(space.names, self.theta.T, strict=True))
         pinned = {name: float(value) for name, value in space.pinned.items() if name in values}
         kept = [index for index, name in enumerate(space.names) if name not in self.marginals]
         box = Box(tuple(space.names[index] for index in kept), space.low[kept], space.high[kept], pinned)
-        told = RecordedPrior(box, values, self.recordings, self.roles or roles_of(values), density)
-        if not self.marginals and space.constraints is None:
-            return told
-        return JointPrior(space.names, (told, self._stated(space)), space.admits)
+        return RecordedPrior(box, values, self.recordings, self.roles or roles_of(values), density)
 
     def _stated(self, space: Space, admits: Admits | None = None) -> DeclaredPrior:
         """The prior of what is not recorded."""

@@ -147,16 +147,26 @@ class RecordedPrior(Prior):
     # what is foreseeable
 
     @cached_property
-    def limit(self) -> float:
-        """log p that all but 1 % of the recorded units reach, each by the density of other recordings and given its own values
-        of what is pinned."""
+    def held_out(self) -> FloatArray:
+        """log p(searched | pinned) of each recorded unit (m,) by the density of other recordings, given its own values of what is
+        pinned; over all that is positive."""
         found = np.empty(len(self._log_rows))
         for other, tested in others(self._model, self._log_rows, self._recordings):
             found[tested] = other.log_density(self._log_rows[tested])
             if self._given:
                 given = _gaussians(other, self._model).marginal(self._given_columns)
                 found[tested] -= given.log_density(self._log_rows[tested][:, self._given_columns])
-        return float(np.quantile(found - self._log_rows[:, : len(self.searched)].sum(axis=1), FORESEEABLE))
+        return found - self._log_rows[:, : len(self.searched)].sum(axis=1)
+
+    @cached_property
+    def limit(self) -> float:
+        """log p that all but 1 % of the recorded units reach."""
+        return float(np.quantile(self.held_out, FORESEEABLE))
+
+    @property
+    def possible_share(self) -> float:
+        """Share of the density's draws that are inside the box and the physical limits."""
+        return float(np.exp(self._log_share))
 
     def foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that traffic does: (n,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from generation.density.base import folds
 from generation.density.fitting import held_out
+from generation.density.gate import Gate, Share
 from generation.density.model import models
+from generation.density.recorded_prior import RecordedPrior
+from generation.outcomes.outcomes import Outcomes
 from recognition.study.report.tables import Table, spread
 from xodr.array_types import FloatArray
 
@@ -35,3 +38,28 @@ def comparison(theta: FloatArray, recordings: NDArray[Any], names: Sequence[str]
         "folds of log p (natural, in the parameters' units) of rows from recordings that were not fitted."
     )
     return Table("density", "Held-out log-likelihood", note, ("density", "log-likelihood per sample"), rows)
+
+
+def gated(priors: Mapping[str, RecordedPrior], run: Callable[[FloatArray], Outcomes], replayed: Share, draws: int) -> Table:
+    """Table of priors by what they say of recordings that they have not seen, and by how often their draws collide.
+
+    Args:
+        priors: by the name of the density. run: runs rows of their space.
+        replayed: collisions of recorded units with their own values.
+        draws: of each prior.
+    """
+    rows: list[tuple[str, ...]] = []
+    for name, prior in priors.items():
+        drawn = prior.sample(draws, np.random.default_rng(0))
+        outcomes = run(drawn)
+        gate = Gate(replayed, Share.of(outcomes))
+        likely = int((outcomes.collision & prior.foreseeable(drawn)).sum())
+        figures = f"{prior.held_out.mean():.3f}", f"{prior.possible_share:.1%}", str(gate.drawn), str(likely)
+        rows.append((models()[name].title, *figures, "passed" if gate.refusal is None else "refused"))
+    note = (
+        f"Replays of recorded units with their own values: {replayed} collide. Likelihood: natural, in the parameters' units, "
+        "mean over units by the density of other recordings. Possible: draws inside the limits of the parameters and of physics; "
+        "others are drawn again. Gate: refused where certainly more draws than replays collide (95 % intervals, exact)."
+    )
+    header = ("density", "held-out log-likelihood", "possible", "draws that collide", "foreseeable ones", "gate")
+    return Table("gate", "Priors of what is foreseeable", note, header, rows)

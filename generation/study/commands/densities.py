@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from generation.density.model import models
-from generation.options import Kind, Pin, Recorded
+from generation.options import Jobs, Kind, Pin, Recorded, Sut
+from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, interruptible, parameters_of
 from schemas.errors import UsageError
+
+if TYPE_CHECKING:
+    from generation.recorded import Recorded as Units
+    from generation.search.space import Space
+    from recognition.study.report.tables import Table
 
 NAME = "python -m generation.study densities"
 
@@ -24,10 +32,18 @@ def command(
     recorded: Recorded = None,
     kind: Kind = None,
     pin: Pin = None,
+    runs: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Runs of replays, and of each density's draws: the gate; 0 for none.")
+    ] = 0,
+    sut: Sut = DEFAULT_SYSTEM,
+    jobs: Jobs = 2,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare densities of recorded parameters by held-out log-likelihood, in a cross-validation by recording."""
+    """Compare densities of recorded parameters by held-out log-likelihood, in a cross-validation by recording.
+
+    With --runs they are simulated too: recorded units with their own values, and draws of the densities.
+    """
     from generation.density.model import model
     from generation.recorded import kind_of, of_recordings, of_samples
     from generation.search.space import Space
@@ -42,3 +58,26 @@ def command(
         if not len(found.theta):
             raise UsageError("no recorded manoeuvre is inside the limits of its parameters", path=scenario)
         print(comparison(found.theta, found.recordings, only).markdown(), end="")
+        if runs:
+            names = only or list(models())
+            source = of_samples(samples, space)
+            print("\n" + _gated(scenario, space, source, names, runs, RunSettings(sut=sut), jobs).markdown(), end="")
+
+
+def _gated(
+    scenario: Path, space: Space, recorded: Units, names: Sequence[str], runs: int, settings: RunSettings, jobs: int
+) -> Table:
+    from generation.density.gate import Share
+    from generation.outcomes.evaluator import Evaluator
+    from generation.study.densities import gated
+
+    replays = recorded.replays(space)
+    if replays is None:
+        raise UsageError("nothing is recorded that could be replayed", path=scenario)
+    own, units = replays
+    chosen = units[np.random.default_rng(0).permutation(len(units))[:runs]]
+    with Evaluator(scenario, own, run=settings, processes=jobs) as evaluator:
+        replayed = Share.of(evaluator(chosen))
+    priors = {name: recorded.recorded_prior(space, name) for name in names}
+    with Evaluator(scenario, space, run=settings, processes=jobs) as evaluator:
+        return gated(priors, evaluator, replayed, 2 * runs)
