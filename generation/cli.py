@@ -89,7 +89,7 @@ def xosc_generate(
         RunSettings(sut=sut, timestep=timestep), method, budget, seed, density, weight, rss, jobs,
         choice=Choice(most, apart, violations), concrete=concrete,
     )  # fmt: skip
-    ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), free or (), maps or ())
+    ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, quiet, source.is_dir()) for each in _searches(source, ask, out, settings)]
     raise typer.Exit(0 if any(found) else 1)

@@ -60,6 +60,12 @@ def varied(path: Path) -> Varied | None:
     return found
 
 
+def scenario_of(path: Path) -> Path:
+    """The scenario of a variation file; of a scenario, itself."""
+    variation = varied(path)
+    return path if variation is None else variation.scenario
+
+
 def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
     """Names to search, and the ranges of those that have one, from texts NAME or NAME=LOW..HIGH.
 
@@ -152,6 +158,9 @@ class Ask:
         """
         variation, (free, ranges), roles = varied(path), freed(self.free), mapped(self.maps)
         scenario = variation.scenario if variation is not None else path
+        if variation is not None and not (variation.marginals or ranges or free or roles):
+            reason = f"it gives each parameter one value, which leaves nothing to search: search {scenario.name} itself"
+            raise UsageError(reason, path=path)
         stated = {**(variation.marginals if variation is not None else {}), **ranges}
         marginals = {name: each for name, each in stated.items() if name not in self.pinned}
         pinned = {**(variation.pinned if variation is not None else {}), **self.pinned}

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.options import Jobs, Quiet, Sut
+from generation.density.model import DEFAULT
+from generation.options import Density, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, progress_bar
+from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,6 +44,12 @@ def xosc_loop(
     method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = "mcsg",
     labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
+    recorded: Recorded = None,
+    kind: Kind = None,
+    density: Density = DEFAULT,
+    pin: Pin = None,
+    free: Free = None,
+    maps: Map = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
@@ -53,13 +60,17 @@ def xosc_loop(
 
     Edge cases of one round are what the next one starts from. What is done stays: after an interruption the same command goes
     on. index.html in the output folder shows everything, with replays, scenario and road files and tags to open.
+
+    --recorded, --kind, --pin, --free and --map are about the scenarios in the folder, as in xosc-generate.
     """
+    from generation.declared import Ask
     from generation.loop.loop import run_loop
     from generation.loop.messages import closing
     from generation.loop.page import write
     from generation.loop.settings import LoopSettings
 
-    settings = LoopSettings(RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs)
+    ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
+    settings = LoopSettings(RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs, ask)
     _refuse_wrong(settings)
     with interruptible(NAME, "the same command goes on where it was"):
         found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
@@ -83,9 +94,12 @@ def _model(labels: str, model: Path | None) -> Path | None:
 
 def _refuse_wrong(settings: LoopSettings) -> None:
     """What can't be is better known at once than after the recognition."""
+    from generation.declared import freed, mapped
     from generation.search.method import method
 
     method(settings.method)
+    freed(settings.ask.free)
+    mapped(settings.ask.maps)
 
 
 def _told(quiet: bool, stage: Stage, found: Finding, seconds: float | None) -> None:

@@ -27,7 +27,7 @@ from generation.loop.stages.finished import FinishedStages, Report, Stage
 from generation.loop.tasks import recognising
 from generation.loop.tasks.running import run_all
 from generation.loop.tasks.searching import found_by, search
-from generation.loop.tasks.targets import Target, of_classes, of_scenario, split
+from generation.loop.tasks.targets import Target, of_classes, of_input, split
 from recognition.catalogue.episodes import plain
 from recognition.catalogue.writing.index import rows_of
 from recognition.maneuvers.units import Samples
@@ -103,7 +103,7 @@ class _Loop:
             self._once(Stage("measure"), Measured, partial(recognising.units, self._inputs.recordings, table, self._bar))
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
-        targets, refused = split(chain(listed, (of_scenario(path, own) for path in self._inputs.scenarios)))
+        targets, refused = split(chain(listed, (of_input(path, own, self._settings.ask) for path in self._inputs.scenarios)))
         return found, targets, refused
 
     def round(self, number: int, targets: Iterable[Target]) -> Round:

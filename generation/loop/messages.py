@@ -36,6 +36,8 @@ def closing(found: LoopResult) -> str:
 
 def prior(of: Prior) -> str:
     """Whose parameters a density is of."""
+    if not of.manoeuvres:
+        return "what is stated, without recordings"
     return f"{of.manoeuvres} manoeuvres {'of these recordings' if of.own else 'shipped with the package'}"
 
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from generation.declared import Ask
 from generation.outcomes.cases import Choice
 from generation.pipeline import SearchSettings
 from runner.settings import RunSettings
@@ -30,6 +31,7 @@ class LoopSettings:
         method: of the search.
         seed: of everything random.
         processes: how many runs at a time.
+        ask: what to search of the user's own scenarios, and what is likely of it.
     """
 
     run: RunSettings = field(default_factory=RunSettings)
@@ -41,6 +43,7 @@ class LoopSettings:
     method: str = "mcsg"
     seed: int = 0
     processes: int = 2
+    ask: Ask = field(default_factory=Ask)
 
     def deciding(self) -> dict[str, Any]:
         """Those that decide what is found."""
@@ -51,6 +54,6 @@ class LoopSettings:
         """The settings of the searches of a round, whose number counts from 1."""
         seed = self.seed + 1000 * (number - 1)
         return SearchSettings(
-            run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes,
+            run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes, density=self.ask.density,
             choice=Choice(self.most, violations=True), concrete=True,
         )  # fmt: skip

@@ -13,7 +13,7 @@ from generation.loop.settings import LoopSettings
 from generation.loop.stages.findings import CarefulDriver, CaseVerdict, EdgeCase, Range, Searched
 from generation.loop.tasks.failures import failures
 from generation.loop.tasks.targets import Target
-from generation.pipeline import Generated, generate
+from generation.pipeline import Generated, SearchSettings, generate
 from schemas.errors import ToolchainError
 from xodr.array_types import FloatArray
 
@@ -42,7 +42,7 @@ def search(
     folder = out / f"round_{number}" / target.name
     of = Searched(round=number, target=target.name, title=target.title, scenario=target.scenario.stem, prior=target.prior)
     try:
-        made = generate(target.scenario, target.recorded, folder, settings.search(number), progress, known)
+        made = generate(target.scenario, target.recorded, folder, _settings(target, settings.search(number)), progress, known)
     except ToolchainError as error:
         return replace(of, error=str(error))
     found = failures(made.space, made.history, known)
@@ -62,6 +62,14 @@ def search(
         real=_thinned(real).tolist(),
         tried=_thinned(made.history.theta).tolist(),
     )
+
+
+def _settings(target: Target, settings: SearchSettings) -> SearchSettings:
+    """With what was asked for of a target."""
+    asked = target.asked
+    if asked is None:
+        return settings
+    return replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
 
 
 def found_by(rounds: Iterable[Searched]) -> FloatArray | None:

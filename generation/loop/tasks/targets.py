@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import xosc
+from generation.declared import Ask, Asked, scenario_of
 from generation.logical.library import SCENARIOS
 from generation.loop.stages.findings import Prior, Refused
 from generation.pipeline import LEAST
@@ -40,6 +43,7 @@ class Target(NamedTuple):
         scenario: the logical scenario.
         recorded: gives the recorded parameters of its space.
         prior: how many these are, and whose.
+        asked: what the user's options and a variation file say of it; None where all is by default.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Target(NamedTuple):
     scenario: Path
     recorded: Callable[[Space], Recorded]
     prior: Prior
+    asked: Asked | None = None
 
 
 def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[Target | Refused]:
@@ -102,11 +107,47 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
     return Target(name, title, path, recorded, prior)
 
 
+def of_input(path: Path, own: Samples | None, ask: Ask) -> Target | Refused:
+    """A scenario or a variation file of the user: as the options say, else by its name.
+
+    Options count for those scenarios that declare the parameters that they name.
+
+    Args:
+        own: units of the user's recordings; None for none.
+    """
+    try:
+        asking = _concerning(ask, path)
+        if asking == Ask() and xosc.load(path).kind == "scenario":
+            return of_scenario(path, own)
+        asked = asking.of(path)
+        space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+        found = asked.recorded(space)
+        count = len(found.within(space).theta)
+        if count < LEAST:
+            raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
+    except (UsageError, Unsupported) as error:
+        return Refused(path.stem, error.message)
+    stated = len(found.marginals) == len(space.names)
+    return Target(path.stem, path.stem, asked.scenario, asked.recorded, Prior(0 if stated else count, own=False), asked)
+
+
+def _concerning(ask: Ask, path: Path) -> Ask:
+    """What options say of the parameters that a scenario declares."""
+    declared = xosc.load(scenario_of(path)).node.find("ParameterDeclarations")
+    names = {each.get("name") for each in declared.children("ParameterDeclaration")} if declared is not None else set()
+    pinned = {name: value for name, value in ask.pinned.items() if name in names}
+    free, maps = (tuple(text for text in texts if text.partition("=")[0] in names) for texts in (ask.free, ask.maps))
+    return replace(ask, pinned=pinned, free=free, maps=maps)
+
+
 def _kind(path: Path) -> str:
     try:
         return kind_of(path)
     except UsageError:
-        reason = "its name does not begin with that of a manoeuvre, as cut_in_ would; xosc-generate --kind searches it"
+        reason = (
+            "its name does not begin with that of a manoeuvre, as cut_in_ would; --kind says which recorded units are like it, "
+            "--free NAME=LOW..HIGH or --density uniform what to search without recordings"
+        )
         raise UsageError(reason) from None
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from generation.declared import Ask
 from generation.logical.library import SCENARIOS
 from generation.loop.stages.findings import Refused
-from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_scenario
+from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_input, of_scenario
 from generation.pipeline import LEAST
 from generation.search.space import Space
 from recognition.maneuvers.units import OWN, Samples
@@ -58,4 +59,16 @@ def test_a_scenario_whose_manoeuvre_is_not_known_says_so(tmp_path: Path) -> None
     path.write_bytes((SCENARIOS / "cut_in_highway.xosc").read_bytes())
     refused = of_scenario(path, None)
     assert isinstance(refused, Refused)
-    assert "xosc-generate --kind" in refused.reason
+    assert "--kind" in refused.reason and "--density uniform" in refused.reason
+
+
+def test_options_say_what_to_search_of_the_scenarios_that_declare_what_they_name() -> None:
+    ask = Ask(free=("CutIn_Gap_m=2..40", "Nowhere=1..2"), pinned={"Ego_Speed_mps": "30"})
+    target = of_input(SCENARIOS / "simple_cut_in.xosc", None, ask)
+    assert isinstance(target, Target) and target.asked is not None
+    assert list(target.asked.marginals) == ["CutIn_Gap_m"]
+    assert target.prior.manoeuvres == 0
+    (refused,) = [of_input(SCENARIOS / "simple_cut_in.xosc", None, Ask())]
+    assert isinstance(refused, Refused) and "--kind" in refused.reason
+    named = of_input(SCENARIOS / "cut_in_highway.xosc", None, Ask())
+    assert isinstance(named, Target) and named.asked is None
