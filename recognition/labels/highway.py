@@ -7,12 +7,13 @@ import numpy as np
 from recognition.labels import cuts
 from recognition.labels.classes import Label
 from recognition.labels.hits import Hits, alone
+from recognition.labels.scene.changes import Changes
 from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.rolling import always, constant, deviation
 from recognition.labels.scene.scene import Scene
 from recognition.labels.scene.spans import spaced
 from recognition.sites import Role
-from xodr.array_types import BoolArray
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
 def free_cruise(scene: Scene) -> Hits:
@@ -59,21 +60,44 @@ def cut_out(scene: Scene) -> Hits:
 
 def lane_change_left(scene: Scene) -> Hits:
     """5: ego changes to the lane on its left."""
-    return _lane_change(scene, Label.LANE_CHANGE_LEFT, scene.changes.left)
+    return _lane_change(scene, Label.LANE_CHANGE_LEFT, left=True)
 
 
 def lane_change_right(scene: Scene) -> Hits:
     """6: ego changes to the lane on its right."""
-    return _lane_change(scene, Label.LANE_CHANGE_RIGHT, ~scene.changes.left)
+    return _lane_change(scene, Label.LANE_CHANGE_RIGHT, left=False)
 
 
-def _lane_change(scene: Scene, label: Label, chosen: BoolArray) -> Hits:
-    row, shift, rules = scene.changes.row, scene.changes.shift, scene.rules
+def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
+    """Lane changes to one side; those that were recorded in part have their window where it is complete."""
+    changes, rules = scene.changes, scene.rules
+    row, shift = changes.row, changes.shift
+    width, least = scene.site.lanes.width[scene.strip], rules.strict_shift
+    whole = _between_main(scene, row) & (shift >= (rules.shift * width[row] if least is None else least)) & scene.complete[row]
+    part = changes.partial
+    enough = _between_main(scene, part.row) & (part.shift >= rules.partial_shift * width[part.row]) & (part.left == left)
+    partial = part.row[enough & ~_near(scene, part.row, row[whole])]
+    half = scene.rows(0.5 * rules.window)
+    centre = np.clip(partial, scene.first[partial] + half, np.maximum(scene.last[partial] - half, 0))
+    fits = scene.complete[centre] & (scene.track[centre] == scene.track[partial])
+    chosen = whole & (changes.left == left)
+    rows, shifts = np.append(row[chosen], centre[fits]), np.append(shift[chosen], _of(part, partial[fits]))
+    return alone(label, rows, shift=shifts, partial=np.arange(len(rows)) >= np.count_nonzero(chosen))
+
+
+def _between_main(scene: Scene, row: IntArray) -> BoolArray:
     main = scene.has_role(Role.MAIN)
-    lane_width = scene.site.lanes.width[scene.strip[row]]
-    least = rules.shift * lane_width if rules.strict_shift is None else rules.strict_shift
-    good = chosen & main[row] & main[row - 1] & (shift >= least) & scene.complete[row]
-    return alone(label, row[good], shift=shift[good])
+    return main[row] & main[row - 1]
+
+
+def _near(scene: Scene, row: IntArray, others: IntArray) -> BoolArray:
+    """Whether another row of the same track is less than `rules.hold` away."""
+    apart = np.abs(scene.time[row][:, None] - scene.time[others]) < scene.rules.hold
+    return (apart & (scene.track[row][:, None] == scene.track[others])).any(axis=1)
+
+
+def _of(changes: Changes, row: IntArray) -> FloatArray:
+    return changes.shift[np.searchsorted(changes.row, row)]
 
 
 def _steady_on_main(scene: Scene) -> BoolArray:

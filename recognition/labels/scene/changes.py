@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,14 @@ from recognition.labels.scene.rows import SceneRows
 from recognition.labels.scene.stays import held, stays
 from recognition.sites.lanes import NOWHERE, LaneGraph
 from xodr.array_types import BoolArray, FloatArray, IntArray
+
+
+class Changes(NamedTuple):
+    """Changes of lane: the first row in the new lane, whether it is to the left, and the lateral displacement towards it, m."""
+
+    row: IntArray
+    left: BoolArray
+    shift: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +33,7 @@ class LaneChanges:
         row: the first row in the new lane, one for each change; `row - 1` is the last one in the old lane.
         left: whether the change is to the left.
         shift: lateral displacement towards the new lane about the change, m.
+        partial: changes of which only a part was recorded: the track begins or ends before they are held or over.
     """
 
     lane: IntArray
@@ -33,22 +43,49 @@ class LaneChanges:
     row: IntArray
     left: BoolArray
     shift: FloatArray
+    partial: Changes
 
 
 def lane_changes(scene: SceneRows) -> LaneChanges:
-    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`."""
+    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`; partial ones apart."""
     steps, related = _steps(scene.site.lanes, scene.strip)
     begins = np.ones(len(scene.track), bool)
     begins[1:] = (scene.first[1:] != scene.first[:-1]) | ~related
     course = np.cumsum(begins) - 1
     steps = np.where(begins, 0, np.concatenate([[0], steps]))
     raw = np.cumsum(steps)
-    lane = held(raw - raw[_first(begins)], course, scene.rows(scene.rules.hold))
-    side = _side(scene, steps, begins)
-    row = np.flatnonzero((lane[1:] != lane[:-1]) & ~begins[1:]) + 1
-    row = row[_is_held(lane, course, row, scene.rows(scene.rules.hold)) & (np.abs(lane[row] - lane[row - 1]) == 1)]
-    left = lane[row] > lane[row - 1]
-    return LaneChanges(lane, steps, course, side, row, left, _shifts(scene, lane, course, side, row, left))
+    raw -= raw[_first(begins)]
+    hold, side = scene.rows(scene.rules.hold), _side(scene, steps, begins)
+    lane = held(raw, course, hold)
+    row, left = _sideways(lane, begins)
+    kept = _is_held(lane, course, row, hold)
+    row, left = row[kept], left[kept]
+    shift = _shifts(scene, lane, course, side, row, left)
+    return LaneChanges(lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins))
+
+
+def _sideways(lane: IntArray, begins: BoolArray) -> tuple[IntArray, BoolArray]:
+    """Rows with which a stay in the lane beside begins, and whether that is the left one."""
+    row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
+    return row, lane[row] > lane[row - 1]
+
+
+def _partial(scene: SceneRows, raw: IntArray, course: IntArray, side: FloatArray, begins: BoolArray) -> Changes:
+    """Changes of which a half may be missing: no row is left half of `rules.shift_time` before or after them."""
+    lane = _held_at_ends(scene, raw, course)
+    row, left = _sideways(lane, begins)
+    half = scene.rows(0.5 * scene.rules.shift_time)
+    near = (row - scene.first[row] < half) | (scene.last[row] - row < half)
+    row, left = row[near], left[near]
+    return Changes(row, left, _shifts(scene, lane, course, side, row, left))
+
+
+def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray:
+    """Lanes, of which those in which a track begins or ends need not be held for `rules.hold`: that may be cut."""
+    start, size = stays(raw, course)
+    last = start + size - 1
+    at_end = (start == scene.first[start]) | (last == scene.last[last])
+    return held(raw, course, np.where(at_end, scene.rows(scene.rules.partial_hold), scene.rows(scene.rules.hold)))
 
 
 def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:

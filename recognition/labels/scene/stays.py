@@ -29,8 +29,8 @@ def stays(values: IntArray, group: IntArray) -> Stays:
     return Stays(start, np.diff(np.append(start, len(values))))
 
 
-def held(values: IntArray, group: IntArray, least: int) -> IntArray:
-    """Values in which stays of fewer than `least` rows count to the last longer one before them in the same group."""
+def held(values: IntArray, group: IntArray, least: int | IntArray) -> IntArray:
+    """Values in which stays of fewer than `least` rows (of all, or of each) count to the last longer one in the same group."""
     start, size = stays(values, group)
     number = np.arange(len(start))
     last_long = np.maximum.accumulate(np.where(size >= least, number, -1))

@@ -116,9 +116,30 @@ def test_a_lane_has_to_be_held_for_a_second_before_and_after(motorway: Site) -> 
     assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), there_and_back)), "ego") == []
 
 
-def test_a_track_that_ends_in_the_change_tells_none(motorway: Site) -> None:
-    short = track("ego", ahead(100, 30, 4.6), sideways(MIDDLE, LEFT, 4.0, 4.6))
+@pytest.mark.parametrize("rest", [0.3, 0.6])
+def test_a_track_that_ends_in_the_change_shows_it_in_part(motorway: Site, rest: float) -> None:
+    short = track("ego", ahead(100, 30, 4.0 + rest), sideways(MIDDLE, LEFT, 4.0, 4.0 + rest))
+    (event,) = (event for event in labels(motorway, short) if event.label == Label.LANE_CHANGE_LEFT)
+    assert event.tags["partial"] is True
+    assert event.tags["shift"] < 0.8 * 3.75
+    assert event.time <= 4.0 + rest - 0.7, "the window is complete"
+
+
+def test_a_track_that_begins_in_the_change_shows_it_in_part(motorway: Site) -> None:
+    late = track("ego", ahead(100, 30, 4.0), sideways(MIDDLE, LEFT, 0.4, 4.0))
+    (event,) = (event for event in labels(motorway, late) if event.label == Label.LANE_CHANGE_LEFT)
+    assert event.tags["partial"] is True
+    assert event.time >= 0.7
+
+
+def test_a_track_that_ends_before_the_border_tells_none(motorway: Site) -> None:
+    short = track("ego", ahead(100, 30, 3.9), sideways(MIDDLE, LEFT, 4.0, 3.9))
     assert of(labels(motorway, short), "ego") == []
+
+
+def test_a_whole_change_is_not_partial(motorway: Site) -> None:
+    (event,) = labels(motorway, track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, LEFT, 4.0, SECONDS)))
+    assert event.tags["partial"] is False
 
 
 def test_drifting_over_the_border_is_no_change(motorway: Site) -> None:

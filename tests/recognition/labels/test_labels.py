@@ -61,10 +61,12 @@ def test_every_class_has_its_place_in_the_precedence() -> None:
     assert order(Label.LANE_CHANGE_LEFT) < order(Label.CUT_IN) < order(Label.CUT_OUT) < order(Label.CAR_FOLLOWING)
 
 
-def test_missing_frames_in_the_window_exclude_an_event(motorway: Site) -> None:
+def test_missing_frames_in_the_window_make_a_lane_change_partial(motorway: Site) -> None:
     x, y = ahead(100, 30, 8), sideways(MIDDLE, LEFT, 4, 8)
     assert of(labels(motorway, track("ego", x, y)), "ego") == [Label.LANE_CHANGE_LEFT]
-    assert labels(motorway, track("ego", x, y, missing=[38])) == []
+    (partial,) = labels(motorway, track("ego", x, y, missing=[38]))
+    assert (partial.label, partial.tags["partial"]) == (Label.LANE_CHANGE_LEFT, True)
+    assert partial.time >= 3.9 + 0.7, "its window is beyond the missing frame"
     assert of(labels(motorway, track("ego", x, y, missing=[10])), "ego") == [Label.LANE_CHANGE_LEFT]
 
 
