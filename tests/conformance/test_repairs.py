@@ -142,6 +142,8 @@ FAULTS = {
     "no t": Fault("        </Private>\n", placed('<RoadPosition roadId="1" s="300"/>'), VALID, 56),
     "mode in capitals": Fault('conditionEdge="rising"', 'conditionEdge="Rising"', VALID, 80),
     "attribute in capitals of others": Fault("conditionEdge", "conditionedge", VALID, 80),
+    "attribute with a letter less": Fault("conditionEdge", "conditionEge", VALID, 80),
+    "element with a letter less": Fault("<LogicFile", "<LogicFil", VALID, 20),
     "former name of an attribute": Fault('conditionEdge="rising"', 'edge="rising"', VALID, 80),
     "nothing of visibility": Fault("        </Private>\n", "        " + VISIBLE + "</Private>\n", VALID, 55),
     "no type of a relative speed": Fault(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from functools import cache
 from typing import NamedTuple, TypeVar
 
@@ -21,6 +22,9 @@ _KINDS = {
     "DateTime": "dateTime",
 }
 
+
+_CLOSE = 0.9
+"""Share of letters that two spellings of a name have in common: nine of ten."""
 
 T = TypeVar("T")
 
@@ -60,13 +64,20 @@ def attributes(version: tuple[int, int]) -> dict[str, dict[str, Attribute]]:
 
 
 @cache
-def names_of_attributes() -> dict[str, frozenset[str]]:
-    """The names that attributes have in any version, by element name."""
+def names(read: Callable[[tuple[int, int]], Mapping[str, Iterable[str]]]) -> dict[str, frozenset[str]]:
+    """The names that `attributes` or `children` have in any version, by element name."""
     found: dict[str, frozenset[str]] = {}
     for version in sorted(schema.version[:2] for schema in available_schemas() if schema.standard == OPENSCENARIO):
-        for tag, declared in attributes(version).items():
-            found[tag] = found.get(tag, frozenset()) | declared.keys()
+        for tag, declared in read(version).items():
+            found[tag] = found.get(tag, frozenset()).union(declared)
     return found
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """The name that differs in capitals or a letter only; "" where there is none."""
+    by_lower = {each.lower(): each for each in known}
+    close = get_close_matches(name.lower(), by_lower, 1, _CLOSE)
+    return by_lower[close[0]] if close else ""
 
 
 @cache

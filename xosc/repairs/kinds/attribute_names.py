@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from schemas.remarks import Remark
 from schemas.rules.valid_schema import UID
 from xosc.node import Node
-from xosc.repairs.declared import attributes, names_of_attributes
+from xosc.repairs.declared import attributes, meant, names
 
 BREAKS_SCHEMA = True
 
@@ -16,18 +16,17 @@ _FORMER = {("Condition", "edge"): "conditionEdge"}
 
 
 def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Give them the name that differs in capitals only, or came in the place of theirs; leave out the others."""
-    declared, known = attributes(version), names_of_attributes()
+    """Give them the name that they nearly have, or that came in the place of theirs; leave out the others."""
+    declared, known = attributes(version), names(attributes)
     for node in root.iter():
         for name in [str(each) for each in node.element.attrib] if node.tag in declared else []:
             if name in known[node.tag] or name.startswith("{"):
                 continue
             value = node.element.attrib.pop(name)
-            meant = _FORMER.get((node.tag, name)) or next(
-                (each for each in declared[node.tag] if each.lower() == name.lower()), ""
-            )
-            if meant and not node.has(meant):
-                node.element.set(meant, value)
-                yield node.remark(UID, f"the attribute {name!r} is in no version of the standard; {meant!r} is meant")
+            free = [each for each in declared[node.tag] if not node.has(each)]
+            right = _FORMER.get((node.tag, name), "") or meant(name, free)
+            if right in free:
+                node.element.set(right, value)
+                yield node.remark(UID, f"the attribute {name!r} is in no version of the standard; {right!r} is meant")
             else:
                 yield node.remark(UID, f"the attribute {name!r} is in no version of the standard; it is left out")
