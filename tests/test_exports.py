@@ -22,12 +22,12 @@ ROOT = Path(__file__).parents[1]
 LIBRARY = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))
 KINDS = {path: xosc.load(path).kind for path in LIBRARY}
 VERSIONS = ("1.0", "1.1", "1.2", "1.3")
-QUICK = RunSettings(timestep=0.1, sut="none", world="kinematic")
+QUICK = RunSettings(timestep=0.2, sut="none", world="kinematic")
 
 
 def motion(job: Job) -> dict[str, np.ndarray]:
     """Place, heading and speed of everyone at every step, without a simulator."""
-    result = runner.run(job.scenario, parameters=job.parameters, world="kinematic", sut="none", timestep=0.1, max_time=30)
+    result = runner.run(job.scenario, parameters=job.parameters, world="kinematic", sut="none", timestep=0.2, max_time=30)
     columns = ("time", "x", "y", "z", "h", "speed")
     return {name: np.column_stack([track.columns[c] for c in columns]) for name, track in result.recording.tracks.items()}
 

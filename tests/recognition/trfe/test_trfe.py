@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +29,13 @@ APART = 6.0
 CONFIG = Config(trees=80, delta=0.05)
 
 
-def model(config: Config = CONFIG, steps: Steps | None = None, kind: type[TRFE] = TRFE) -> TRFE:
+def model() -> TRFE:
+    """A model of its own of the known classes."""
+    return deepcopy(fitted())
+
+
+@cache
+def fitted(config: Config = CONFIG, steps: Steps | None = None, kind: type[TRFE] = TRFE) -> TRFE:
     return kind(config, steps=steps).fit(*clouds(KNOWN, 150, seed=0, apart=APART), *clouds(KNOWN, 100, seed=1, apart=APART))
 
 
@@ -119,7 +127,7 @@ def test_discovery_changes_nothing_and_a_seed_decides_it(round_: Round) -> None:
 
 
 def test_nothing_is_expanded_where_nothing_is_promoted(round_: Round) -> None:
-    still = model(replace(CONFIG, promotion=replace(CONFIG.promotion, least_samples=1000)))
+    still = fitted(replace(CONFIG, promotion=replace(CONFIG.promotion, least_samples=1000)))
     still.observe(*stream())
     known = still.known
     discovery = still.discover()
@@ -130,7 +138,7 @@ def test_nothing_is_expanded_where_nothing_is_promoted(round_: Round) -> None:
 @pytest.mark.parametrize("name", ["reading-b", "vote-threshold", "no-ucs", "no-oc", "no-nvp", "cosine"])
 def test_variants_discover_too(name: str) -> None:
     variant = VARIANTS[name]
-    varied = model(CONFIG, variant.steps, variant.model)
+    varied = fitted(CONFIG, variant.steps, variant.model)
     samples, truth = stream()
     found = varied.observe(samples, np.arange(len(truth)))
     assert np.mean(found.labels[np.isin(truth, NEW)] == 0) > 0.9
@@ -140,14 +148,14 @@ def test_variants_discover_too(name: str) -> None:
 
 
 def test_delta_is_chosen_where_classes_allow_it() -> None:
-    chosen = model(replace(CONFIG, delta=None, trees=20)).known.screening
+    chosen = fitted(replace(CONFIG, delta=None, trees=20)).known.screening
     assert isinstance(chosen, EvtJoint) and any(chosen.delta == pytest.approx(each) for each in DELTAS)
     few = TRFE(replace(CONFIG, delta=None, trees=20)).fit(*clouds([1, 2], 50, seed=0), *clouds([1, 2], 50, seed=1))
     assert few.known.screening.threshold == 0.95, "of two classes none can be left out"
 
 
 def test_delta_stays_when_classes_are_added() -> None:
-    growing = model(replace(CONFIG, delta=None, trees=40))
+    growing = fitted(replace(CONFIG, delta=None, trees=40))
     before = growing.known.screening
     samples, truth = stream()
     growing.observe(samples, np.arange(len(truth)))
