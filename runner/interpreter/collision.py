@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ _by_x = attrgetter("x")
 _by_name = attrgetter("name")
 _MARGIN = 10.0
 """Distance (m) up to which pairs are kept under observation beyond that at which they might touch"""
+_FEW = 4
+"""Up to so many participants are all looked at: finding out who is near would cost more than it spares."""
 _ROUNDING = 1e-6
 
 
@@ -34,6 +37,8 @@ class Contacts:
         self._run = run
         self._near: list[tuple[Entity, Entity, Separation]] = []
         """pairs that may touch soon"""
+        self._everyone: list[Entity] = []
+        """the participants when these were found"""
         self._due = -math.inf
         """total displacement at which others may touch"""
         self._partners: dict[str, list[Entity]] = {}
@@ -43,22 +48,23 @@ class Contacts:
 
     def update(self) -> None:
         """Look at all present entities once a step."""
-        if self._run.displacement.total >= self._due:
-            self._look_around()
+        everyone = list(self._run.entities.values())
+        few = len(everyone) <= _FEW
+        if everyone != self._everyone or (not few and self._run.displacement.total >= self._due):
+            self._everyone = everyone
+            self._near = [(a, b, Separation(a, b)) for a, b in combinations(everyone, 2)] if few else self._look_around()
         found = [
-            (a, b)
-            for a, b, separation in self._near
-            if not separation.exceeds(_ROUNDING) and a.controls.trailer is not b and b.controls.trailer is not a and overlap(a, b)
+            (a, b) for a, b, separation in self._near if not separation.exceeds(_ROUNDING) and _counts(a, b) and overlap(a, b)
         ]
         if found or self.pairs:
             self._compare(found)
 
-    def _look_around(self) -> None:
-        """Find the pairs to observe from now on."""
-        order = [entity for entity in self._run.entities.values() if entity.active and entity.placed]
+    def _look_around(self) -> list[tuple[Entity, Entity, Separation]]:
+        """The pairs to observe until somebody has moved far enough."""
+        order = [entity for entity in self._everyone if entity.active and entity.placed]
         order.sort(key=_by_x)
         widest = max((entity.reach for entity in order), default=0.0)
-        self._near.clear()
+        found = []
         for index, a in enumerate(order):
             for b in order[index + 1 :]:
                 dx = b.x - a.x
@@ -66,8 +72,9 @@ class Contacts:
                     break
                 near = a.reach + b.reach + _MARGIN
                 if dx <= near and abs(b.y - a.y) <= near:
-                    self._near.append((a, b, Separation(a, b)))
+                    found.append((a, b, Separation(a, b)))
         self._due = self._run.displacement.after(_MARGIN / 2)
+        return found
 
     def _compare(self, found: list[tuple[Entity, Entity]]) -> None:
         pairs: set[tuple[str, str]] = set()
@@ -86,3 +93,9 @@ class Contacts:
     def of(self, entity: Entity) -> Sequence[Entity]:
         """Those that an entity touches now, by name."""
         return sorted(self._partners.get(entity.name, ()), key=_by_name)
+
+
+def _counts(a: Entity, b: Entity) -> bool:
+    """Whether a contact of these two is one: both are there, and neither is the other's trailer."""
+    there = a.active and a.placed and b.active and b.placed
+    return there and a.controls.trailer is not b and b.controls.trailer is not a

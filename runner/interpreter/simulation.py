@@ -75,7 +75,7 @@ class Simulation:
         self.finished = False
         self.processes: list[Process] = []
         self.log: list[LogEntry] = []
-        self.displacement = Displacement(self.entities)
+        self.displacement = Displacement(self)
         self.contacts = Contacts(self)
         self.recorder = Recorder(self.entities, timestep, scenario.network)
         self._changed: list[Element] = []
@@ -97,7 +97,6 @@ class Simulation:
             elif entity.active:
                 entity.active = False
                 self.note("entity", entity.name, "has no position yet: absent until an action places it")
-        self.displacement.update()
         self.contacts.update()
         self._set_velocities()
         self._evaluate()
@@ -136,7 +135,6 @@ class Simulation:
         self.world.step()
         for entity in [entity for entity in self.entities.values() if entity.controls.world_driven]:
             self._read(entity)
-        self.displacement.update()
         self.contacts.update()
         for observe in self.observers:
             observe(self)

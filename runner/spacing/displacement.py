@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from runner.participants.entity import Entities, Entity
+    from runner.contracts.run import Run
+    from runner.participants.entity import Entity
 
 LONGEST = 1000.0
 """What `Displacement.total` grows by where somebody has come or gone, m: no conclusion reaches further."""
@@ -16,30 +17,38 @@ _ROUNDING = 1e-6
 class Displacement:
     """A bound on the displacements since the beginning of a run.
 
-    `total` (m) grows in each step by the greatest displacement of any participant: between two instants no reference point has
-    moved further in the plane than it has grown. So two that are `d` apart are not nearer than `c` to each other before it
-    has grown by (d - c) / 2, however they drive, and wherever actions put them.
+    `total` (m) grows from one step in which it is asked for to the next by the greatest displacement of any participant: between
+    two of these no reference point has moved further in the plane than it has grown. So two that are `d` apart are not nearer
+    than `c` to each other before it has grown by (d - c) / 2, however they drive, and wherever actions put them.
 
     Args:
-        entities: everyone.
+        run: whose participants they are.
     """
 
-    def __init__(self, entities: Entities) -> None:
-        self.total = 0.0
-        self._entities = entities
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._total = 0.0
+        self._step = -1
         self._present: list[Entity] = []
         self._places: list[tuple[float, float]] = []
 
-    def update(self) -> None:
-        """Look where everyone is now, once a step."""
-        present = [entity for entity in self._entities.values() if entity.active and entity.placed]
+    @property
+    def total(self) -> float:
+        """The bound at the end of this step."""
+        if self._step != self._run.step_index:
+            self._step = self._run.step_index
+            self._look()
+        return self._total
+
+    def _look(self) -> None:
+        present = [entity for entity in self._run.entities.values() if entity.active and entity.placed]
         places = [(entity.x, entity.y) for entity in present]
         if present == self._present:
-            self.total += max(map(math.dist, places, self._places), default=0.0)
+            self._total += max(map(math.dist, places, self._places), default=0.0)
         else:
-            self.total += LONGEST
+            self._total += LONGEST
         self._present, self._places = present, places
 
     def after(self, way: float) -> float:
         """The total at which somebody may have covered a way (m); the present one where that is not positive."""
-        return self.total + min(way - _ROUNDING, LONGEST) if way > _ROUNDING else self.total
+        return self.total + min(max(way - _ROUNDING, 0.0), LONGEST)

@@ -74,7 +74,8 @@ class Log(SimpleNamespace):
 
 def contacts_of(*members: Entity) -> tuple[Contacts, Any]:
     entities = Entities({e.name: e for e in members})
-    sim = Log(entities=entities, displacement=Displacement(entities), time=0.0, lines=[])
+    sim = Log(entities=entities, step_index=0, time=0.0, lines=[])
+    sim.displacement = Displacement(sim)  # type: ignore[arg-type]
     return Contacts(sim), sim  # type: ignore[arg-type]
 
 
@@ -83,7 +84,7 @@ def test_contacts_begin_and_end_once() -> None:
     contacts, sim = contacts_of(a, b, far)
     for time, x in enumerate((10.0, 4.0, 3.0, 9.0)):
         sim.time, b.x = float(time), x
-        sim.displacement.update()
+        sim.step_index += 1
         contacts.update()
     assert contacts.history == [(1.0, "a", "b")]
     assert [line[1] for line in sim.lines] == ["collision", "collisionEnd"]
@@ -106,6 +107,17 @@ def test_a_tractor_does_not_collide_with_its_trailer() -> None:
     assert contacts.pairs == set()
 
 
+def test_who_takes_the_place_of_another_is_noticed() -> None:
+    a, left, came = entity("a"), entity("left", x=50.0), entity("came", x=4.0)
+    contacts, sim = contacts_of(a, left)
+    contacts.update()
+    del sim.entities["left"]
+    sim.entities["came"] = came
+    sim.step_index += 1
+    contacts.update()
+    assert contacts.pairs == {("a", "came")}
+
+
 def test_absent_entities_touch_nobody() -> None:
     a, b = entity("a"), entity("b")
     b.active = False
@@ -123,7 +135,7 @@ def test_the_sweep_finds_what_comparing_all_pairs_finds(
     for step in ((), *steps):
         for member, by in zip(members, step, strict=False):
             move(member, by)
-        sim.displacement.update()
+        sim.step_index += 1
         contacts.update()
         present = [member for member in members if member.active]
         assert contacts.pairs == {(a.name, b.name) for i, a in enumerate(present) for b in present[i + 1 :] if overlap(a, b)}
