@@ -99,7 +99,7 @@ def xosc_run(
     also = list(_also(osi, replay, gui, out))
     with _reporting(junit) as kept:
         if dry_run:
-            outcomes = rehearse_batch(chosen, settings)
+            outcomes = rehearse_batch(chosen, settings, jobs)
         else:
             outcomes = run_batch(chosen, settings, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
         code = _follow(outcomes, table, kept)

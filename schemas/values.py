@@ -12,6 +12,7 @@ import operator
 import re
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import lru_cache
 
 Value = float | int | str | bool | datetime
 
@@ -92,6 +93,7 @@ def meant(kind: str, text: str) -> str:
     return text
 
 
+@lru_cache(maxsize=4096)
 def number(text: str) -> float:
     """The number that a text is by the rules of XML Schema's double: `INF` is one, NaN is refused.
 

@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 Also = Callable[["RunResult"], None]
 
 
-def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Generator[Outcome]:
+def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings, processes: int = 1) -> Generator[Outcome]:
     """Load, resolve, compile and begin what is to be run, without a step of it; one outcome a file, the gravest of its sets."""
-    for _, group in groupby(jobs, key=lambda job: job.job.source if isinstance(job, Outcome) else job.source):
-        yield _rehearsed(group, settings)
+    with closing(_each(iter(jobs), partial(_compiled, settings=settings), _lost, processes)) as outcomes:
+        for _, group in groupby(outcomes, key=lambda outcome: outcome.job.source):
+            yield _rehearsed(group)
 
 
-def _rehearsed(jobs: Iterable[Job | Outcome], settings: RunSettings) -> Outcome:
-    """What becomes of the jobs of one file."""
+def _rehearsed(outcomes: Iterable[Outcome]) -> Outcome:
+    """What becomes of one file, from what became of its sets."""
     first, count, failures, remarks = None, 0, list[Outcome](), dict[str, None]()
-    for job in jobs:
+    for outcome in outcomes:
         count += 1
-        outcome = job if isinstance(job, Outcome) else _compiled(job, settings)
         first = first or outcome.job
         if outcome.state == "error":
             failures.append(replace(outcome, trace="" if failures else outcome.trace))
@@ -188,14 +188,22 @@ def _outcomes(jobs: Iterator[Job | Outcome], how: dict[str, Any], processes: int
         enter = partial(journal.enter, out) if out is not None else None
         with RayPool(ray, processes, partial(_run, **how), _lost, enter) as cluster:
             yield from cluster.execute(jobs)
-    elif processes > 1:
+    else:
+        yield from _each(jobs, partial(execute, **how), partial(_died, out=out), processes)
+
+
+def _each(
+    jobs: Iterator[Job | Outcome], work: Callable[[Job], Outcome], died: Callable[[Job], Outcome], processes: int
+) -> Generator[Outcome]:
+    """Do some work for each job, in this process or in several; arguments as in `Pool`."""
+    if processes > 1:
         from runner.batch.pool import Pool
 
-        with Pool(processes, partial(execute, **how), partial(_died, out=out)) as pool:
+        with Pool(processes, work, died) as pool:
             yield from pool.execute(jobs)
     else:
         for job in jobs:
-            yield job if isinstance(job, Outcome) else execute(job, **how)
+            yield job if isinstance(job, Outcome) else work(job)
 
 
 def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:

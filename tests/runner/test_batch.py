@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -113,8 +114,17 @@ def test_a_parameter_that_the_distribution_sets_can_not_be_given(tmp_path: Path,
 
 def test_rehearsing_compiles_and_does_not_run(tmp_path: Path) -> None:
     unsupported = scenario(tmp_path, "unsupported", init='<Private entityRef="Nobody"/>')
-    outcomes = list(rehearse_batch(jobs_of([scenario(tmp_path), unsupported], {}, True), QUICK))
-    assert [(o.state, o.status, o.exit_code) for o in outcomes] == [("loaded", "compiled", 0), ("error", "", 3)]
+    variation = distribution(tmp_path, "sets", {"Gap": (10, 30, 1)})
+    files = [scenario(tmp_path), unsupported, variation]
+    outcomes = list(rehearse_batch(jobs_of(files, {}, True), QUICK))
+    assert [(o.state, o.status, o.exit_code) for o in outcomes] == [
+        ("loaded", "compiled", 0),
+        ("error", "", 3),
+        ("loaded", "compiled", 0),
+    ]
+    assert outcomes[-1].message == "21 parameter sets"
+    in_two = list(rehearse_batch(jobs_of(files, {}, True), QUICK, processes=2))
+    assert [replace(outcome, trace="") for outcome in in_two] == [replace(outcome, trace="") for outcome in outcomes]
 
 
 # laziness -----------------------------------------------------------------------------------
