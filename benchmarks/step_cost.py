@@ -4,8 +4,8 @@
 
 Two roads (a motorway, an intersection) with 2, 6 and 20 scripted participants; each changes its speed all the time and
 waits for an event that watches another one, some change lanes. The bare loop moves the same number of participants to the
-same places on the same network in the same process; the kinematic world does without SUMO. The least processor time of several
-rounds counts. Then once more with a clock around each part of the step.
+same places on the same network in the same process; the kinematic world does without SUMO. The same steps are done in several
+rounds, and the least processor time of each stretch of them counts. Then once more with a clock around each part of the step.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from statistics import fmean
 from time import process_time
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ from xodr.builders import four_way_intersection, straight_highway
 
 COUNTS = (2, 6, 20)
 ROUNDS = 8
+STRETCH = 50
 
 
 class Start(NamedTuple):
@@ -139,6 +141,17 @@ def write_scenario(folder: Path, road: str, count: int) -> Path:
 Moves = list[list[tuple[str, float, float, float]]]
 
 
+def timed(step: Callable[[int], object], steps: int) -> list[float]:
+    """Seconds a step, for each stretch of steps; `step` gets their numbers."""
+    times = []
+    for first in range(0, steps - STRETCH + 1, STRETCH):
+        start = process_time()
+        for number in range(first, first + STRETCH):
+            step(number)
+        times.append((process_time() - start) / STRETCH)
+    return times
+
+
 def simulation(path: Path, timestep: float, world: str = "sumo") -> Simulation:
     """A simulation that has begun."""
     sim = Simulation(prepare(path).scenario, open_world(world), timestep, 0)
@@ -146,14 +159,11 @@ def simulation(path: Path, timestep: float, world: str = "sumo") -> Simulation:
     return sim
 
 
-def interpreter(path: Path, steps: int, timestep: float, world: str) -> float:
-    """Seconds a step of the whole interpreter."""
+def interpreter(path: Path, steps: int, timestep: float, world: str) -> list[float]:
+    """Seconds a step of the whole interpreter, by stretches."""
     sim = simulation(path, timestep, world)
     try:
-        start = process_time()
-        for _ in range(steps):
-            sim.tick()
-        return (process_time() - start) / steps
+        return timed(lambda _: sim.tick(), steps)
     finally:
         sim.world.close()
 
@@ -172,22 +182,23 @@ def moves_of(path: Path, steps: int, timestep: float) -> Moves:
     return moves
 
 
-def bare(path: Path, moves: Moves, timestep: float) -> float:
-    """Seconds a step of libsumo alone: the world is opened by the runner, then only libsumo is called."""
+def bare(path: Path, moves: Moves, timestep: float) -> list[float]:
+    """Seconds a step of libsumo alone, by stretches: the world is opened by the runner, then only libsumo is called."""
     sim = simulation(path, timestep)
     vehicle, step = libsumo.vehicle, libsumo.simulationStep
     move, position, angle, speed = vehicle.moveToXY, vehicle.getPosition, vehicle.getAngle, vehicle.getSpeed
+
+    def once(number: int) -> None:
+        for name, x, y, h in moves[number]:
+            move(name, "", -1, x, y, h, 6, 3.0)
+        step()
+        for name, *_ in moves[number]:
+            position(name)
+            angle(name)
+            speed(name)
+
     try:
-        start = process_time()
-        for places in moves:
-            for name, x, y, h in places:
-                move(name, "", -1, x, y, h, 6, 3.0)
-            step()
-            for name, *_ in places:
-                position(name)
-                angle(name)
-                speed(name)
-        return (process_time() - start) / len(moves)
+        return timed(once, len(moves))
     finally:
         sim.world.close()
 
@@ -270,7 +281,9 @@ def main() -> None:
                     )
                     for _ in range(ROUNDS)
                 ]
-                ours, kinematic, theirs = (min(column) * 1e6 for column in zip(*rounds, strict=True))
+                ours, kinematic, theirs = (
+                    fmean(map(min, zip(*column, strict=True))) * 1e6 for column in zip(*rounds, strict=True)
+                )
                 print(
                     f"{road:<12} {count:>3} participants: {ours:6.1f} µs a step, kinematic {kinematic:6.1f}, bare {theirs:6.1f}, "
                     f"ratios {ours / theirs:.2f}, {kinematic / theirs:.2f}"
