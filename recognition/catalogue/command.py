@@ -147,6 +147,8 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
             print(f"  {exclusion['recording']}: vehicle {exclusion['what']}: {exclusion['reason']}")
         if summary.removed:
             print(f"{len(summary.removed)} files of an earlier run were removed")
+    for name in summary.colliding:
+        print(f"{NAME}: {name}: the ego touches another one from the start, as it was recorded", file=sys.stderr)
     for name in summary.edited:
         print(f"{NAME}: {name} was edited since it was written, it is left as it is", file=sys.stderr)
     for error in summary.failures.values():

@@ -79,6 +79,7 @@ class Summary(NamedTuple):
     """What became of recordings.
 
     classes: scenarios by title of the class. passages: vehicles' scenes by how they pass. exclusions: vehicles without a scene.
+    colliding: scenarios in which the ego touches another one from the start, as recorded.
     edited: files that a person has edited, left alone. removed: files of earlier runs that are no longer part of the catalogue.
     failures: recordings that could not be read, and why.
     """
@@ -86,6 +87,7 @@ class Summary(NamedTuple):
     classes: Counter[str]
     passages: Counter[str]
     exclusions: list[dict[str, Any]]
+    colliding: list[str]
     edited: list[str]
     removed: list[str]
     failures: dict[str, ToolchainError]
@@ -191,6 +193,7 @@ class _Work:
             Counter(row["class"] for row in rows),
             Counter(row["passage"] for row in rows if row["passage"]),
             catalogue.exclusions,
+            [row["file"] for row in rows if row["collision_time"] == 0.0],
             catalogue.store.edited,
             removed,
             self.failures,

@@ -53,15 +53,19 @@ _PARTICIPANTS = {
 
 
 def measures(scene: Scene) -> dict[str, float | None]:
-    """The ego's extremes of criticality in the recorded scene, by the names of `MEASURES`, and its shares of RSS violations."""
+    """The ego's extremes of criticality in the recorded scene, by the names of `MEASURES`, and its shares of RSS violations.
+
+    `collision_time` is when its box first touches another one, s from the scene's start: recorded sizes can be wrong.
+    """
     rows = [part.track.columns["time"] for part in scene.parts]
     inside = [(time >= scene.start) & (time <= scene.end) for time in rows]
     ego, *others = (
         Motion.from_columns(part.name, part.track.box, {name: values[keep] for name, values in part.track.columns.items()})
         for part, keep in zip(scene.parts, inside, strict=True)
     )
-    found = criticality(ego, others).summary
-    return {name: value["value"] if isinstance(value, dict) else value for name, value in found.items()}
+    found = criticality(ego, others)
+    extremes = {name: value["value"] if isinstance(value, dict) else value for name, value in found.summary.items()}
+    return extremes | {"collision_time": found.impact.time - scene.start if found.impact is not None else None}
 
 
 def tags(name: str, title: str, scene: Scene, facts: Mapping[str, Any]) -> list[Tag]:

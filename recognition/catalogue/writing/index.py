@@ -42,6 +42,7 @@ COLUMNS: dict[str, type] = {
     "pet": float,
     "rss_risk_ad_rss": float,
     "rss_risk_r157": float,
+    "collision_time": float,
 }
 """Columns of a row; absent values are None. Files relative to the index: the scenario that replays the recording, that with the
 manoeuvre (or why it has none), tags, road. The class, by whom and how sure. Where from, with times in s. Measures."""

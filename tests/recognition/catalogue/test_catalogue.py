@@ -15,8 +15,10 @@ import runner
 import xosc
 from recognition.catalogue import pipeline
 from recognition.catalogue.pipeline import ByRules, CatalogueSettings, Summary
+from recognition.catalogue.scenes.scenes import SceneCutter, Scope
 from recognition.catalogue.usable import Usable, passage, vehicles
 from recognition.catalogue.writing import index
+from recognition.catalogue.writing.annotation import measures
 from recognition.catalogue.writing.catalogue import CatalogueConfig
 from recognition.datasets import open as open_recordings
 from runner.recording import Recording
@@ -204,6 +206,19 @@ def test_every_usable_vehicle_has_a_scene_and_the_others_a_reason(recordings: Pa
     assert [(each["what"], each["reason"]) for each in summary.exclusions] == [("7", "moves within 2.0 m only")]
     assert summary.passages == {"straight": 6}
     assert {row["vehicle"]: row["class"] for row in told}[motorway.EGO] == "highway cut in"
+
+
+def test_a_scene_that_begins_with_a_contact_is_reported(tmp_path: Path) -> None:
+    """Two vehicles side by side, whose boxes overlap; a third one far ahead."""
+    rows_of_all = [
+        row
+        for name, x, y in ((1, 0.0, 0.0), (2, 2.0, 1.0), (3, 60.0, 0.0))
+        for row in interaction_rows(name, x, y, 8.0, 0.0, 0.0, n=60)
+    ]
+    recording = driven(tmp_path, all=rows_of_all)
+    cutter = SceneCutter(recording, Scope())
+    found = {name: measures(cutter.cut(name, 0.0, 9.0))["collision_time"] for name in recording.tracks}
+    assert found == {"1": 0.0, "2": 0.0, "3": None}
 
 
 def driven(tmp_path: Path, **tracks: list) -> Recording:
