@@ -144,6 +144,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         f"  {len(outcomes)} runs: {outcomes.collision.mean():.1%} collisions, "
         f"mean R_risk {outcomes.r_risk.mean():.3f}; {_prior(generated)}"
     )
+    if generated.reused:
+        yield f"  {generated.reused} of them were kept in the folder from runs before"
     yield f"  {generated.gate}"
     if generated.gate.refusal is not None:
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"

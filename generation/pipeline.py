@@ -13,6 +13,8 @@ from generation.density.model import DEFAULT
 from generation.density.prior import UNIFORM, Prior
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator
+from generation.outcomes.inputs import inputs
+from generation.outcomes.outcomes import Episodes
 from generation.recorded import Recorded
 from generation.search.memory import Memory
 from generation.search.method import method
@@ -20,7 +22,7 @@ from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
 from generation.search.space import Space
 from generation.twin.episodes import Twin
-from generation.variations import Evidence, Writer
+from generation.variations import Evidence, Writer, Written
 from runner.settings import RunSettings
 from runner.sut import system_name
 from schemas.errors import Unsupported, UsageError
@@ -81,6 +83,7 @@ class Generated:
         cases: the edge cases.
         files: what was written; empty where there are no edge cases.
         gate: what the density was measured by.
+        reused: how many answers came from runs that were kept.
     """
 
     space: Space
@@ -89,6 +92,7 @@ class Generated:
     cases: Cases
     files: list[Path]
     gate: Gate
+    reused: int = 0
 
 
 def generate(
@@ -101,7 +105,9 @@ def generate(
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
-    Runs are kept in the folder as they come: after an interruption the same call goes on where it was.
+    Runs are kept in the folder as they come: after an interruption the same call goes on where it was, and one with another
+    budget, seed or method extends the search. Edge cases are chosen from all runs that are kept; files of a search before that
+    nobody has changed are replaced.
 
     Args:
         scenario: the file.
@@ -125,14 +131,20 @@ def generate(
     with _evaluator(scenario, space, settings) as evaluator:
         draws = Memory(evaluator, _runs_file(scenario, space, out, settings, "draws"))
         gate = _gate(scenario, source, space, out, settings, prior, draws)
-        evaluate = counted(Memory(evaluator, _runs_file(scenario, space, out, settings, "runs")), progress)
+        memory = Memory(evaluator, _runs_file(scenario, space, out, settings, "runs"))
+        evaluate = counted(memory, progress)
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
         problem = Problem(space, evaluate, reward, real.theta, found, prior, _twin(scenario, space, settings))
         history = search(problem, settings.budget, settings.seed)
         judged = prior.judged if gate.refusal is None else prior.unjudged
-        cases = choose(space, history, judged, evaluator, settings.choice, found)
+        theta, outcomes = memory.everything
+        every = Episodes(theta, outcomes, reward(theta, outcomes)) if len(theta) else history
+        cases = choose(space, every, judged, evaluator, settings.choice, found)
+    written = Written(out, scenario.stem)
+    written.withdraw()
     files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
-    return Generated(space, len(real.theta), history, cases, files, gate)
+    written.note()
+    return Generated(space, len(real.theta), history, cases, files, gate, memory.reused)
 
 
 def _gate(
@@ -163,8 +175,7 @@ def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings
     Raises:
         UsageError: the folder can't be made.
     """
-    run = settings.run
-    deciding = (scenario.read_bytes(), run.sut, settings.rss, run.timestep, space.names, sorted(space.pinned.items()))
+    deciding = (inputs(scenario, settings.run, settings.rss), space.names, sorted(space.pinned.items()))
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

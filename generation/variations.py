@@ -16,6 +16,7 @@ import xosc
 from generation.density.base import Density
 from generation.outcomes.cases import Cases
 from generation.search.space import Space
+from schemas.storage import digest, read_object, write_object
 from xodr.array_types import FloatArray
 from xosc.distributions import (
     Deterministic,
@@ -150,6 +151,35 @@ class Writer:
             document = annotated(document, tags) if document.version >= (1, 2) else document
         self._folder.write(path.name, to_bytes(document))
         return path
+
+
+class Written:
+    """The files that searches have written into a folder for a scenario, so that a search that goes on can replace them.
+
+    Args:
+        folder: of the files. stem: name of the scenario's file without its ending.
+    """
+
+    def __init__(self, folder: Path, stem: str) -> None:
+        self._folder, self._stem = folder, stem
+        self._notes = folder / f"{stem}_files.json"
+
+    def withdraw(self) -> None:
+        """Remove what was written before and has not been changed since.
+
+        Raises:
+            InvalidFile: the notes on it are malformed.
+        """
+        for name, content in (read_object(self._notes) if self._notes.exists() else {}).items():
+            path = self._folder / name
+            if path.parent == self._folder and path.is_file() and digest(path.read_bytes()) == content:
+                path.unlink()
+
+    def note(self) -> None:
+        """Take note of what is there now."""
+        found = [*self._folder.glob(f"{self._stem}_edge_case*"), *self._folder.glob(f"{self._stem}_density.xosc")]
+        if found or self._notes.exists():
+            write_object({path.name: digest(path.read_bytes()) for path in sorted(found)}, self._notes)
 
 
 def _histogram(values: FloatArray, low: float, high: float) -> Histogram:

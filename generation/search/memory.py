@@ -1,4 +1,4 @@
-"""How an interrupted search goes on: its simulator calls are kept as they come, and answer the same search when it is repeated.
+"""What runs gave is kept: an interrupted search goes on, and one with another budget, seed or method reuses what is the same.
 
 A search is deterministic given what the simulator answers. So nothing of its own state (networks, populations, generators) has
 to be stored: it starts anew, is answered from memory up to where it was, and goes on from there.
@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from generation.outcomes.evaluator import Evaluate
 from generation.outcomes.outcomes import NOTHING, Outcomes
@@ -21,35 +23,35 @@ class Memory:
 
     Args:
         evaluate: answers what was not asked before.
-        path: a JSON line for each call, appended as soon as there is an answer.
+        path: a JSON line for each point, appended as soon as there is an answer.
+
+    Attributes:
+        reused: how many answers came from memory.
 
     Raises:
         InvalidFile: the file holds something else.
     """
 
     def __init__(self, evaluate: Evaluate, path: Path) -> None:
-        self._evaluate, self._path = evaluate, path
-        self._known = _read(path)
-        self._asked = 0
+        self._evaluate, self._path, self.reused = evaluate, path, 0
+        self._known = {tuple(entry["theta"]): entry for entry in _read(path)}
 
     def __call__(self, theta: FloatArray) -> Outcomes:
-        """Outcomes of points (n, d).
+        """Outcomes of points (n, d)."""
+        rows = [tuple(row) for row in theta.tolist()]
+        missing = list(dict.fromkeys(row for row in rows if row not in self._known))
+        self.reused += len(rows) - len(missing)
+        if missing:
+            self._ask(np.array(missing))
+        return _outcomes([self._known[row] for row in rows])
 
-        Raises:
-            InvalidFile: the remembered search asked for other points here.
-        """
-        known = self._known[self._asked : self._asked + len(theta)]
-        for number, (row, entry) in enumerate(zip(theta.tolist(), known, strict=False), self._asked + 1):
-            if entry["theta"] != row:
-                raise InvalidFile(
-                    "another search asked for this point; remove the file to begin anew", path=self._path, line=number
-                )
-        if len(known) < len(theta):
-            known = known + self._ask(theta[len(known) :])
-        self._asked += len(theta)
-        return Outcomes.of(len(known), **{name: [entry[name] for entry in known] for name in NOTHING})
+    @property
+    def everything(self) -> tuple[FloatArray, Outcomes]:
+        """All points that are remembered (m, d), and their outcomes."""
+        entries = list(self._known.values())
+        return np.array([entry["theta"] for entry in entries]), _outcomes(entries)
 
-    def _ask(self, theta: FloatArray) -> list[dict[str, Any]]:
+    def _ask(self, theta: FloatArray) -> None:
         outcomes = self._evaluate(theta)
         columns = {name: getattr(outcomes, name).tolist() for name in NOTHING}
         fresh = [
@@ -58,7 +60,11 @@ class Memory:
         ]
         with self._path.open("a", encoding="utf-8") as file:
             file.writelines(json.dumps(entry) + "\n" for entry in fresh)
-        return fresh
+        self._known |= {tuple(entry["theta"]): entry for entry in fresh}
+
+
+def _outcomes(entries: list[dict[str, Any]]) -> Outcomes:
+    return Outcomes.of(len(entries), **{name: [entry[name] for entry in entries] for name in NOTHING})
 
 
 def _read(path: Path) -> list[dict[str, Any]]:

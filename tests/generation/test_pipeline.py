@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.pipeline import LEAST, SearchSettings, generate
+from generation.pipeline import LEAST, Generated, SearchSettings, generate
 from generation.recorded import Recorded
 from generation.search.space import Space
 from runner.settings import RunSettings
@@ -44,3 +45,17 @@ def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path: 
 def test_too_few_recorded_manoeuvres_are_no_prior(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=f"at least {LEAST}"):
         generate(CUT_IN, lambda space: drawn(LEAST - 1), tmp_path, QUICK)
+
+
+def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
+    run = RunSettings(timestep=0.1, world="kinematic")
+
+    def search(seed: int) -> Generated:
+        return generate(CUT_IN, lambda space: drawn(40), tmp_path, replace(QUICK, budget=6, seed=seed, run=run))
+
+    assert search(0).reused == 0
+    assert search(1).reused == 0
+    (runs,) = tmp_path.glob("*_runs_*.jsonl")
+    assert runs.read_text().count("\n") == 12
+    assert search(0).reused == 6
+    assert runs.read_text().count("\n") == 12

@@ -171,11 +171,21 @@ def test_an_interrupted_search_goes_on_to_the_same_end(problem: Problem, tmp_pat
     assert fresh.calls == 240 - 130  # three batches, of 50, 30 and 50, were remembered
 
 
-def test_memory_refuses_what_is_not_its_own(problem: Problem, tmp_path: Path) -> None:
+def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: Problem, tmp_path: Path) -> None:
+    path, simulator = tmp_path / "calls.jsonl", Kinematic()
+    search(replace(problem, evaluate=Memory(simulator, path)), 20, 1)
+    memory = Memory(simulator, path)
+    again = memory(problem.real[:5])
+    assert (memory.reused, simulator.calls) == (0, 25)
+    np.testing.assert_array_equal(memory(problem.real[:5]).collision, again.collision)
+    assert (memory.reused, simulator.calls) == (5, 25)
+    theta, outcomes = Memory(simulator, path).everything
+    assert len(theta) == len(outcomes) == 25
+    np.testing.assert_array_equal(theta[-5:], problem.real[:5])
+
+
+def test_memory_refuses_what_is_not_its_own(tmp_path: Path) -> None:
     path = tmp_path / "calls.jsonl"
-    search(replace(problem, evaluate=Memory(Kinematic(), path)), 20, 1)
-    with pytest.raises(InvalidFile, match="another search"):
-        search(replace(problem, evaluate=Memory(Kinematic(), path)), 20, 2)
     path.write_text("[]\n")
     with pytest.raises(InvalidFile, match="no simulator call"):
         Memory(Kinematic(), path)
