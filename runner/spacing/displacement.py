@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from runner.contracts.run import Run
-    from runner.participants.entity import Entity
+    from runner.participants.entity import Entities, Entity
 
 LONGEST = 1000.0
 """What `Displacement.total` grows by where somebody has come or gone, m: no conclusion reaches further."""
 _ROUNDING = 1e-6
+
+
+class Stepping(Protocol):
+    """What is needed of a run: its participants, and the number of steps done."""
+
+    @property
+    def entities(self) -> Entities: ...
+    @property
+    def step_index(self) -> int: ...
 
 
 class Displacement:
@@ -25,7 +33,7 @@ class Displacement:
         run: whose participants they are.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Stepping) -> None:
         self._run = run
         self._total = 0.0
         self._step = -1
