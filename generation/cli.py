@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from generation.density.model import JUDGE
 from generation.options import Density, Free, Jobs, Kind, Map, Method, Pin, Quiet, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
 from runner.settings import DEFAULT_SYSTEM, RunSettings
@@ -59,7 +60,7 @@ def xosc_generate(
     weight: Annotated[
         float | None, typer.Option(min=0.0, help="Weight of realism in the reward.  [default: the method's]")
     ] = None,
-    density: Density = "kde",
+    density: Density = JUDGE,
     pin: Pin = None,
     free: Free = None,
     maps: Map = None,

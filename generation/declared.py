@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import xosc
 from generation.density.marginals import Marginal, marginal, uniform
-from generation.density.model import DEFAULT
+from generation.density.model import JUDGE
 from generation.density.prior import UNIFORM
 from generation.density.roles import EGO, ROLES, Role
 from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
@@ -140,7 +140,7 @@ class Ask:
 
     recordings: Path | None = None
     kind: str | None = None
-    density: str = DEFAULT
+    density: str = JUDGE
     pinned: Mapping[str, str] = field(default_factory=dict)
     free: Sequence[str] = ()
     maps: Sequence[str] = ()

@@ -9,7 +9,7 @@ from pathlib import Path
 from generation.density.base import Density
 from generation.density.gate import Gate, measured
 from generation.density.marginals import Marginal
-from generation.density.model import DEFAULT
+from generation.density.model import DEFAULT, JUDGE
 from generation.density.prior import UNIFORM, Prior
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator
@@ -60,7 +60,7 @@ class SearchSettings:
     method: str = "mcsg"
     budget: int = 3000
     seed: int = 0
-    density: str = "kde"
+    density: str = JUDGE
     weight: float | None = None
     rss: str = "ad-rss"
     processes: int = 2

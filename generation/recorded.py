@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -22,11 +22,13 @@ from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import KINDS, OWN, Samples, extract
 from schemas.errors import UsageError
-from xodr.array_types import FloatArray
+from xodr.array_types import FloatArray, IntArray
 from xosc.node import Node
 from xosc.tags import PREFIX
 
 _RECORDING = f"{PREFIX}Recording"
+_BESIDE = 7
+"""How many units further, by the ego's speed, the unit of the next actor is: the next ones may be of the same lane change."""
 _DRAWN, _PARTS = 1000, 5
 """Draws in the place of recorded units, and how many recordings they count as."""
 
@@ -167,6 +169,8 @@ def of_samples(
 ) -> Recorded:
     """The columns of a table that belong to a space: the seven of its actor, and the speed of the one who is not.
 
+    Several actors have the values of as many units, of egos that are about as fast.
+
     Args:
         mapped: roles of parameters whose names don't tell them.
         marginals: densities of parameters of which nothing is recorded.
@@ -176,7 +180,8 @@ def of_samples(
     """
     roles = roles_of([*space.names, *space.pinned], mapped)
     table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds], strict=True))
-    values = {name: each.factor * table[each.role] for name, each in roles.items()}
+    units = _units_of_actors(list(dict.fromkeys(each.actor for each in roles.values())), samples.ego_speeds)
+    values = {name: each.factor * table[each.role][units[each.actor]] for name, each in roles.items()}
     unknown = [name for name in space.names if name not in values and name not in marginals]
     if unknown:
         raise UsageError(
@@ -187,6 +192,16 @@ def of_samples(
     drawn = _drawn(rest, len(samples.theta))
     theta = np.stack([values[name] if name in values else drawn[name] for name in space.names], axis=1)
     return Recorded(theta, samples.recordings, samples.errors, values, roles, rest)
+
+
+def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, IntArray]:
+    """Rows (n,) of the units that each actor has the values of; for the first one all in their order."""
+    order = np.argsort(speeds, kind="stable")
+    found = {}
+    for number, actor in enumerate(actors):
+        found[actor] = np.empty(len(speeds), np.int64)
+        found[actor][order] = np.roll(order, -_BESIDE * number)
+    return found
 
 
 def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:

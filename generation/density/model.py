@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from generation.density.base import Density
 
 DEFAULT = "kde"
+"""The density of the publication."""
+JUDGE = "mixture"
+"""The density that says what is foreseeable: the likeliest to recordings that it has not seen of those that pass the gate
+(`python -m generation.study densities`)."""
 _MODELS = "generation.density.models"
 
 

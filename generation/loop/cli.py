@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.density.model import DEFAULT
+from generation.density.model import JUDGE
 from generation.options import Density, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
@@ -46,7 +46,7 @@ def xosc_loop(
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
     recorded: Recorded = None,
     kind: Kind = None,
-    density: Density = DEFAULT,
+    density: Density = JUDGE,
     pin: Pin = None,
     free: Free = None,
     maps: Map = None,

@@ -11,6 +11,7 @@ import xosc
 from generation.logical.library import SCENARIOS, maneuver_scenarios
 from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
 from generation.search.space import Space
+from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import Samples
 from schemas.errors import UsageError
 from tests.recognition.motorway import write_motorway
@@ -48,6 +49,18 @@ def test_what_recordings_do_not_tell_is_refused(name: str, pinned: dict[str, str
 def test_where_the_ego_acts_the_other_is_the_leader() -> None:
     space = Space.of(SCENARIOS / "lane_change_left_highway.xosc")
     assert of_samples(samples(), space).theta[0].tolist() == [*range(7), 33.0]
+
+
+def test_two_actors_have_the_values_of_two_units_about_as_fast() -> None:
+    names = ("A_Gap_m", "A_StartSpeed_mps", "B_Gap_m", "B_StartSpeed_mps", "Ego_Speed_mps")
+    space = Space(tuple(Parameter(name, 0.0, 200.0) for name in names))
+    units = of_recordings(None, "cut_in")
+    found = of_samples(units, space).theta
+    np.testing.assert_array_equal(found[:, 0], units.theta[:, 0])
+    assert (found[:, [0, 1]] != found[:, [2, 3]]).any(axis=1).mean() > 0.99
+    assert sorted(found[:, 2]) == sorted(found[:, 0])
+    assert np.corrcoef(found[:, 3], found[:, 4])[0, 1] > 0.8
+    assert abs(np.corrcoef(found[:, 0], found[:, 2])[0, 1]) < 0.4
 
 
 def test_only_rows_inside_the_box_stay() -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -35,6 +36,7 @@ def command(
     runs: Annotated[
         int, typer.Option(min=0, metavar="N", help="Runs of replays, and of each density's draws: the gate; 0 for none.")
     ] = 0,
+    twin: Annotated[bool, typer.Option("--twin", help="Play runs with the twin, in the place of SUMO.")] = False,
     sut: Sut = DEFAULT_SYSTEM,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
@@ -45,9 +47,11 @@ def command(
     With --runs they are simulated too: recorded units with their own values, and draws of the densities.
     """
     from generation.density.model import model
+    from generation.outcomes.evaluator import Evaluator
     from generation.recorded import kind_of, of_recordings, of_samples
     from generation.search.space import Space
     from generation.study.densities import comparison
+    from generation.twin.episodes import Twin
 
     for name in only or ():
         model(name)
@@ -60,24 +64,19 @@ def command(
         print(comparison(found.theta, found.recordings, only).markdown(), end="")
         if runs:
             names = only or list(models())
-            source = of_samples(samples, space)
-            print("\n" + _gated(scenario, space, source, names, runs, RunSettings(sut=sut), jobs).markdown(), end="")
+            play = Twin if twin else partial(Evaluator, processes=jobs)
+            simulate = partial(play, scenario, run=RunSettings(sut=sut))
+            print("\n" + _gated(space, of_samples(samples, space), names, runs, simulate).markdown(), end="")
 
 
-def _gated(
-    scenario: Path, space: Space, recorded: Units, names: Sequence[str], runs: int, settings: RunSettings, jobs: int
-) -> Table:
+def _gated(space: Space, recorded: Units, names: Sequence[str], runs: int, simulate: Callable[..., Any]) -> Table:
     from generation.density.gate import Share
-    from generation.outcomes.evaluator import Evaluator
     from generation.study.densities import gated
 
     replays = recorded.replays(space)
     if replays is None:
-        raise UsageError("nothing is recorded that could be replayed", path=scenario)
+        raise UsageError("nothing is recorded that could be replayed")
     own, units = replays
-    chosen = units[np.random.default_rng(0).permutation(len(units))[:runs]]
-    with Evaluator(scenario, own, run=settings, processes=jobs) as evaluator:
-        replayed = Share.of(evaluator(chosen))
+    replayed = Share.of(simulate(space=own)(units[np.random.default_rng(0).permutation(len(units))[:runs]]))
     priors = {name: recorded.recorded_prior(space, name) for name in names}
-    with Evaluator(scenario, space, run=settings, processes=jobs) as evaluator:
-        return gated(priors, evaluator, replayed, 2 * runs)
+    return gated(priors, simulate(space=space), replayed, 2 * runs)
