@@ -118,6 +118,19 @@ def test_first_actions_for_carla_are_what_it_reads(kind: str, tmp_path: Path) ->
     assert distance(path, copy) < 1e-6
 
 
+def test_rates_for_carla_become_the_times_that_they_take_from_what_was_demanded_before(tmp_path: Path) -> None:
+    relative = speed_action(0).replace('<AbsoluteTargetSpeed value="0"/>', '<RelativeTargetSpeed entityRef="Ego" value="-4" '
+                                       'speedTargetValueType="delta" continuous="false"/>')  # fmt: skip
+    by_rate = 'dynamicsShape="linear" dynamicsDimension="rate" value="{}"'
+    events = [(0.5, speed_action(14, by_rate.format(4))), (3.0, relative.replace(
+        'dynamicsShape="step" dynamicsDimension="time" value="0"', by_rate.format(2)))]  # fmt: skip
+    path = scenario(tmp_path, stories=story("Lead", events), stop=6.0)
+    copy, remarks = exported(path, "carla", tmp_path / "out")
+    took = [remark.split("written as the ")[1] for remark in remarks if "the rate is written" in remark]
+    assert took == ["1 s that it takes from 14 m/s", "1 s that it takes from 10 m/s"]
+    assert distance(path, copy) < 1e-6
+
+
 POSITIONS = [
     '<LanePosition roadId="1" laneId="-1" s="150" offset="0.4"/>',
     '<LanePosition roadId="1" laneId="-1" s="150"><Orientation type="absolute" h="0.2"/></LanePosition>',

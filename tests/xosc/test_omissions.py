@@ -8,7 +8,7 @@ import pytest
 
 import schemas
 from schemas.errors import Unsupported
-from tests.runner.files import car, place, scenario
+from tests.runner.files import car, place, scenario, speed_action, story
 from tests.xosc.test_exports import motion
 from xosc.exports import standard
 from xosc.exports.draft import ExportSettings
@@ -42,6 +42,9 @@ AHEAD = """<PrivateAction><RoutingAction><FollowTrajectoryAction>
     </Polyline></Shape></Trajectory></TrajectoryRef><TimeReference><None/></TimeReference>
     <TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>"""
 SET = '<GlobalAction><VariableAction variableRef="Phase"><SetAction value="2"/></VariableAction></GlobalAction>'
+
+NOT_HERE = {each.reason for each in OMISSIONS if "never starts" in each.reason or "takes longer" in each.reason}
+"""Kinds of what the scenario does not have"""
 
 
 def condition(content: str) -> str:
@@ -87,7 +90,7 @@ def recent(tmp_path: Path) -> Path:
 def test_nothing_moves_otherwise_for_what_is_left_out(version: str, recent: Path, tmp_path: Path) -> None:
     remarks = standard.export(recent, version, Folder(tmp_path / "out"))
     before = tuple(int(each) for each in version.split("."))
-    expected = {each.reason for each in OMISSIONS if before < each.before and "never starts" not in each.reason}
+    expected = {each.reason for each in OMISSIONS if before < each.before and each.reason not in NOT_HERE}
     assert {reason for reason in expected if any(remark.endswith(f": {reason}") for remark in remarks)} == expected
     exported = tmp_path / "out" / recent.name
     assert [each for each in schemas.check(exported) if each.level == "error"] == []
@@ -110,6 +113,14 @@ def test_a_storyboard_without_stories_gets_one_that_does_nothing(recent: Path, t
     exported = tmp_path / "out" / path.name
     assert [each for each in schemas.check(exported) if each.level == "error"] == []
     assert all((rows == motion(exported)[name]).all() for name, rows in motion(path).items())
+
+
+def test_transitions_that_keep_to_their_times_are_told(tmp_path: Path) -> None:
+    slowly = speed_action(5, 'dynamicsShape="linear" dynamicsDimension="time" value="2"')
+    path = scenario(tmp_path, stories=story("Lead", [(0.5, slowly)]))
+    (remark,) = standard.export(path, "1.1", Folder(tmp_path / "out"))
+    assert "SpeedActionDynamics: before 1.2 it takes longer where the vehicle's Performance asks for that" in remark
+    assert standard.export(path, "1.2", Folder(tmp_path / "new")) == []
 
 
 def test_a_trailer_that_is_towed_stays_a_refusal(tmp_path: Path) -> None:

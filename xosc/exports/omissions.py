@@ -57,6 +57,10 @@ def _remove(element: etree._Element) -> None:
     parent.remove(element)
 
 
+def _keep(_: etree._Element) -> None:
+    """What stays as it is, and is read otherwise."""
+
+
 def _without(*attributes: str) -> Callable[[etree._Element], None]:
     def change(element: etree._Element) -> None:
         for attribute in attributes:
@@ -177,6 +181,10 @@ OMISSIONS: tuple[Omission, ...] = (
     Omission(
         (1, 2), "/OpenSCENARIO/VariableDeclarations[not(VariableDeclaration/@name = //ParameterDeclaration/@name)]", _parameters,
         "variables are written as parameters, which actions may set before 1.2",
+    ),
+    Omission(
+        (1, 2), "//*[@dynamicsShape and @dynamicsShape!='step' and @dynamicsDimension='time' and not(@followingMode='follow')]",
+        _keep, "before 1.2 it takes longer where the vehicle's Performance asks for that",
     ),
     Omission((1, 2), "/OpenSCENARIO/Storyboard[not(Story)]", _idle_story, "a story is added whose act never starts"),
     # 1.1

@@ -97,7 +97,7 @@ def as_told(scenario: Node, known: Mapping[str, Start]) -> State:
             if each.element is action.element or now is None:
                 break
             if entity in actors(each):
-                now = _after(each, entity, now)
+                now = _after(each, entity, now, state)
         return now
 
     return state
@@ -107,11 +107,22 @@ _DEMANDS = ("SpeedAction", "SpeedProfileAction", "LongitudinalDistanceAction", "
             "TeleportAction")  # fmt: skip
 
 
-def _after(action: Node, entity: str, now: Start) -> Start:
+def target_speed(action: Node, state: State) -> float | None:
+    """The speed (m/s) that a SpeedAction asks for; None where that is not known."""
+    target = action.need("SpeedActionTarget").only()
+    if target.tag == "AbsoluteTargetSpeed":
+        return target.float("value")
+    other = state(action, target.get("entityRef"))
+    if other is None or other.speed is None or target.bool("continuous"):
+        return None
+    value = target.float("value")
+    return other.speed * value if target.get("speedTargetValueType") == "factor" else other.speed + value
+
+
+def _after(action: Node, entity: str, now: Start, state: State) -> Start:
     """How an entity is after an action; what then is not known is as in an empty `Start`."""
     if action.tag == "SpeedAction":
-        target = action.find("SpeedActionTarget", "AbsoluteTargetSpeed")
-        return now._replace(speed=target.float("value") if target is not None else None)
+        return now._replace(speed=target_speed(action, state))
     if action.tag == "LaneChangeAction":
         target = action.need("LaneChangeTarget").only()
         facing = 1 if now.lane < 0 else -1

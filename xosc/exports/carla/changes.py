@@ -15,7 +15,7 @@ from schemas.xml import parse
 from xosc.document import Document
 from xosc.ego import EGO_NAME
 from xosc.exports.carla.sides import change_sides
-from xosc.exports.starts import Start, State, actors, beside
+from xosc.exports.starts import Start, State, actors, beside, target_speed
 from xosc.node import TO_RIGHT, Node
 
 HERO = "hero"
@@ -122,15 +122,14 @@ def _roads(network: Path | None) -> _Elements:
 def _speed(action: Node, state: State) -> str:
     """A rate as the time that it takes: scenario_runner reads every number that is no distance as a time."""
     dynamics = action.need("SpeedActionDynamics")
-    target = action.find("SpeedActionTarget", "AbsoluteTargetSpeed")
     if dynamics.get("dynamicsDimension") != "rate" or dynamics.get("dynamicsShape") == "step":
         return ""
     speeds = {(state(action, name) or Start()).speed for name in actors(action)}
     speed = next(iter(speeds)) if len(speeds) == 1 else None
-    rate = abs(dynamics.float("value"))
+    rate, target = abs(dynamics.float("value")), target_speed(action, state)
     if target is None or speed is None or not rate:
         raise dynamics.unsupported("scenario_runner reads the rate as a time, and what time it takes is known only when it runs")
-    time = abs(target.float("value") - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")]
+    time = abs(target - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")]
     dynamics.element.attrib.update({"dynamicsDimension": "time", "value": repr(time)})
     return f"{dynamics.where}: {dynamics.tag}: the rate is written as the {time:g} s that it takes from {speed:g} m/s"
 
