@@ -147,13 +147,6 @@ def schema_root() -> etree._Element:
     return etree.parse(schema.path).getroot()
 
 
-def element_names() -> set[str]:
-    """Names of all elements in all versions of the XSD that are at hand."""
-    schemas = [schema_for("OpenSCENARIO", (1, minor)) for minor in range(4)]
-    roots = [etree.parse(schema.path).getroot() for schema in schemas if schema is not None]
-    return {str(element.get("name")) for root in roots for element in root.iter(f"{_XSD}element")}
-
-
 def leaves(root: etree._Element, type_name: str) -> Iterator[tuple[str, str]]:
     """Parent and name of every element below a type of the XSD, through the elements that only group others."""
     for element in _elements(root, type_name):

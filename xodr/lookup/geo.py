@@ -48,10 +48,3 @@ class GeoReference:
         easting, northing = self._transformer.transform(place.longitude, place.latitude)
         dx, dy = easting - self._x, northing - self._y
         return self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx, place.altitude - self._z
-
-    def to_geodetic(self, x: float, y: float, z: float = 0.0) -> Geodetic:
-        """The place of world coordinates x, y, z [m]."""
-        easting = self._cos * x - self._sin * y + self._x
-        northing = self._sin * x + self._cos * y + self._y
-        longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
-        return Geodetic(latitude, longitude, z + self._z)
