@@ -70,6 +70,9 @@ def xosc_generate(
         bool, typer.Option("--violations", help="Write violations of RSS distances as edge cases too, after the failures.")
     ] = False,
     concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
+    estimate: Annotated[
+        bool, typer.Option("--estimate", help="Estimate how often traffic makes the system fail, by at most 600 more runs.")
+    ] = False,
     rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = "ad-rss",
     timestep: Timestep = RunSettings.timestep,
     jobs: Jobs = 2,
@@ -88,7 +91,7 @@ def xosc_generate(
 
     settings = SearchSettings(
         RunSettings(sut=sut, timestep=timestep), method, budget, seed, density, weight, rss, jobs,
-        choice=Choice(most, apart, violations), concrete=concrete,
+        choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
@@ -155,6 +158,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"
+    if generated.estimate is not None:
+        yield from (f"  {line}" for line in generated.estimate.lines())
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield f"  and {len(generated.files) - _LISTED} more files in {generated.files[0].parent}"

@@ -11,6 +11,7 @@ from generation.density.gate import Gate, measured
 from generation.density.marginals import Marginal
 from generation.density.model import DEFAULT, JUDGE
 from generation.density.prior import UNIFORM, Prior
+from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, estimate
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator
 from generation.outcomes.inputs import inputs
@@ -26,7 +27,7 @@ from generation.variations import Evidence, Writer, Written
 from runner.settings import RunSettings
 from runner.sut import system_name
 from schemas.errors import Unsupported, UsageError
-from schemas.storage import digest
+from schemas.storage import digest, write_object
 from xodr.array_types import FloatArray
 
 LEAST = 30
@@ -54,6 +55,7 @@ class SearchSettings:
         default: whether to search what is searched by default; otherwise only what is free or has a range.
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
+        estimate: whether to estimate how often the system fails, by `RUNS` more runs, or as many as the budget.
     """
 
     run: RunSettings = field(default_factory=RunSettings)
@@ -70,6 +72,7 @@ class SearchSettings:
     default: bool = True
     choice: Choice = field(default_factory=Choice)
     concrete: bool = False
+    estimate: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,7 @@ class Generated:
         files: what was written; empty where there are no edge cases.
         gate: what the density was measured by.
         reused: how many answers came from runs that were kept.
+        estimate: how often the system fails; None where that was not asked for.
     """
 
     space: Space
@@ -93,6 +97,7 @@ class Generated:
     files: list[Path]
     gate: Gate
     reused: int = 0
+    estimate: Estimate | None = None
 
 
 def generate(
@@ -140,11 +145,12 @@ def generate(
         theta, outcomes = memory.everything
         every = Episodes(theta, outcomes, reward(theta, outcomes)) if len(theta) else history
         cases = choose(space, every, judged, evaluator, settings.choice, found)
+        rate = _estimate(scenario, problem, evaluator, every, out, settings) if settings.estimate else None
     written = Written(out, scenario.stem)
     written.withdraw()
     files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
     written.note()
-    return Generated(space, len(real.theta), history, cases, files, gate, memory.reused)
+    return Generated(space, len(real.theta), history, cases, files, gate, memory.reused, rate)
 
 
 def _gate(
@@ -159,6 +165,22 @@ def _gate(
     with _evaluator(scenario, own, settings) as evaluator:
         replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
         return measured(prior, run, units, replay, most)
+
+
+def _estimate(
+    scenario: Path, problem: Problem, evaluator: Evaluator, episodes: Episodes, out: Path, settings: SearchSettings
+) -> Estimate:
+    """How often the system fails, written into the folder as well."""
+    assert problem.prior is not None
+    run = Memory(evaluator, _runs_file(scenario, problem.space, out, settings, "estimate"))
+    failures = episodes.theta[episodes.outcomes.collision]
+    chosen = EstimateSettings(min(RUNS, settings.budget), settings.seed)
+    found = estimate(problem.prior, run, evaluator, failures, problem.twin, chosen)
+    write_object(
+        {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(problem.space.pinned), **found.as_json()},
+        out / f"{scenario.stem}_estimate.json",
+    )
+    return found
 
 
 def _realism(real: Recorded, name: str, scenario: Path) -> Realism:

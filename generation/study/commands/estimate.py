@@ -1,0 +1,50 @@
+"""`python -m generation.study estimate`: whether intervals of estimates cover a truth that is known by many draws on the twin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from generation.options import Jobs, Kind, Recorded, Sut
+from runner.settings import DEFAULT_SYSTEM
+from schemas.commands.options import Verbose, Version, interruptible
+from schemas.errors import Unsupported
+
+NAME = "python -m generation.study estimate"
+_TRUTH_SEED = 1_000_000
+
+
+def command(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")],
+    repeats: Annotated[int, typer.Option(min=1, metavar="N", help="Estimates, each with a seed of its own.")] = 20,
+    truth: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of the prior that say what is true.")] = 100_000,
+    runs: Annotated[int, typer.Option(min=30, metavar="N", help="Runs of each estimate, played on the twin.")] = 600,
+    sut: Sut = DEFAULT_SYSTEM,
+    recorded: Recorded = None,
+    kind: Kind = None,
+    jobs: Jobs = 1,
+    _verbose: Verbose = False,
+    _version: Version = False,
+) -> None:
+    """Repeat the estimate with the twin in the place of SUMO, without control, and compare it with crude Monte Carlo there."""
+    from generation.density.gate import Share
+    from generation.estimation.estimate import FAILURE, EstimateSettings, estimate
+    from generation.study.failures.problem import posed
+
+    with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
+        prior, twin = posing.problem.prior, posing.problem.twin
+        if twin is None or prior is None:
+            raise Unsupported("this scenario has no twin", path=scenario)
+        crude = Share.of(twin(prior.sample(truth, np.random.default_rng(_TRUTH_SEED))))
+        print(f"crude Monte Carlo on the twin: {crude}", flush=True)
+        share, covered, variations = crude.collisions / crude.runs, 0, []
+        for seed in range(repeats):
+            found = estimate(prior, twin, twin, prior.theta[:0], twin, EstimateSettings(runs, seed, False)).probabilities[FAILURE]
+            low, high = found.interval
+            covered += low <= share <= high
+            variations.append(found.variation)
+            print(f"seed {seed}: {found}, coefficient of variation {found.variation:.3f}", flush=True)
+        print(f"{covered} of {repeats} intervals cover it; coefficient of variation {np.mean(variations):.3f} on average")

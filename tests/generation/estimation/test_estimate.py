@@ -1,0 +1,82 @@
+"""How often a system fails, where the truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generation.density.declared_prior import DeclaredPrior
+from generation.density.marginals import uniform
+from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, estimate
+from generation.estimation.proposal import Proposal
+from generation.outcomes.outcomes import Outcomes
+from xodr.array_types import FloatArray
+
+EDGE, TRUTH = 0.04, 0.04**2
+PRIOR = DeclaredPrior({"a": uniform(0.0, 1.0), "b": uniform(-1.0, 0.0)}, None)
+NONE = np.empty((0, 2))
+
+
+def failing(theta: FloatArray, sut: str | None = None) -> Outcomes:
+    """In a corner; a careful driver fails in half of it."""
+    edge = EDGE if sut is None else EDGE / 2
+    collision = (theta[:, 0] < edge) & (theta[:, 1] > -EDGE)
+    speeds = np.where(collision, 12.0, 0.0)
+    return Outcomes.of(len(theta), collision=collision, impact_speed=speeds, status=["completed"] * len(theta))
+
+
+def misled(theta: FloatArray, sut: str | None = None) -> Outcomes:
+    """A twin whose corner is a little larger on one side, and smaller on the other."""
+    return failing(theta + np.array([0.002, -0.002]), sut)
+
+
+def test_weights_of_draws_have_the_mean_1() -> None:
+    generator = np.random.default_rng(0)
+    known = PRIOR.sample(40_000, generator)
+    proposal = Proposal(PRIOR, known[failing(known).collision], 0.2)
+    theta = proposal.sample(20_000, generator)
+    weights = proposal.weights(theta)
+    assert PRIOR.possible(theta).all()
+    assert weights.max() <= 5.0 + 1e-9
+    assert weights.mean() == pytest.approx(1.0, abs=4 * weights.std() / np.sqrt(20_000))
+
+
+@pytest.mark.parametrize("controlled", [False, True])
+def test_intervals_cover_the_truth(controlled: bool) -> None:
+    found = [
+        estimate(PRIOR, failing, failing, NONE, misled, EstimateSettings(300, seed, controlled)).probabilities
+        for seed in range(10)
+    ]
+    for event, truth in ((FAILURE, TRUTH), (PREVENTABLE, TRUTH / 2), ("impact at 10 to 20 m/s", TRUTH)):
+        covered = sum(each[event].interval[0] <= truth <= each[event].interval[1] for each in found)
+        assert covered >= 8, event
+    variation = np.mean([each[FAILURE].variation for each in found])
+    assert variation < (0.07 if controlled else 0.12)
+
+
+def test_known_failures_make_the_proposal_without_a_twin() -> None:
+    generator = np.random.default_rng(5)
+    corner = np.stack([generator.uniform(0, EDGE, 60), generator.uniform(-EDGE, 0, 60)], axis=1)
+    found = estimate(PRIOR, failing, failing, corner, None, EstimateSettings(400))
+    low, high = found.probabilities[FAILURE].interval
+    assert low <= TRUTH <= high
+    assert found.known == 60
+
+
+def test_too_few_failures_leave_draws_of_the_prior() -> None:
+    found = estimate(PRIOR, failing, failing, NONE, None, EstimateSettings(200))
+    assert found.known == 0
+    assert "too few failures are known" in next(found.lines())
+    assert found.probabilities[FAILURE].interval[1] > TRUTH
+
+
+def test_runs_that_fail_count_for_nothing_and_are_told() -> None:
+    def broken(theta: FloatArray) -> Outcomes:
+        outcomes = failing(theta)
+        outcomes.status[::4] = "error"
+        return outcomes
+
+    found = estimate(PRIOR, broken, failing, NONE, failing, EstimateSettings(200))
+    assert (found.runs, found.failed) == (150, 50)
+    assert "50 more runs failed" in "\n".join(found.lines())
+    assert found.as_json()["failed_runs"] == 50

@@ -1,0 +1,51 @@
+"""Probabilities of weighted draws, and what a control takes out of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generation.estimation.probability import Control, probability
+
+
+def draws(n: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """Uniform draws of 0 to 1, and weights that are 1."""
+    return np.random.default_rng(seed).uniform(size=n), np.ones(n)
+
+
+def test_draws_of_the_prior_count_as_they_are() -> None:
+    u, weights = draws(2000)
+    found = probability(u < 0.1, weights, 1.0)
+    assert found.value == pytest.approx((u < 0.1).mean())
+    assert found.deviation == pytest.approx(np.sqrt(found.value * (1 - found.value) / 2000), rel=0.01)
+    assert found.effective == pytest.approx((u < 0.1).sum())
+    assert found.stable
+
+
+def test_where_nothing_fails_the_bound_counts_the_greatest_weight() -> None:
+    found = probability(np.zeros(300, bool), np.ones(300), 5.0)
+    assert found.interval == (0.0, pytest.approx(5.0 * (1.0 - 0.05 ** (1 / 300))))
+    assert "no draw fails" in str(found)
+
+
+def test_few_failures_are_called_unstable() -> None:
+    u, weights = draws(300)
+    assert "unstable" in str(probability(u < 0.02, weights, 1.0))
+
+
+def test_a_twin_that_is_right_leaves_its_own_uncertainty_only() -> None:
+    u, weights = draws(300)
+    more, heavy = draws(40_000, 4)
+    plain = probability(u < 0.1, weights, 1.0)
+    controlled = probability(u < 0.1, weights, 1.0, Control(u < 0.1, more < 0.1, heavy))
+    assert controlled.value == pytest.approx((more < 0.1).mean())
+    assert controlled.deviation < 0.12 * plain.deviation
+
+
+def test_a_twin_that_is_wrong_does_no_harm() -> None:
+    u, weights = draws(4000)
+    more, heavy = draws(40_000, 4)
+    plain = probability(u < 0.1, weights, 1.0)
+    controlled = probability(u < 0.1, weights, 1.0, Control(u > 0.7, more > 0.7, heavy))
+    assert controlled.value == pytest.approx(plain.value, abs=3 * plain.deviation)
+    assert controlled.deviation < 1.05 * plain.deviation
