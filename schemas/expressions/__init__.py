@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import re
 
-from schemas.expressions.language import FIRST_VERSION, FUNCTIONS, ExpressionError, Value, literal
-from schemas.expressions.parser import Expression, Lookup, parse
-
-__all__ = [
-    "FIRST_VERSION", "FUNCTIONS", "ExpressionError", "Lookup", "Value", "evaluate", "functions", "is_expression", "is_wellformed",
-    "literal", "references", "substitute",
-]  # fmt: skip
+from schemas.expressions.language import FIRST_VERSION as FIRST_VERSION
+from schemas.expressions.language import FUNCTIONS as FUNCTIONS
+from schemas.expressions.language import ExpressionError as ExpressionError
+from schemas.expressions.language import Value as Value
+from schemas.expressions.language import literal as literal
+from schemas.expressions.parser import Expression, parse
+from schemas.expressions.parser import Lookup as Lookup
 
 _QUOTED_LENGTH = 120
 _REFERENCE = re.compile(r"\$([A-Za-z_][A-Za-z0-9_]*)")
