@@ -75,6 +75,9 @@ def xosc_generate(
     ] = False,
     rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = "ad-rss",
     timestep: Timestep = RunSettings.timestep,
+    world: Annotated[
+        str, typer.Option(metavar="NAME", help="World of runs: sumo, or kinematic (scripted motion alone).")
+    ] = "sumo",
     jobs: Jobs = 2,
     _verbose: Verbose = False,
     quiet: Quiet = False,
@@ -90,7 +93,7 @@ def xosc_generate(
     from generation.pipeline import SearchSettings
 
     settings = SearchSettings(
-        RunSettings(sut=sut, timestep=timestep), method, budget, seed, density, weight, rss, jobs,
+        RunSettings(sut=sut, timestep=timestep, world=world), method, budget, seed, density, weight, rss, jobs,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))

@@ -55,6 +55,7 @@ def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
         ((CUT_IN, "--pin", "Ego_Speed"), 2, "--pin 'Ego_Speed': NAME=VALUE"),
         ((CUT_IN, "--free", "CutIn_Jerk"), 2, "no parameter"),
         ((CUT_IN, "--sut", "nobody", *QUICK), 2, "nobody"),
+        ((CUT_IN, "--world", "moon", *QUICK), 2, "sumo, kinematic"),
         ((str(SCENARIOS / "r157_cut_in.xosc"),), 2, "--kind"),
         ((str(SCENARIOS / "cut_in_highway_variation.xosc"),), 2, "search cut_in_highway.xosc itself"),
         ((str(SCENARIOS), "--kind", "cut_in"), 2, "for single scenarios"),
