@@ -147,10 +147,11 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     failed = len(outcomes) - int(outcomes.executed.sum())
     if failed:
         yield f"  {failed} runs failed, the first with: {_first_error(outcomes)}"
-    yield (
-        f"  {len(outcomes)} runs: {outcomes.collision.mean():.1%} collisions, "
-        f"mean R_risk {outcomes.r_risk.mean():.3f}; {_prior(generated)}"
-    )
+    if len(outcomes):
+        collisions, risk = outcomes.collision.mean(), outcomes.r_risk.mean()
+        yield f"  {len(outcomes)} runs: {collisions:.1%} collisions, mean R_risk {risk:.3f}; {_prior(generated)}"
+    else:
+        yield f"  no runs: nothing that is foreseeable and preventable fails on the twin; {_prior(generated)}"
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
     yield f"  {generated.gate}"

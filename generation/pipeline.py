@@ -18,6 +18,7 @@ from generation.outcomes.inputs import inputs
 from generation.outcomes.outcomes import Episodes
 from generation.recorded import Recorded
 from generation.search.memory import Memory
+from generation.search.method import DEFAULT as METHOD
 from generation.search.method import method
 from generation.search.problem import History, Problem, counted
 from generation.search.reward import Realism, Reward
@@ -59,7 +60,7 @@ class SearchSettings:
     """
 
     run: RunSettings = field(default_factory=RunSettings)
-    method: str = "mcsg"
+    method: str = METHOD
     budget: int = 3000
     seed: int = 0
     density: str = JUDGE

@@ -12,6 +12,7 @@ import typer
 
 from generation.density.model import JUDGE
 from generation.options import Density, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
+from generation.search.method import DEFAULT as METHOD
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
@@ -41,7 +42,7 @@ def xosc_loop(
     rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")] = 2,
     most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = 6,
     shown: Annotated[int, typer.Option(min=1, metavar="N", help="Recorded scenarios of each class with a replay.")] = 12,
-    method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = "mcsg",
+    method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = METHOD,
     labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
     recorded: Recorded = None,

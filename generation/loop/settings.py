@@ -11,6 +11,7 @@ from typing import Any
 from generation.declared import Ask
 from generation.outcomes.cases import Choice
 from generation.pipeline import SearchSettings
+from generation.search.method import DEFAULT as METHOD
 from runner.settings import RunSettings
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
@@ -40,7 +41,7 @@ class LoopSettings:
     budget: int = 300
     most: int = 6
     shown: int = 12
-    method: str = "mcsg"
+    method: str = METHOD
     seed: int = 0
     processes: int = 2
     ask: Ask = field(default_factory=Ask)

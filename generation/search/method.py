@@ -15,7 +15,7 @@ from schemas.errors import UsageError
 if TYPE_CHECKING:
     from generation.search.problem import Search
 
-DEFAULT = "mcsg"
+DEFAULT = "quality"
 
 
 class Method(NamedTuple):
@@ -41,7 +41,7 @@ def methods_of(package: str) -> dict[str, Method]:
 
 
 def offered() -> dict[str, Method]:
-    """The methods of `xosc-generate`, MCSG first."""
+    """The methods of `xosc-generate`, the default first."""
     found = methods_of("generation.search.methods")
     return {DEFAULT: found.pop(DEFAULT), **found}
 

@@ -1,4 +1,4 @@
-"""MCSG, the default: see `generation.mcsg.search`."""
+"""MCSG: see `generation.mcsg.search`."""
 
 from __future__ import annotations
 
