@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import xosc
 from generation.density.marginals import Marginal, marginal, uniform
-from generation.density.model import JUDGE
-from generation.density.prior import UNIFORM
+from generation.density.model import JUDGE, UNIFORM
 from generation.density.roles import EGO, ROLES, Role
 from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
 from generation.search.space import Space

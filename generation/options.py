@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from generation.density.model import models
-from generation.density.prior import UNIFORM
+from generation.density.model import UNIFORM, models
 from generation.density.roles import ROLES
 from generation.search.method import offered
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from generation.density.base import Density
 from generation.density.gate import Gate, measured
 from generation.density.marginals import Marginal
-from generation.density.model import DEFAULT, JUDGE
-from generation.density.prior import UNIFORM, Prior
+from generation.density.model import DEFAULT, JUDGE, UNIFORM
+from generation.density.prior import Prior
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, estimate
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator

@@ -16,6 +16,8 @@ DEFAULT = "kde"
 JUDGE = "mixture"
 """The density that says what is foreseeable: the likeliest to recordings that it has not seen of those that pass the gate
 (`python -m generation.study densities`)."""
+UNIFORM = "uniform"
+"""Name of the density of parameters of which nothing is known but their limits."""
 _MODELS = "generation.density.models"
 
 

@@ -13,8 +13,6 @@ from xodr.array_types import BoolArray, FloatArray
 
 FORESEEABLE = 0.01
 """Share of what is recorded (or, without recordings, stated) that is less likely than what counts as foreseeable."""
-UNIFORM = "uniform"
-"""Name of the density of parameters of which nothing is known but their limits."""
 _TRIES = 200
 """Times that draws are made before it is given up."""
 

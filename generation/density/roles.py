@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from recognition.maneuvers.parameters import EGO_SPEED as CATALOGUED_EGO_SPEED
+from recognition.maneuvers.parameters import OTHER_SPEED as CATALOGUED_OTHER_SPEED
 from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.scenario.declarations import EGO_SPEED as CATALOGUED_EGO_SPEED
-from recognition.maneuvers.scenario.declarations import OTHER_SPEED as CATALOGUED_OTHER_SPEED
 
 EGO_SPEED = "ego_speed"
 """Role of the speed of the one who is not the actor, when the manoeuvre begins."""

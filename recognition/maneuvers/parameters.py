@@ -41,6 +41,8 @@ PARAMETERS: Mapping[str, Parameter] = {
     "rest_time": Parameter("RestTime_s", 0.0, 10.0, "s", "from the manoeuvre's end to the scene's"),
 }
 """The parameters by role, in the order of every array of them."""
+EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
+"""In scenarios of catalogues, names of the speed of the one who is not the actor, by who that is."""
 
 
 class Values(NamedTuple):

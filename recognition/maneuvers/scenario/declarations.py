@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from recognition.maneuvers.events.maneuver import LONGEST, Maneuver
-from recognition.maneuvers.parameters import PARAMETERS
+from recognition.maneuvers.parameters import EGO_SPEED, OTHER_SPEED, PARAMETERS
 from recognition.maneuvers.scenario import terms
 from xosc import maneuvers
 from xosc.versions import Version
@@ -14,8 +14,6 @@ from xosc.versions import Version
 GAP, START_SPEED, START_TIME, END_SPEED, DURATION, FINAL_SPEED, REST_TIME = (each.name for each in PARAMETERS.values())
 RANGES = {each.name: (each.low, each.high) for each in PARAMETERS.values()}
 """Ranges of the parameters (m, m/s, s); a recorded value beyond widens its range"""
-EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
-"""Speed of the one who is not the actor, by who that is"""
 ONWARDS = "OtherFinalSpeed_mps"
 """Speed of the other one in a passage at the end of the scene"""
 BEGIN = "Begin_s"

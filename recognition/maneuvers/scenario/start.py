@@ -12,15 +12,8 @@ import numpy as np
 
 from recognition.catalogue.scenes.scenes import EGO
 from recognition.maneuvers.events.maneuver import Maneuver
-from recognition.maneuvers.scenario.declarations import (
-    BEGIN,
-    EGO_SPEED,
-    GAP,
-    OTHER_SPEED,
-    START_SPEED,
-    passive,
-    values,
-)
+from recognition.maneuvers.parameters import EGO_SPEED, OTHER_SPEED
+from recognition.maneuvers.scenario.declarations import BEGIN, GAP, START_SPEED, passive, values
 from runner.positions.lane import travel_s
 from runner.recording import Track
 from schemas.errors import Unsupported
