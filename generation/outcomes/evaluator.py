@@ -102,10 +102,6 @@ class Evaluator(Simulator):
         values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
         return self.of(Episode(str(number), self.scenario, self.scenario, each, sut=sut) for number, each in enumerate(values))
 
-    def driven_by(self, sut: str) -> Evaluate:
-        """The same scenario and processes, driven by another system under test."""
-        return partial(self, sut=sut)
-
 
 def measures(result: RunResult, rss: str) -> dict[str, Any]:
     """The columns of `Outcomes` that a run says something about.

@@ -113,6 +113,11 @@ class Space:
             return np.ones(len(theta), bool)
         return np.array([self.constraints({**self.pinned, **self.values(row)}) for row in theta], bool)
 
+    def by_name(self, theta: FloatArray) -> dict[str, FloatArray]:
+        """The columns of points (n, d), and what is pinned at a number, by name: (n,) each."""
+        pinned = {name: np.full(len(theta), float(text)) for name, text in self.pinned.items() if _is_number(text)}
+        return pinned | dict(zip(self.names, theta.T, strict=True))
+
     @classmethod
     def of(
         cls,
@@ -167,6 +172,14 @@ class Space:
         choices = {name: _choices(ranges[name], scope.own[name].type) for name in searched if name in ranges}
         admits = partial(_admits, list(declared.values())) if ranges else None
         return cls(tuple(sides), rest, {name: each for name, each in choices.items() if each}, admits)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _declarations(root: Node) -> list[Node]:

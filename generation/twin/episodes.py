@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
-from generation.search.space import Space
+from generation.search.space import DIGITS, Space
 from generation.twin.drivers import Driver, Situation, driver
 from generation.twin.motion import Body, Changing
 from generation.twin.script import Script, read
@@ -74,19 +74,9 @@ class Twin:
         return Outcomes.of(len(theta), **columns)
 
     def _play(self, theta: FloatArray, system: Any) -> dict[str, Any]:
-        rounded = np.round(theta, 6)  # as `Space.values` writes them
         parameters: dict[str, FloatArray] = {name: np.full(len(theta), each) for name, each in self._script.literals.items()}
-        parameters |= {name: np.full(len(theta), float(text)) for name, text in self._space.pinned.items() if _is_number(text)}
-        parameters |= dict(zip(self._space.names, rounded.T, strict=True))
+        parameters |= self._space.by_name(np.round(theta, DIGITS))  # as `Space.values` writes them
         return _Episodes(self._script, parameters, driver(system, len(theta)), self._run.timestep, self._rss).play()
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 class _Part(Protocol):

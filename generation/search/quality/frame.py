@@ -58,19 +58,10 @@ class Frame:
         Relative speed and time headway when the manoeuvre begins, its pace (lanes per second) and the ego's speed, as far as the
         space has them; the varied parameters themselves where it has fewer than two.
         """
-        values = {name: np.full(len(theta), float(text)) for name, text in self.space.pinned.items() if _is_number(text)}
-        values |= dict(zip(self.space.names, theta.T, strict=True))
+        values = self.space.by_name(theta)
         by_role = {role.role: values[name] for name, role in roles_of(values).items()}
         found = list(_read(by_role)) if len(by_role) > 1 else []
         return np.stack(found, axis=1) if len(found) > 1 else self.space.unit(theta)[:, self.varied]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _read(by_role: dict[str, FloatArray]) -> list[FloatArray]:
