@@ -78,6 +78,7 @@ class _Scripted(_Memory):
     """No system: the ego does what is scripted."""
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
+        """Nowhere."""
         return np.zeros(len(seen.speed), bool), np.zeros(len(seen.speed))
 
 
@@ -86,6 +87,7 @@ class _Avoidance(_Memory):
         self._system, self._rss = system, parameter_set(system.rss)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
+        """Where RSS distances to what is in range are violated, with maximum braking."""
         danger = np.zeros(len(seen.speed), bool)
         for other in seen.others:
             near = np.hypot(other.x - seen.ego.x, other.y - seen.ego.y) <= self._system.sensor_range + _reach(seen.ego, other)
@@ -110,6 +112,7 @@ class _Emergency(_Memory):
         self._system, self._full = system, np.zeros(n, bool)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
+        """Where the time to collision is short, with partial or full braking."""
         time = np.full(len(seen.speed), np.inf)
         for ahead, found in seen.encounters():
             time = np.minimum(time, np.where(ahead, self._system.threat(found), np.inf))
@@ -122,6 +125,7 @@ class _Following(_Memory):
         self._system = system
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
+        """Behind the nearest one ahead, with the model's acceleration."""
         gap, wanted = np.full(len(seen.speed), np.inf), np.zeros(len(seen.speed))
         for ahead, found in seen.encounters():
             nearer = ahead & (found.aside < self._system.clearance) & (found.gap < gap)
@@ -137,6 +141,7 @@ class _Reference(_Memory):
         self._alarmed = np.zeros(n, bool)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
+        """Where there was danger, with the model's deceleration after its reaction time."""
         danger, demand = np.zeros(len(seen.speed), bool), np.zeros(len(seen.speed))
         moving: Any = seen
         for ahead, found in seen.encounters():
@@ -155,6 +160,7 @@ class _Bound(_Memory):
         self._system, self._begun = system, np.zeros(n, bool)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
+        """From the instant on at which anyone begins to manoeuvre, with full braking."""
         self._begun = self._begun | seen.changed
         return self._begun.copy(), np.full(len(seen.speed), -self._system.brake)
 
