@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from generation.density.marginals import Marginal
-from generation.density.prior import FORESEEABLE, Prior, until_possible
+from generation.density.prior import FORESEEABLE, Prior
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray
 
@@ -75,10 +75,6 @@ class DeclaredPrior(Prior):
         """log p of rows (n, d): (n,)."""
         return np.where(self.possible(theta), self._raw(theta) - self._log_share, -np.inf)
 
-    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
-        """Draws (n, d), all `possible`."""
-        return until_possible(self._draw, self.possible, n, generator)
-
     def foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible and no less likely than 99 % of draws: (n,)."""
         found: BoolArray = self.log_density(theta) >= self.limit - 1e-9  # all of a uniform density are alike but for rounding
@@ -136,10 +132,6 @@ class JointPrior(Prior):
         """log p of rows (n, d): (n,)."""
         found = np.sum([part.log_density(self._columns(part, theta)) for part in self._parts], axis=0) - self._log_share
         return np.where(self.possible(theta), found, -np.inf)
-
-    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
-        """Draws (n, d), all `possible`."""
-        return until_possible(self._draw, self.possible, n, generator)
 
     def foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible, and foreseeable in each part: (n,)."""

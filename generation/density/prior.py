@@ -65,12 +65,16 @@ class Prior(ABC):
         """
 
     @abstractmethod
+    def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
+        """Draws (n, d), of which some may not be `possible`."""
+
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d), all `possible`: what is not is drawn again, nothing is moved onto a limit.
 
         Raises:
             UsageError: nearly nothing that it draws is possible.
         """
+        return until_possible(self._draw, self.possible, n, generator)
 
     @abstractmethod
     def foreseeable(self, theta: FloatArray) -> BoolArray:

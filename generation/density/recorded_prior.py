@@ -19,7 +19,7 @@ from generation.density.base import Density
 from generation.density.components import Components
 from generation.density.fitting import fitted, others
 from generation.density.physics import ByRole, Limits
-from generation.density.prior import FORESEEABLE, Prior, until_possible
+from generation.density.prior import FORESEEABLE, Prior
 from generation.density.roles import NUISANCES, Role
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray
@@ -139,10 +139,6 @@ class RecordedPrior(Prior):
         theta = np.empty((n, len(self.names)))
         theta[:, self.columns(self.searched)] = np.exp(self._density.sample(n, generator))
         return self.with_nuisances(theta)
-
-    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
-        """Draws (n, d), all `possible`."""
-        return until_possible(self._draw, self.possible, n, generator)
 
     # what is foreseeable
 
