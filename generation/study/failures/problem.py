@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from generation.density.model import DEFAULT, JUDGE
 from generation.outcomes.evaluator import Evaluator
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.problem import Problem
@@ -26,7 +27,7 @@ class Posed(NamedTuple):
 
 @contextmanager
 def posed(scenario: Path, sut: str, processes: int, recorded: Path | None = None, kind: str | None = None) -> Iterator[Posed]:
-    """The problem of a logical scenario, with the density `kde`.
+    """The problem of a logical scenario: foreseeable is what `JUDGE` says, as in the product; the reward is the published one.
 
     Args:
         sut: name of the system under test.
@@ -40,10 +41,10 @@ def posed(scenario: Path, sut: str, processes: int, recorded: Path | None = None
     space, run = Space.of(scenario), RunSettings(sut=sut)
     units = of_samples(of_recordings(recorded, kind or kind_of(scenario)), space)
     real = units.within(space)
-    reward = Reward(Realism.fitted("kde", real.theta, real.recordings))
+    reward = Reward(Realism.fitted(DEFAULT, real.theta, real.recordings))
     try:
         twin = Twin(scenario, space, run)
     except Unsupported:
         twin = None
     with Evaluator(scenario, space, run=run, processes=processes) as sumo:
-        yield Posed(Problem(space, sumo, reward, real.theta, None, units.prior(space, "kde"), twin), sumo)
+        yield Posed(Problem(space, sumo, reward, real.theta, None, units.prior(space, JUDGE), twin), sumo)
