@@ -21,7 +21,11 @@ NAME = "xosc-recognize"
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Labels = Annotated[
-    Literal["auto", "model", "rules"], typer.Option(help="Who labels: a model (auto: where one is shipped), or the rules alone.")
+    Literal["auto", "model", "rules"],
+    typer.Option(
+        help="Who sorts: the model where it states good enough figures for sites not seen, else the rules, with its labels beside"
+        " theirs (auto); the model in any case; or the rules, without a model."
+    ),
 ]
 Model = Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")]
 Signalised = Annotated[bool, typer.Option("--signalised", help="Let the rules count junctions with traffic lights as well.")]
@@ -103,7 +107,7 @@ def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings
 
 
 def _recogniser(labels: str, model: Path | None, quiet: bool) -> Recogniser:
-    """Who labels; the rules where no model is shipped and none is asked for."""
+    """Who labels and sorts; says so where that is not the model."""
     from recognition.catalogue.pipeline import SHIPPED, ByRules
 
     if labels == "rules" and model is not None:
@@ -114,8 +118,13 @@ def _recogniser(labels: str, model: Path | None, quiet: bool) -> Recogniser:
             print("no model is shipped: the rules label alone", file=sys.stderr)
         return ByRules()
     from recognition.catalogue.recognisers.model import load
+    from recognition.catalogue.recognisers.trust import objection, unseen_sites
 
-    return load(folder)
+    recogniser = load(folder, sorts=True if labels == "model" else None)
+    why = objection(unseen_sites(folder))
+    if why and not quiet:
+        print(f"{NAME}: scenarios are sorted by the {recogniser.sorted_by}: {why}", file=sys.stderr)
+    return recogniser
 
 
 def _progress(quiet: bool) -> Progress:

@@ -11,7 +11,7 @@ import xosc
 from recognition import datasets
 from recognition.catalogue.pipeline import CatalogueSettings, Progress, Recogniser, look
 from recognition.catalogue.recognisers import findings
-from recognition.catalogue.recognisers.findings import Finding
+from recognition.catalogue.recognisers.findings import Finding, Moment
 from recognition.catalogue.writing.catalogue import AUTHOR
 from recognition.catalogue.writing.store import digests, write_unless_edited
 from recognition.datasets import Source
@@ -103,7 +103,13 @@ def _about_ego(source: Source, finding: Finding) -> bool:
 def _sentence(finding: Finding, run: str | None) -> str:
     moment = finding.moment
     parts = [f"{moment.title} of {moment.ego} at {moment.time:.2f} s", f"with {moment.partner}" if moment.partner else ""]
-    return " ".join([*filter(None, parts), *([f"in {run}"] if run else [])])
+    parts += [f"in {run}" if run else "", f"({_labels(moment)})" if moment.labels_agree is False else ""]
+    return " ".join(filter(None, parts))
+
+
+def _labels(moment: Moment) -> str:
+    """Both labels of a moment about which rules and model disagree."""
+    return f"rules: {moment.rule.title}, model: {moment.model}, {moment.confidence or 0.0:.0%}"
 
 
 def _told(finding: Finding) -> dict[str, Any]:
@@ -115,6 +121,8 @@ def _told(finding: Finding) -> dict[str, Any]:
         "confidence": moment.confidence,
         "rule_class": moment.rule.title if moment.rule else None,
         "model_class": moment.model,
+        "nearest_class": moment.nearest,
+        "labels_agree": moment.labels_agree,
         "partner": moment.partner,
         "time": round(moment.time, 3),
         "start": round(finding.start, 3),

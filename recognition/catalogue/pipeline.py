@@ -51,6 +51,11 @@ class CatalogueSettings:
 class Recogniser(Protocol):
     """Labels moments of recordings: it looks at all of them, then gives the moments of each."""
 
+    @property
+    def sorted_by(self) -> str:
+        """Whose labels sort the moments: `RULES` or `MODEL`."""
+        ...
+
     def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
         """Take in a recording and the events that rules have found in it."""
         ...
@@ -62,6 +67,8 @@ class Recogniser(Protocol):
 
 class ByRules:
     """The rules alone."""
+
+    sorted_by = findings.RULES
 
     def __init__(self) -> None:
         self._events: dict[str, list[Event]] = {}
@@ -110,7 +117,7 @@ def build(paths: Sequence[Path], out: Path, settings: CatalogueSettings, recogni
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
     with Shelf() as shelf:
-        work = _Work(settings, recogniser, Catalogue(out, settings.config), shelf)
+        work = _Work(settings, recogniser, Catalogue(out, settings.config, recogniser.sorted_by), shelf)
         for source in progress(sources, "recognising"):
             work.try_to(work.look, source)
         for source in progress([source for source in sources if source.name not in work.failures], "writing"):

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from recognition.labels.classes import Event, Label
 
 KNOWN, UNKNOWN, DISCOVERED = "known", "unknown", "discovered"
+RULES, MODEL = "rules", "model"
+"""Whose labels sort a catalogue"""
 WINDOW = 1.5
 """Length (s) of what is looked at about a moment"""
 
@@ -23,11 +25,12 @@ class Moment:
     Attributes:
         ego: name of the track.
         time: the middle of the window, s.
-        title: name of the class: of one of the 17, `unknown`, or of a discovered class.
+        title: name of the class that it is sorted by: one of the 17, `unknown`, or a discovered class.
         state: known, unknown or discovered.
         rule: what the rules say, UNKNOWN for nothing.
-        model: name of the class that the model says, None without a model.
-        confidence: of the model, in [0, 1]; None without.
+        model: the model's label: one of the 17, `unknown`, or a discovered class; None without a model.
+        nearest: of the known classes the one that the model takes it for rather than any other; None without a model.
+        confidence: of the model in `nearest`, in [0, 1]; None without.
         partner, tags: of the rule's event.
     """
 
@@ -37,9 +40,15 @@ class Moment:
     state: str
     rule: Label = Label.UNKNOWN
     model: str | None = None
+    nearest: str | None = None
     confidence: float | None = None
     partner: str | None = None
     tags: dict[str, bool | float] = field(default_factory=dict)
+
+    @property
+    def labels_agree(self) -> bool | None:
+        """Whether rules and model say the same; None where one of them says nothing."""
+        return self.model == self.rule.title if self.rule and self.model is not None else None
 
 
 @dataclass(frozen=True)

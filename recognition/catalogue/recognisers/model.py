@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, by_rules
+from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, MODEL, RULES, UNKNOWN, Moment, by_rules
+from recognition.catalogue.recognisers.trust import objection, unseen_sites
 from recognition.grids import covered, rasterise
 from recognition.labels.classes import Event, Label
 from recognition.sites import Site
@@ -23,13 +24,15 @@ class ByModel:
 
     Args:
         model: fitted, with its encoders.
+        sorts: whether moments are sorted by the model's labels. Otherwise rules' events are sorted by the rules, and of the
+            other moments those remain that are unknown to the model or of a class that it discovered.
         stride: time between two moments of one vehicle, s; a rule's event takes the place of the moments about it.
     """
 
-    def __init__(self, model: TRFE, stride: float = 1.0) -> None:
+    def __init__(self, model: TRFE, *, sorts: bool, stride: float = 1.0) -> None:
         if not model.encoders:
             raise UsageError("this model has no encoder: it can't recognise recordings")
-        self._model, self._grid, self._stride = model, model.encoders[0].grid, stride
+        self._model, self._grid, self._stride, self._sorts = model, model.encoders[0].grid, stride, sorts
         self._first = int(model.buffer.keys.max()) + 1 if len(model.buffer) else 0
         """key of the first moment in the buffer; smaller ones are of what waited there before"""
         self._ranges: dict[str, range] = {}
@@ -38,6 +41,11 @@ class ByModel:
         self._waiting = 0
         """unknown moments since classes were looked for the last time"""
         self._finished = False
+
+    @property
+    def sorted_by(self) -> str:
+        """Whose labels sort the moments."""
+        return MODEL if self._sorts else RULES
 
     def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
         """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
@@ -54,7 +62,8 @@ class ByModel:
         if not self._finished:
             self._discover()
             self._finished = True
-        return [_labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]]
+        labelled = [self._labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]]
+        return [moment for moment in labelled if self._sorts or moment.rule or moment.state != KNOWN]
 
     def keep(self, folder: Path, *, waiting: bool = True) -> None:
         """Write the model as it is now: discovered classes are known to it.
@@ -91,7 +100,8 @@ class ByModel:
         names = [title_of(int(label)) for label in found.closed]
         shares = found.confidence.tolist()
         self._seen += (
-            replace(one, model=name, confidence=round(share, 4)) for one, name, share in zip(moments, names, shares, strict=True)
+            replace(one, nearest=name, confidence=round(share, 4))
+            for one, name, share in zip(moments, names, shares, strict=True)
         )
         self._labels += found.labels.tolist()
         self._waiting += int((found.labels == Label.UNKNOWN).sum())
@@ -109,10 +119,13 @@ class ByModel:
             self._labels[key - self._first] = label
         self._model.expand(found)
 
-
-def _labelled(moment: Moment, label: int) -> Moment:
-    state = UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
-    return replace(moment, title=title_of(label), state=state)
+    def _labelled(self, moment: Moment, label: int) -> Moment:
+        """A moment with the model's final label, sorted by it unless a rule's event is sorted by the rules."""
+        moment = replace(moment, model=title_of(label))
+        if moment.rule and not self._sorts:
+            return moment
+        state = UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
+        return replace(moment, title=title_of(label), state=state)
 
 
 def title_of(label: int) -> str:
@@ -120,8 +133,11 @@ def title_of(label: int) -> str:
     return f"discovered {label - FIRST_DISCOVERED + 1:02d}" if label >= FIRST_DISCOVERED else Label(label).title
 
 
-def load(folder: Path) -> ByModel:
+def load(folder: Path, *, sorts: bool | None = None) -> ByModel:
     """A recogniser by the model in a folder.
+
+    Args:
+        sorts: as of `ByModel`; by default what the model states of sites not seen decides.
 
     Raises:
         UsageError: there is no model, or it can't take recordings.
@@ -129,4 +145,5 @@ def load(folder: Path) -> ByModel:
     """
     if not folder.is_dir():
         raise UsageError("there is no model in this folder; --labels rules does without", path=folder)
-    return ByModel(storage.load(folder))
+    model = storage.load(folder)
+    return ByModel(model, sorts=objection(unseen_sites(folder)) is None if sorts is None else sorts)

@@ -84,17 +84,18 @@ class Catalogue:
 
     Args:
         root: the folder.
+        sorted_by: whose labels decide the class of a scenario, and thereby its folder.
 
     Raises:
         UsageError: it can't be written.
     """
 
-    def __init__(self, root: Path, config: CatalogueConfig) -> None:
+    def __init__(self, root: Path, config: CatalogueConfig, sorted_by: str) -> None:
         self.store = Store(root)
         self.rows: list[dict[str, Any]] = []
         self.exclusions: list[dict[str, Any]] = []
         self._recordings: list[dict[str, Any]] = []
-        self._config = config
+        self._config, self._sorted_by = config, sorted_by
         self._entries: dict[_Place, dict[str, Any]] = {}
         self._roads: dict[str, str] = {}
 
@@ -133,7 +134,7 @@ class Catalogue:
         """Write the OpenSCENARIO catalogues and the index; the files of earlier runs that were removed."""
         self._write_catalogs(self._entries.keys())
         rows = sorted(self.rows, key=lambda row: row["file"])
-        more = {"recordings": self._recordings, "exclusions": self.exclusions, **more}
+        more = {"sorted_by": self._sorted_by, "recordings": self._recordings, "exclusions": self.exclusions, **more}
         self.store.write(index.FILE, index.as_json(rows, more))
         self.store.write("index.csv", index.as_csv(rows))
         self.store.write("index.parquet", index.as_parquet(rows))
@@ -155,7 +156,7 @@ class Catalogue:
 
     def _write(self, context: _Context) -> None:
         episode, scene = context.episode, context.scene
-        facts = _facts(context)
+        facts = _facts(context, self._sorted_by)
         tagged = annotation.tags(episode.name, episode.title, scene, facts)
         described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.source.name}"
         properties = tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
@@ -240,7 +241,7 @@ class _Context(NamedTuple):
         return next((part.name for part in parts if part.track is track and part.name != EGO), "Other")
 
 
-def _facts(context: _Context) -> dict[str, Any]:
+def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
     """The scenario's row of the index, but for its files."""
     source, episode, scene = context.source, context.episode, context.scene
     moment = episode.finding.moment if episode.finding is not None else None
@@ -249,9 +250,12 @@ def _facts(context: _Context) -> dict[str, Any]:
     return {
         "class": episode.title,
         "state": episode.state,
+        "sorted_by": sorted_by,
         "confidence": moment.confidence if moment is not None else None,
         "rule_class": rule,
         "model_class": moment.model if moment is not None else None,
+        "nearest_class": moment.nearest if moment is not None else None,
+        "labels_agree": moment.labels_agree if moment is not None else None,
         "passage": episode.passage,
         "data_set": source.format,
         "site": source.site,

@@ -22,9 +22,12 @@ COLUMNS: dict[str, type] = {
     "road": str,
     "class": str,
     "state": str,
+    "sorted_by": str,
     "confidence": float,
     "rule_class": str,
     "model_class": str,
+    "nearest_class": str,
+    "labels_agree": bool,
     "passage": str,
     "data_set": str,
     "site": str,
@@ -45,7 +48,8 @@ COLUMNS: dict[str, type] = {
     "collision_time": float,
 }
 """Columns of a row; absent values are None. Files relative to the index: the scenario that replays the recording, that with the
-manoeuvre (or why it has none), tags, road. The class, by whom and how sure. Where from, with times in s. Measures."""
+manoeuvre (or why it has none), tags, road. The class, and whose labels sort; the model's confidence in the known class nearest to
+what it saw; both labels, and whether they agree. Where from, with times in s. Measures."""
 
 Row = Mapping[str, Any]
 
@@ -96,7 +100,7 @@ def as_parquet(rows: Sequence[Row]) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    types = {str: pa.string(), float: pa.float64(), int: pa.int64()}
+    types = {str: pa.string(), float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
     table = pa.table({name: pa.array([row.get(name) for row in rows], types[kind]) for name, kind in COLUMNS.items()})
     target = pa.BufferOutputStream()
     pq.write_table(table, target, compression="zstd")

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from safetensors import numpy as safetensors
 
 from recognition import datasets
-from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, UNKNOWN, Moment, joined
+from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, RULES, UNKNOWN, Moment, joined
 from recognition.catalogue.recognisers.model import ByModel, title_of
+from recognition.catalogue.recognisers.trust import objection, unseen_sites
 from recognition.encoder.config import Architecture
 from recognition.encoder.model import Encoder
 from recognition.grids import Grid
@@ -21,7 +24,7 @@ from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
 from recognition.trfe.storage import load
 from recognition.trfe.trfe import TRFE
-from schemas.errors import UsageError
+from schemas.errors import InvalidFile, UsageError
 from tests.recognition import motorway
 from tests.recognition.clouds import clouds
 
@@ -87,7 +90,7 @@ class Oracle:
         self.buffer.remove(found.labels > 0)
 
 
-def look(folder: Path, oracle: Oracle) -> ByModel:
+def look(folder: Path, oracle: Oracle, *, sorts: bool = True) -> ByModel:
     """A motorway seen through an oracle."""
     (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
     recording = source.load()
@@ -96,7 +99,7 @@ def look(folder: Path, oracle: Oracle) -> ByModel:
         Event("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
         Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
     ]
-    recogniser = ByModel(oracle, stride=1.0)
+    recogniser = ByModel(oracle, sorts=sorts, stride=1.0)
     recogniser.look("01", recording, site_at(Path(recording.network.path)), events)
     return recogniser
 
@@ -123,8 +126,46 @@ def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle,
     assert oracle.seen == len(moments) and oracle.rounds >= 2
     states = {each.state: each.title for each in moments}
     assert states == {KNOWN: "highway free cruise", UNKNOWN: "unknown", DISCOVERED: "discovered 01"}
-    assert {(each.model, each.confidence) for each in moments} == {("highway cut in", 0.5)}
+    assert all(each.model == each.title for each in moments)
+    assert {(each.nearest, each.confidence) for each in moments} == {("highway cut in", 0.5)}
     assert recogniser.moments("01") == moments, "asking again changes nothing"
+
+
+def test_rules_sort_their_events_and_leave_the_rest_to_the_model_where_it_is_unknown(tmp_path: Path) -> None:
+    recogniser = look(tmp_path, Oracle(), sorts=False)
+    moments = recogniser.moments("01")
+    (event,) = [each for each in moments if each.rule]
+    assert (event.title, event.state, event.model, event.labels_agree) == ("highway cut in", KNOWN, "highway free cruise", False)
+    rest = [each for each in moments if not each.rule]
+    assert {each.state for each in rest} == {UNKNOWN, DISCOVERED} and {each.labels_agree for each in rest} == {None}
+    assert recogniser.sorted_by == RULES
+
+
+def stating(folder: Path, unseen: object) -> Path:
+    """A model's folder with what it states of sites not seen."""
+    about = {"about": json.dumps({"unseen_sites": unseen} if unseen is not None else {})}
+    (folder / "model.safetensors").write_bytes(safetensors.save({"a": np.zeros(1)}, about))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("unseen", "why"),
+    [
+        (None, "does not state"),
+        ({"agree": 0.74, "wrong": 0.1}, "74% agree and 10% are wrong"),
+        ({"agree": 0.8, "wrong": 0.11}, "80% agree and 11% are wrong"),
+        ({"agree": 0.75, "wrong": 0.1}, None),
+    ],
+)
+def test_a_model_sorts_where_it_states_good_figures_for_sites_not_seen(tmp_path: Path, unseen: object, why: str | None) -> None:
+    found = objection(unseen_sites(stating(tmp_path, unseen)))
+    assert found is why if why is None else why in str(found)
+
+
+@pytest.mark.parametrize("unseen", [{"agree": 0.8}, 3, {"agree": "x", "wrong": 0}, {"agree": 1.2, "wrong": 0}])
+def test_figures_that_are_no_shares_are_refused(tmp_path: Path, unseen: object) -> None:
+    with pytest.raises(InvalidFile, match="unseen_sites"):
+        unseen_sites(stating(tmp_path, unseen))
 
 
 def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_path: Path) -> None:
@@ -146,7 +187,7 @@ def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
     trfe.expand(trfe.discover())
     trfe.buffer.add(100.0 * new[:3], np.arange(3))
     for waiting, left in ((True, 3), (False, 0)):
-        ByModel(trfe).keep(tmp_path / "kept", waiting=waiting)
+        ByModel(trfe, sorts=True).keep(tmp_path / "kept", waiting=waiting)
         kept = load(tmp_path / "kept")
         assert set(kept.recognise(new).labels.tolist()) & {FIRST_DISCOVERED}
         assert len(kept.buffer) == left
@@ -154,4 +195,4 @@ def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
 
 def test_a_model_without_an_encoder_is_refused() -> None:
     with pytest.raises(UsageError, match="no encoder"):
-        ByModel(SimpleNamespace(encoders=()))
+        ByModel(SimpleNamespace(encoders=()), sorts=True)

@@ -65,9 +65,10 @@ def test_a_model_is_trained_and_recognises(
     assert code == 0
     rows = json.loads((tmp_path / "out" / "index.json").read_text())["scenarios"]
     assert {row["state"] for row in rows} <= {"known", "unknown", "discovered"}
-    assert {row["model_class"] for row in rows} <= {label.title for label in CLASSES}
+    assert {row["nearest_class"] for row in rows} <= {label.title for label in CLASSES}
     assert all(0.0 <= row["confidence"] <= 1.0 for row in rows)
-    assert any(row["rule_class"] for row in rows) and any(not row["rule_class"] for row in rows)
+    assert {row["sorted_by"] for row in rows} == {"rules"} and "sorted by the rules" in capsys.readouterr().err
+    assert all(row["class"] == row["rule_class"] for row in rows if row["rule_class"])
 
 
 def test_the_card_of_the_shipped_model_is_its_own() -> None:
