@@ -15,7 +15,7 @@ from tests.runner.chromium import Browser
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = [Path(str(each.__file__)).parent for each in (replay_page, loop_page)]
-SOURCES = sorted(path for folder in FOLDERS for path in folder.glob("*.*") if path.suffix in (".js", ".css"))
+SOURCES = sorted(path for folder in FOLDERS for path in folder.rglob("*.*") if path.suffix in (".js", ".css"))
 SCRIPTS = [path for path in SOURCES if path.suffix == ".js"]
 _LONGEST = 130
 _AVOIDED = {

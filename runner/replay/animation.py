@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from runner.participants.boxes import box_corners
-from runner.replay.roads import Area, Line, marks, surfaces
-from runner.replay.scene import extent
+from runner.replay.scene.roads import Area, Line, marks, surfaces
+from runner.replay.scene.scene import extent
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult

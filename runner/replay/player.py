@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runner.replay.page import page, write_page
-from runner.replay.scene import scene
+from runner.replay.scene.scene import scene
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
 
 REPLAY = "replay.html"
 """Name of a run's page in the folder of its results"""
-_STYLES = ("base.css", "replay.css")
-_SCRIPTS = ("dom.js", "data.js", "drawing.js", "view.js", "charts.js", "timeline.js", "player.js")
+_STYLES = ("base.css", "play/replay.css")
+_PARTS = ("data", "drawing", "view", "charts", "timeline", "player")
+_SCRIPTS = ("dom.js", *(f"play/{part}.js" for part in _PARTS))
 
 
 def replay_page(results: Sequence[RunResult]) -> str:

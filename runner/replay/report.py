@@ -26,6 +26,8 @@ _MEASURES = {
     "rss_risk_ad_rss": ("Share of time in violation of RSS", "", 1.0),
 }
 """Label and unit of each measure, and the value from which on it matters no more how much it is"""
+_STYLES = ("base.css", "report.css")
+_SCRIPTS = ("dom.js", "axes.js", "report/report.js")
 _LEAD_IN = 2.0
 """How long before the most critical moment replays begin, s"""
 _DIGITS = 6
@@ -40,9 +42,7 @@ def write_report(out: Path) -> Path:
         InvalidFile: its table of runs is damaged.
     """
     path = out / REPORT
-    write_page(
-        path, page(f"{out.resolve().name} – report", ("base.css", "report.css"), ("dom.js", "axes.js", "report.js"), report(out))
-    )
+    write_page(path, page(f"{out.resolve().name} – report", _STYLES, _SCRIPTS, report(out)))
     return path
 
 

@@ -10,8 +10,8 @@ import pytest
 from shapely.geometry import LineString, Polygon
 
 import xodr
-from runner.replay.road_objects import objects, signals
-from runner.replay.roads import Area, marks, surfaces
+from runner.replay.scene.road_objects import objects, signals
+from runner.replay.scene.roads import Area, marks, surfaces
 from xodr.network import RoadNetwork
 
 EVERYWHERE = Area(-1e6, -1e6, 1e6, 1e6)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from runner.interpreter.event_log import LogEntry
-from runner.replay.road_objects import signal_states
-from runner.replay.timeline import is_shown, rows
+from runner.replay.scene.road_objects import signal_states
+from runner.replay.scene.timeline import is_shown, rows
 
 EVENT = "story::act::group::maneuver::event"
 LOG = [

@@ -1,6 +1,6 @@
 """Numbers as short text: quantised, differences of neighbours, variable-length integers, base64.
 
-`page/data.js` reads what is written here.
+`page/play/data.js` reads what is written here.
 """
 
 from __future__ import annotations

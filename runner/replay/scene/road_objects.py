@@ -13,7 +13,7 @@ from xodr.lookup.sampling import sample
 
 if TYPE_CHECKING:
     from runner.interpreter.event_log import LogEntry
-    from runner.replay.roads import Area, Line
+    from runner.replay.scene.roads import Area, Line
     from xodr.model import Corner, RoadObject
     from xodr.network import RoadNetwork
     from xodr.road import Road

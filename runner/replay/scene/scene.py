@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runner.replay import road_objects, timeline
-from runner.replay.packing import pack, pack_lines
-from runner.replay.roads import Area, marks, surfaces
+from runner.replay.scene import road_objects, timeline
+from runner.replay.scene.packing import pack, pack_lines
+from runner.replay.scene.roads import Area, marks, surfaces
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,0 +1,1 @@
+"""What pages, pictures and animations of runs are drawn from."""
