@@ -1,6 +1,6 @@
 """Execute OpenSCENARIO files: `runner.run(path)` runs one scenario and returns what happened.
 
-`runner.prepare(path)` compiles one that is to be run several times.
+`runner.prepare(path)` compiles one that is to be run several times; `runner.Session(path)` runs one step by step.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from runner.interpreter.execution import prepare as prepare
     from runner.interpreter.execution import run as run
     from runner.interpreter.result import RunResult as RunResult
+    from runner.interpreter.session import Session as Session
     from runner.settings import RunSettings as RunSettings
 
     __version__: str
@@ -24,9 +25,10 @@ else:
             "Prepared": "runner.interpreter.execution",
             "RunResult": "runner.interpreter.result",
             "RunSettings": "runner.settings",
+            "Session": "runner.interpreter.session",
             "prepare": "runner.interpreter.execution",
             "run": "runner.interpreter.execution",
         },
     )
 
-__all__ = ["Prepared", "RunResult", "RunSettings", "prepare", "run"]
+__all__ = ["Prepared", "RunResult", "RunSettings", "Session", "prepare", "run"]

@@ -165,10 +165,8 @@ class SystemDriver(EgoDriver):
 
     def _ask(self, ego: Entity, target: float, run: Run) -> Control:
         """The system's answer, checked."""
-        others = [seen(e) for e in run.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
-        observation = Observation(run.time, seen(ego), others, target, run.roads.network, run.environment)
         try:
-            control = self.system.control(observation, run.dt)
+            control = self.system.control(observe(run, ego, target), run.dt)
             if not isinstance(control, Control):
                 raise TypeError(f"control() returned {control!r}, a runner.sut.Control is expected")
             for value in (control.acceleration, control.steering):
@@ -187,6 +185,12 @@ class SystemDriver(EgoDriver):
         grip = _GRAVITY * run.environment.friction
         speed = ego.speed + max(-min(limits.max_deceleration, grip), min(limits.max_acceleration, grip, acceleration)) * run.dt
         return min(max(speed, 0.0), max(limits.max_speed, ego.speed)) if ego.speed >= 0.0 else min(speed, 0.0)
+
+
+def observe(run: Run, ego: Entity, target: float) -> Observation:
+    """What the ego's driver sees now, asked for a target speed (m/s)."""
+    others = [seen(e) for e in run.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
+    return Observation(run.time, seen(ego), others, target, run.roads.network, run.environment)
 
 
 def failed(system: System, error: Exception, time: float) -> ToolchainError:

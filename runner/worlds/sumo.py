@@ -118,7 +118,13 @@ class SumoWorld:
         """link states of each traffic light while it is off"""
 
     def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
-        """Start SUMO on the road network (or on nothing but the dock where there is none)."""
+        """Start SUMO on the road network (or on nothing but the dock where there is none).
+
+        Raises:
+            UsageError: a run on SUMO is open in this process.
+        """
+        if libsumo.simulation.isLoaded():
+            raise UsageError("a run on SUMO is open in this process, which can hold one: close it, or use world=kinematic")
         self._net = sumo_net.build(network.path if network is not None else None)
         self._network, self._dt = network, timestep
         self._routes = SumoRoutes(network, self._net) if network is not None else None
