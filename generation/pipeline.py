@@ -12,6 +12,7 @@ from generation.density.marginals import Marginal
 from generation.density.model import DEFAULT, JUDGE, UNIFORM
 from generation.density.prior import Prior
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, estimate
+from generation.estimation.rates import driving
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator
 from generation.outcomes.inputs import inputs
@@ -146,7 +147,7 @@ def generate(
         theta, outcomes = memory.everything
         every = Episodes(theta, outcomes, reward(theta, outcomes)) if len(theta) else history
         cases = choose(space, every, judged, evaluator, settings.choice, found)
-        rate = _estimate(scenario, problem, evaluator, every, out, settings) if settings.estimate else None
+        rate = _estimate(scenario, problem, source, evaluator, every, out, settings) if settings.estimate else None
     written = Written(out, scenario.stem)
     written.withdraw()
     files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
@@ -169,7 +170,13 @@ def _gate(
 
 
 def _estimate(
-    scenario: Path, problem: Problem, evaluator: Evaluator, episodes: Episodes, out: Path, settings: SearchSettings
+    scenario: Path,
+    problem: Problem,
+    recorded: Recorded,
+    evaluator: Evaluator,
+    episodes: Episodes,
+    out: Path,
+    settings: SearchSettings,
 ) -> Estimate:
     """How often the system fails, written into the folder as well."""
     assert problem.prior is not None
@@ -177,6 +184,7 @@ def _estimate(
     failures = episodes.theta[episodes.outcomes.collision]
     chosen = EstimateSettings(min(RUNS, settings.budget), settings.seed)
     found = estimate(problem.prior, run, evaluator, failures, problem.twin, chosen)
+    found = found._replace(driving=driving(recorded, problem.space, problem.prior))
     write_object(
         {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(problem.space.pinned), **found.as_json()},
         out / f"{scenario.stem}_estimate.json",

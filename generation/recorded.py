@@ -20,7 +20,7 @@ from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
-from recognition.maneuvers.units import KINDS, OWN, Samples, extract
+from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 from xosc.node import Node
@@ -44,6 +44,8 @@ class Recorded(NamedTuple):
         values: recorded values (n,) by parameter, of pinned ones too.
         roles: of these parameters.
         marginals: densities of those of which nothing is recorded; their columns of `theta` are drawn.
+        kind: of the units; empty where they are of several or none.
+        exposure: of the recordings, by their names; none where it is not known.
     """
 
     theta: FloatArray
@@ -52,6 +54,8 @@ class Recorded(NamedTuple):
     values: Mapping[str, FloatArray] = MappingProxyType({})
     roles: Mapping[str, Role] = MappingProxyType({})
     marginals: Mapping[str, Marginal] = MappingProxyType({})
+    kind: str = ""
+    exposure: Mapping[str, Exposure] = MappingProxyType({})
 
     def prior(self, space: Space, density: str) -> Prior:
         """What they say of a space.
@@ -103,7 +107,7 @@ class Recorded(NamedTuple):
         inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
         errors = None if self.errors is None else self.errors[inside]
         values = {name: each[inside] for name, each in self.values.items()}
-        return Recorded(self.theta[inside], self.recordings[inside], errors, values, self.roles, self.marginals)
+        return self._replace(theta=self.theta[inside], recordings=self.recordings[inside], errors=errors, values=values)
 
 
 class Scenario(NamedTuple):
@@ -191,7 +195,9 @@ def of_samples(
     rest = {name: marginals[name] for name in space.names if name not in values}
     drawn = _drawn(rest, len(samples.theta))
     theta = np.stack([values[name] if name in values else drawn[name] for name in space.names], axis=1)
-    return Recorded(theta, samples.recordings, samples.errors, values, roles, rest)
+    kinds = sorted(set(samples.kinds.tolist()))
+    kind = kinds[0] if len(kinds) == 1 else ""
+    return Recorded(theta, samples.recordings, samples.errors, values, roles, rest, kind, samples.exposure)
 
 
 def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, IntArray]:

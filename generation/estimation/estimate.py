@@ -15,6 +15,7 @@ import numpy as np
 from generation.density.prior import Prior
 from generation.estimation.probability import Control, Probability, probability
 from generation.estimation.proposal import Proposal
+from generation.estimation.rates import Driving, Rate
 from generation.outcomes.evaluator import Evaluate
 from generation.outcomes.outcomes import Outcomes
 from generation.outcomes.references import Drivers, survivors
@@ -58,12 +59,14 @@ class Estimate(NamedTuple):
         probabilities: by event: collisions, those that a careful driver prevents, and bands of impact speed.
         runs: how many were executed. failed: how many more were not: they count for nothing.
         known: failures that the proposal was made of; 0 where there were too few, and the runs are draws of the prior.
+        driving: how often recordings have the manoeuvre, for rates; or why there are none.
     """
 
     probabilities: dict[str, Probability]
     runs: int
     failed: int
     known: int
+    driving: Driving | str = ""
 
     def lines(self) -> Iterator[str]:
         """For people."""
@@ -71,15 +74,26 @@ class Estimate(NamedTuple):
         yield f"P(failure | manoeuvre), 95 % intervals, {self.runs} runs: {origin}"
         if self.failed:
             yield f"  {self.failed} more runs failed, and count for nothing"
-        yield from (f"  {name}: {found}" for name, found in self.probabilities.items())
+        for name, found in self.probabilities.items():
+            yield f"  {name}: {found}"
+            yield from (f"    {unit}: {rate}" for unit, rate in self.rates(name).items())
+        yield f"  rates of {self.driving}" if isinstance(self.driving, Driving) else f"  no rates: {self.driving}"
+
+    def rates(self, event: str) -> dict[str, Rate]:
+        """How often an event happens per hour and per 1,000 km of driving; nothing where that is not known."""
+        return self.driving.rates(self.probabilities[event]) if isinstance(self.driving, Driving) else {}
 
     def as_json(self) -> dict[str, Any]:
         """For files: the interval is of 95 %."""
-        listed = {
+        listed: dict[str, dict[str, Any]] = {
             name: {"value": each.value, "interval": each.interval, "effective_failures": each.effective, "stable": each.stable}
             for name, each in self.probabilities.items()
         }
-        return {"runs": self.runs, "failed_runs": self.failed, "known_failures": self.known, "probabilities": listed}
+        for name, each in listed.items():
+            each["rates"] = {unit: {"value": rate.value, "interval": rate.interval} for unit, rate in self.rates(name).items()}
+        driving = self.driving.as_json() if isinstance(self.driving, Driving) else {"unknown": self.driving}
+        ran = {"runs": self.runs, "failed_runs": self.failed, "known_failures": self.known}
+        return {**ran, "probabilities": listed, "driving": driving}
 
 
 class _Played(NamedTuple):

@@ -5,6 +5,7 @@
 """
 
 from recognition.maneuvers.unit import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
+from recognition.maneuvers.units.exposure import Exposure
 from recognition.maneuvers.units.extraction import extract, extract_from
 from recognition.maneuvers.units.samples import OWN, Samples
 from recognition.maneuvers.units.segmentation import Segmentation, Thresholds, segment
@@ -17,6 +18,7 @@ __all__ = [
     "KINDS",
     "LANE_CHANGE",
     "OWN",
+    "Exposure",
     "Samples",
     "Segmentation",
     "Thresholds",

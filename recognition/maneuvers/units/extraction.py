@@ -15,6 +15,7 @@ from recognition.maneuvers.estimation.estimate import estimate
 from recognition.maneuvers.estimation.motion import lane_motion
 from recognition.maneuvers.estimation.reconstruction import errors
 from recognition.maneuvers.parameters import PARAMETERS
+from recognition.maneuvers.units.exposure import Exposure
 from recognition.maneuvers.units.samples import Samples
 from recognition.maneuvers.units.segmentation import segment
 from recognition.sites import site_of
@@ -41,7 +42,8 @@ def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
     """The units of one recording; see `extract`."""
     recording = source.load()
     motion = lane_motion(prepare(recording, site_of(source, recording, Path(roads)), Rules()))
-    found = [(unit, each) for unit in segment(motion) if (each := estimate(motion, unit)) is not None]
+    every = segment(motion)
+    found = [(unit, each) for unit in every if (each := estimate(motion, unit)) is not None]
     scene, names = motion.scene, np.array(motion.scene.names, np.str_)
     units = [unit for unit, _ in found]
     theta = np.array([each.values for _, each in found], np.float64).reshape(-1, len(PARAMETERS))
@@ -54,4 +56,5 @@ def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
         times=scene.time[[unit.start for unit in units]],
         ego_speeds=np.array([each.other_speed for _, each in found]),
         errors=np.array([errors(motion, unit, row) for unit, row in zip(units, theta, strict=True)]).reshape(-1, 2),
+        exposure={source.name: Exposure.of(motion, every)},
     )

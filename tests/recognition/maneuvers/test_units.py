@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from recognition.maneuvers.units import (
     KINDS,
     LANE_CHANGE,
     OWN,
+    Exposure,
     Samples,
     Unit,
     extract,
@@ -101,13 +103,39 @@ def test_a_data_set_becomes_a_table_that_can_be_kept(tmp_path: Path) -> None:
     assert set(samples.recordings) == {"recordings/01"}
     samples.write(tmp_path / "samples.parquet")
     again = Samples.read(tmp_path / "samples.parquet")
-    for name, values in vars(samples).items():
+    assert again.exposure == samples.exposure
+    for name in ("theta", "recordings", "kinds", "actors", "others", "times", "ego_speeds", "errors"):
+        values = getattr(samples, name)
         if values.dtype.kind == "f":
             np.testing.assert_allclose(getattr(again, name), values, atol=0.00501)
         else:
             np.testing.assert_array_equal(getattr(again, name), values)
     inside = samples.within(samples.theta[0], samples.theta[0])
     np.testing.assert_array_equal(inside.theta, samples.theta[:1])
+
+
+def test_exposure_is_what_all_vehicles_drove(tmp_path: Path) -> None:
+    motion = recorded("cut_in_highway", "highway_straight", "CutIn", VALUES, tmp_path, Ego_Speed_mps=24.0)
+    found = Exposure.of(motion, segment(motion))
+    seconds, metres = 0.0, 0.0
+    for track in motion.scene.recording.tracks.values():
+        time, speed = track.columns["time"], track.columns["speed"]
+        seconds += time[-1] - time[0]
+        metres += float((np.diff(time) * speed[:-1]).sum())
+    assert found.hours == pytest.approx(seconds / 3600.0, abs=1e-4)
+    assert found.kilometres == pytest.approx(metres / 1000.0, abs=1e-3)
+    assert found.counts[CUT_IN] == 1
+
+
+def test_joined_tables_have_the_exposure_of_all_recordings_also_of_those_without_a_unit(tmp_path: Path) -> None:
+    write_motorway(tmp_path / "recordings")
+    samples = extract(tmp_path / "recordings", tmp_path)
+    (known,) = samples.exposure.values()
+    quiet = replace(samples.where(np.array([], np.int64)), exposure={"quiet": Exposure(2.0, 200.0, {})})
+    joined = Samples.joined([samples, quiet])
+    total = Exposure.total(joined.of_kind(CUT_IN).exposure.values())
+    assert (total.hours, total.kilometres) == (pytest.approx(known.hours + 2.0), pytest.approx(known.kilometres + 200.0))
+    assert total.counts[CUT_IN] == known.counts[CUT_IN] >= len(samples.of_kind(CUT_IN).theta)
 
 
 def test_a_file_that_is_no_table_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,83 @@
+"""Failures per hour and per 1,000 km, where both parts of their uncertainty are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generation.density.roles import Role
+from generation.estimation.probability import Probability, probability
+from generation.estimation.rates import PER_DISTANCE, PER_HOUR, Driving, driving
+from generation.logical.library import SCENARIOS
+from generation.recorded import of_recordings, of_samples
+from generation.search.space import Space
+from recognition.maneuvers.units import Exposure, extract
+from tests.recognition.motorway import write_motorway
+
+CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+SURE = Probability(0.01, 0.0, 1e6, 1.0)
+
+
+def met(count: int, hours: float = 10.0, units: int = 1000, possible: int = 1000) -> Driving:
+    return Driving(Exposure(hours, 80.0 * hours, {"cut_in": count}), "cut_in", 3, units, possible)
+
+
+def test_a_rate_is_the_probability_times_manoeuvres_per_hour() -> None:
+    found = met(400, possible=500).rates(SURE)
+    assert found[PER_HOUR].value == pytest.approx(0.01 * 0.5 * 400 / 10.0)
+    assert found[PER_DISTANCE].value == pytest.approx(found[PER_HOUR].value * 1000.0 / 80.0)
+
+
+def test_a_sure_probability_leaves_the_uncertainty_of_the_count() -> None:
+    low, high = met(25, units=10**7, possible=10**7).rates(SURE)[PER_HOUR].interval
+    assert low == pytest.approx(0.01 * 16.6 / 10.0, rel=0.02)  # Gamma(25.5): 16.63 and 36.20
+    assert high == pytest.approx(0.01 * 36.2 / 10.0, rel=0.02)
+
+
+def test_many_manoeuvres_leave_the_uncertainty_of_the_probability() -> None:
+    vague = Probability(0.01, 0.003, 100.0, 1.0)
+    low, high = met(10**7, hours=1e6, units=10**7, possible=10**7).rates(vague)[PER_HOUR].interval
+    assert (low, high) == (pytest.approx(10.0 * vague.interval[0], rel=0.02), pytest.approx(10.0 * vague.interval[1], rel=0.02))
+
+
+def test_both_uncertainties_make_the_interval_wider() -> None:
+    def width(found: Probability, count: int) -> float:
+        low, high = met(count, units=10**7, possible=10**7).rates(found)[PER_HOUR].interval
+        return float(np.log(high / low))
+
+    vague = Probability(0.01, 0.003, 100.0, 1.0)
+    assert width(vague, 20) > max(width(SURE, 20), width(vague, 10**6)) * 1.1
+
+
+def test_where_nothing_fails_there_is_a_limit() -> None:
+    none = probability(np.zeros(300, bool), np.ones(300), 1.0)
+    rate = met(10**7, hours=1e6, units=10**7, possible=10**7).rates(none)[PER_HOUR]
+    assert rate.value == rate.interval[0] == 0.0
+    assert rate.interval[1] == pytest.approx(10.0 * none.bound, rel=0.03)
+    assert str(rate).startswith("below")
+
+
+def test_recordings_of_others_have_rates(tmp_path: Path) -> None:
+    write_motorway(tmp_path / "recordings")
+    space = Space.of(CUT_IN)
+    recorded = of_samples(extract(tmp_path / "recordings", tmp_path).of_kind("cut_in"), space)
+    own = of_samples(of_recordings(None, "cut_in"), space).prior(space, "gaussian")
+    found = driving(recorded, space, own)
+    assert isinstance(found, Driving)
+    assert (found.kind, found.recordings, found.units) == ("cut_in", 1, len(recorded.theta))
+    assert found.count >= found.units >= found.possible
+    assert "cut_in in 0." in str(found)
+
+
+def test_what_is_not_known_is_said_by_name(tmp_path: Path) -> None:
+    write_motorway(tmp_path / "recordings")
+    samples = extract(tmp_path / "recordings", tmp_path).of_kind("cut_in")
+    free, pinned = Space.of(CUT_IN), Space.of(CUT_IN, {"Ego_Speed_mps": "30"})
+    prior = of_samples(of_recordings(None, "cut_in"), free).prior(free, "gaussian")
+    recorded = of_samples(samples, free)
+    assert "how many hours" in str(driving(recorded._replace(exposure={}), free, prior))
+    assert str(driving(of_samples(samples, pinned), pinned, prior)).startswith("Ego_Speed_mps is pinned")
+    others = {**recorded.roles, "Other_Gap_m": Role("Other", "gap")}
+    assert "several actors" in str(driving(recorded._replace(roles=others), free, prior))
