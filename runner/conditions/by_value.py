@@ -32,6 +32,7 @@ class SimulationTimeCondition(Condition):
 
     def __init__(self, comparison: Comparison) -> None:
         self.comparison = comparison
+        self.stays_true = comparison.symbol in (">", "≥")
         self._since = 0.0
 
     def reset(self) -> None:

@@ -22,6 +22,9 @@ class Condition(ABC):
     triggering: tuple[Entity, ...] = ()
     """Entities for which the last evaluation was true (by-entity conditions)."""
 
+    stays_true: bool = False
+    """Whether the expression stays true for the rest of a run once it is."""
+
     def reset(self) -> None:
         """A run begins: forget what the last one has left."""
         self.triggering = ()

@@ -15,6 +15,7 @@ from runner.interpreter.ego import cruise_speed, driver_of
 from runner.interpreter.preparation import Compiled, compile_file
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
+from runner.interpreter.storyboard.idleness import idleness
 from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
 from runner.participants.controllers import controller_remarks
 from runner.settings import RunSettings
@@ -184,6 +185,7 @@ class Session:
                 ),
                 *absences(compiled.path, compiled.entities.values()),
                 *self._departures.remarks,
+                *idleness(compiled.storyboard, sim.log, sim, sim.finished),
                 *criteria_remarks(compiled.criteria, verdict),
             ),
             ego=ego.name if ego is not None else None,

@@ -63,6 +63,17 @@ WEATHER = (
     '<GlobalAction><EnvironmentAction><Environment name="e"><Weather cloudState="cloudless"/></Environment></EnvironmentAction>'
     "</GlobalAction>"
 )
+ENTRY_OF_CAR = """<CatalogReference catalogName="Vehicles" entryName="car">
+        <ParameterAssignments>
+          <ParameterAssignment parameterRef="MaxSpeed" value="50"/>
+        </ParameterAssignments>
+      </CatalogReference>"""
+AXLE = 'maxSteering="0.5" wheelDiameter="0.6" trackWidth="1.8" positionX="0.0" positionZ="0.3"'
+UNBOXED_CAR = (
+    '<Vehicle name="v" vehicleCategory="car"><Performance maxSpeed="50" maxAcceleration="5" maxDeceleration="9"/>'
+    f"<Axles><FrontAxle {AXLE}/><RearAxle {AXLE}/></Axles><Properties/></Vehicle>"
+)
+UNBOXED_PEDESTRIAN = '<Pedestrian name="p" mass="80" pedestrianCategory="pedestrian"><Properties/></Pedestrian>'
 
 
 def placed(position: str) -> str:
@@ -152,6 +163,15 @@ FAULTS = {
         VALID,
         72,
     ),
+    "element by the name of its type": Fault("<SpeedActionDynamics", "<TransitionDynamics", VALID, 48),
+    "no dynamics of a speed": Fault(
+        '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>', "", VALID, 47
+    ),
+    "value that is none": Fault('"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="None"', VALID, 65),
+    "any number of executions": Fault('"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="-1"', VALID, 65),
+    "type by another name": Fault('parameterType="boolean"', 'parameterType="bool"', VALID, 9),
+    "vehicle without a box": Fault(ENTRY_OF_CAR, UNBOXED_CAR, VALID, 24),
+    "pedestrian without a box": Fault(ENTRY_OF_CAR, UNBOXED_PEDESTRIAN, VALID, 24),
     "unknown attribute": Fault('name="later"', 'name="later" colour="red"', VALID, 80),
     "unknown element": Fault("  <Entities>", "  <Weather2/><Entities>", VALID, 22),
     "text in an element": Fault("  <Entities>", "  <Entities>text", VALID, 22),

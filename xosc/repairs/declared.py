@@ -43,11 +43,12 @@ class Attribute(NamedTuple):
 
 class Child(NamedTuple):
     """A child element: place: its number among its siblings, -1 where any will do. required, many: whether it must be there, and
-    may be there more than once."""
+    may be there more than once. type: the name of its type."""
 
     place: int
     required: bool
     many: bool
+    type: str = ""
 
 
 @cache
@@ -132,7 +133,10 @@ def _children(model: etree._Element, groups: dict[str | None, etree._Element], p
         start = begin if kind == "choice" else end
         many = each.get("maxOccurs", "1") != "1"
         if name := each.get("name"):
-            inside, after = {name: Child(-1 if kind == "all" else start, each.get("minOccurs") != "0", many)}, start + 1
+            inside, after = (
+                {name: Child(-1 if kind == "all" else start, each.get("minOccurs") != "0", many, each.get("type", ""))},
+                start + 1,
+            )
         else:
             inside, after = _children(groups.get(each.get("ref"), each), groups, start)
             inside = {name: child._replace(many=child.many or many) for name, child in inside.items()}

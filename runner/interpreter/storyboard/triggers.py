@@ -84,6 +84,12 @@ class TimedCondition:
             history.popleft()
         return history[0][0] <= then and history[0][1]
 
+    @property
+    def missed(self) -> bool:
+        """Whether it waits for a rise that has been, and that there can be only one of."""
+        past = self.edge == "rising" and self._previous is True and self.condition.stays_true
+        return past and not any(rose for _, rose in self._history)
+
     def describe(self, run: Instant) -> str:
         """Why it fired: name, expression with values, edge and delay."""
         text = self.condition.describe(run)
@@ -140,6 +146,11 @@ class Trigger:
         for group in self.groups:
             for condition in group:
                 condition.rearm()
+
+    def missed(self, run: Instant) -> str:
+        """Why it can fire no more, with the conditions that each group waits for in vain; empty while it can."""
+        vain = [[condition for condition in group if condition.missed][:1] for group in self.groups]
+        return " and ".join(condition.describe(run) for (condition,) in vain) if all(vain) else ""
 
     def fires(self, run: Instant) -> bool:
         """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say."""

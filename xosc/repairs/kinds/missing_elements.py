@@ -22,6 +22,7 @@ _OBVIOUS = {
     ("Act", "StartTrigger"): "the act starts with its story",
     ("Event", "StartTrigger"): "the event starts with its act",
     ("ManeuverGroup", "Actors"): "no actors are assumed",
+    ("SpeedAction", "SpeedActionDynamics"): "the speed changes at once",
     ("FollowTrajectoryAction", "TimeReference"): "the trajectory has no times",
     ("FollowTrajectoryAction", "TrajectoryFollowingMode"): "'position' is assumed",
     ("Vehicle", "Properties"): "there are none",
@@ -33,6 +34,7 @@ _OBVIOUS = {
 _INSIDE = {"Init": "Actions", "TimeReference": "None"}
 _ATTRIBUTES = {
     "Actors": {"selectTriggeringEntities": "false"},
+    "SpeedActionDynamics": {"dynamicsShape": "step", "value": "0", "dynamicsDimension": "time"},
     "TrajectoryFollowingMode": {"followingMode": "position"},
 }
 
