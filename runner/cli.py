@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -51,6 +51,9 @@ Replay = Annotated[
     bool,
     typer.Option("--replay", help="Write an HTML page that plays each run, to --out with a report, else to this folder."),
 ]
+MaxMemory = Annotated[
+    float | None, typer.Option(min=0.1, metavar="GIB", help="Memory that a process may take; a run that needs more is an error.")
+]
 Ray = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
@@ -75,6 +78,7 @@ def xosc_run(
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
     ray: Ray = None,
+    max_memory: MaxMemory = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Load, compile and begin everything, run nothing.")] = False,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures and errors only.")] = False,
@@ -88,6 +92,8 @@ def xosc_run(
 
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
+    if max_memory is not None and (ray is not None or dry_run):
+        raise UsageError("--max-memory is for runs on this machine: leave --ray and --dry-run out")
     selection = Selection(spans(only) if only is not None else (), sample, settings.seed, None if dry_run else repeat)
     source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection)
     table = Table(verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0)
@@ -101,7 +107,8 @@ def xosc_run(
         if dry_run:
             outcomes = rehearse_batch(chosen, settings, jobs)
         else:
-            outcomes = run_batch(chosen, settings, out=out, plot=plot, processes=jobs, resume=resume, also=also, ray=ray)
+            how: dict[str, Any] = {"processes": jobs, "ray": ray, "max_memory": max_memory}
+            outcomes = run_batch(chosen, settings, out=out, plot=plot, resume=resume, also=also, **how)
         code = _follow(outcomes, table, kept)
     if replay and out is not None and not dry_run:
         from runner.replay.report import write_report

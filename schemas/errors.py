@@ -104,6 +104,8 @@ def describe(error: Exception) -> tuple[str, int]:
         message, code = str(error), error.exit_code
     elif isinstance(error, OSError):
         message, code = ": ".join(str(part) for part in (error.strerror or error, error.filename) if part), 2
+    elif isinstance(error, MemoryError):
+        message, code = "this takes more memory than there is, or than the process may have", Unsupported.exit_code
     else:
         message, code = f"internal error: {type(error).__name__}: {error}", 5
     return one_line(message), code

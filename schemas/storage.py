@@ -13,6 +13,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
+
 from schemas.errors import InvalidFile, UsageError
 
 MAX_BYTES = 256 * 1024 * 1024
@@ -40,6 +42,9 @@ def read_bytes(path: Path) -> bytes:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file cannot be read: {reason}", path=path) from None
 
+
+_ENDING = 2.0
+"""Time (s) that the workers of a process that was killed have to notice it and to end"""
 
 Stamp = tuple[int, int]
 """Modification time in nanoseconds and size in bytes: together they tell whether a file has changed."""
@@ -136,6 +141,31 @@ def writing(what: str, path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise UsageError(f"{what} can't be written: {error.strerror or error}", path=path) from None
+
+
+@contextmanager
+def alone(folder: Path, what: str) -> Iterator[None]:
+    """Around all that only one process at a time may do in a folder, which is made; a hidden lock file stays in it.
+
+    Args:
+        what: the work, for the message: "a batch".
+
+    Raises:
+        UsageError: another process does it, or the folder can't be written into.
+    """
+    with writing("the folder", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / ".lock", timeout=_ENDING)
+        try:
+            lock.acquire()
+        except Timeout:
+            raise UsageError(
+                f"{what} of another process writes into this folder: wait for it, or give another", path=folder
+            ) from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def keep(content: bytes, path: Path) -> Path:

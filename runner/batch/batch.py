@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -19,6 +20,7 @@ from runner.outputs.runs import write_runs
 from runner.settings import RunSettings
 from runner.sut.parameters import SENSOR_RANGE, split
 from schemas.errors import UsageError, one_line
+from schemas.storage import alone
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
@@ -68,14 +70,15 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
 
 
 def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
-    """Do one run, write its results and enter it in the journal; errors become outcomes."""
-    try:
-        outcome = _run(job, settings, out, plot, also)
-        if out is not None:
-            journal.enter(out, outcome)
-        return outcome
-    except OSError as error:  # no space, no right to write: not entered, to be repeated
-        return failure(job, error)
+    """Do one run, write its results and enter it in the journal; errors of the run become outcomes.
+
+    Raises:
+        OSError: there is no space, or no right to write: the run is not entered, and to be repeated.
+    """
+    outcome = _run(job, settings, out, plot, also)
+    if out is not None:
+        journal.enter(out, outcome)
+    return outcome
 
 
 def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Sequence[Also]) -> Outcome:
@@ -149,6 +152,7 @@ def run_batch(
     resume: bool = False,
     also: Sequence[Also] = (),
     ray: str | None = None,
+    max_memory: float | None = None,
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
@@ -157,29 +161,52 @@ def run_batch(
     is done, in the process that has done it.
 
     At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.runs`). `ray` is the address
-    of a Ray cluster that does the runs, or `local`; see `runner.batch.ray_pool`.
+    of a Ray cluster that does the runs, or `local`; see `runner.batch.ray_pool`. With `max_memory` (GiB) runs are done in other
+    processes, and one that needs more is an error of that run; on a cluster Ray itself sees to that.
 
     Raises:
-        UsageError: the folder holds results already (and `resume` is not set), or those of another batch; there is no such
-            cluster.
+        UsageError: the folder holds results already (and `resume` is not set), or those of another batch; another process writes
+            into it, or it can't be written into; there is no such cluster.
     """
-    done = journal.begin(out, settings.as_json(), resume) if out is not None else {}
-    known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
     how: dict[str, Any] = {"settings": settings, "out": out, "plot": plot, "also": also}
-    errors: dict[str, Outcome] = {}
-    try:
-        with closing(_outcomes(known, how, processes, ray)) as outcomes:
+    if out is None:
+        with closing(_outcomes(iter(jobs), how, processes, ray, max_memory)) as outcomes:
+            yield from outcomes
+        return
+    with alone(out, "a batch"):
+        done = journal.begin(out, settings.as_json(), resume)
+        known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
+        errors: dict[str, Outcome] = {}
+        with _concluded(out, errors), closing(_outcomes(known, how, processes, ray, max_memory)) as outcomes:
             for outcome in outcomes:
                 if outcome.state == "error":
                     errors[outcome.job.name] = outcome
                 yield outcome
-    finally:
-        if out is not None:
+
+
+@contextmanager
+def _concluded(out: Path, errors: dict[str, Outcome]) -> Iterator[None]:
+    """Around the runs of a batch: then, also where they are interrupted, drafts go and the table of all runs is written.
+
+    Raises:
+        UsageError: the folder can no longer be written into.
+    """
+    try:
+        try:
+            yield
+        finally:
             journal.clear_drafts(out)
+            if not out.is_dir():
+                raise FileNotFoundError(errno.ENOENT, "the folder is gone")
             write_runs((errors | journal.finished(out)).values(), out / "runs.parquet")
+    except OSError as error:
+        reason = f"results can't be written: {error.strerror or error}; --resume goes on after the runs that are finished"
+        raise UsageError(reason, path=out) from None
 
 
-def _outcomes(jobs: Iterator[Job | Outcome], how: dict[str, Any], processes: int, ray: str | None) -> Generator[Outcome]:
+def _outcomes(
+    jobs: Iterator[Job | Outcome], how: dict[str, Any], processes: int, ray: str | None, max_memory: float | None
+) -> Generator[Outcome]:
     """Do the runs in this process, in several or on a cluster; `how` has the arguments of `execute` but the job."""
     out: Path | None = how["out"]
     if ray is not None:
@@ -189,17 +216,21 @@ def _outcomes(jobs: Iterator[Job | Outcome], how: dict[str, Any], processes: int
         with RayPool(ray, processes, partial(_run, **how), _lost, enter) as cluster:
             yield from cluster.execute(jobs)
     else:
-        yield from _each(jobs, partial(execute, **how), partial(_died, out=out), processes)
+        yield from _each(jobs, partial(execute, **how), partial(_died, out=out), processes, max_memory)
 
 
 def _each(
-    jobs: Iterator[Job | Outcome], work: Callable[[Job], Outcome], died: Callable[[Job], Outcome], processes: int
+    jobs: Iterator[Job | Outcome],
+    work: Callable[[Job], Outcome],
+    died: Callable[[Job], Outcome],
+    processes: int,
+    max_memory: float | None = None,
 ) -> Generator[Outcome]:
-    """Do some work for each job, in this process or in several; arguments as in `Pool`."""
-    if processes > 1:
+    """Do some work for each job, in this process or in others; arguments as in `Pool`."""
+    if processes > 1 or max_memory is not None:
         from runner.batch.pool import Pool
 
-        with Pool(processes, work, died) as pool:
+        with Pool(processes, work, died, max_memory) as pool:
             yield from pool.execute(jobs)
     else:
         for job in jobs:
@@ -214,7 +245,7 @@ def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
 
 
 def _lost(job: Job) -> Outcome:
-    return Outcome(job, "error", 5, "the process that ran it died, which is not the scenario's fault")
+    return Outcome(job, "error", 5, "the process that ran it died, of too little memory or a defect of a library")
 
 
 def _died(job: Job, out: Path | None) -> Outcome:

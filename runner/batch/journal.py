@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -15,6 +16,7 @@ from schemas.errors import UsageError
 from schemas.storage import check_settings, write_object
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
+_BEGINNING = b'{"job": {"name": '
 DRAFT = ".draft-"
 """Beginning of the names of folders that are being written."""
 
@@ -22,12 +24,14 @@ DRAFT = ".draft-"
 def enter(out: Path, outcome: Outcome) -> None:
     """Write down a finished run; several processes may do so at a time."""
     job = outcome.job
-    entry = {key: value for key, value in asdict(outcome).items() if key != "trace"}
+    entry = {key: value for key, value in asdict(outcome).items() if key != "trace"}  # begins with the job: _BEGINNING
     entry["job"] = asdict(job) | {"source": str(job.source), "scenario": str(job.scenario)}
     line = json.dumps(finite(entry), allow_nan=False) + "\n"
     file = os.open(out / _JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     try:
-        os.write(file, line.encode())  # one call: lines of several processes do not mix
+        content = line.encode()
+        if os.write(file, content) < len(content):  # one call: lines of several processes do not mix
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out / _JOURNAL))
         os.fsync(file)
     finally:
         os.close(file)
@@ -53,7 +57,6 @@ def begin(out: Path, settings: dict[str, Any], resume: bool) -> dict[str, Outcom
         check_settings(manifest, settings, "a batch")
         done = _read(journal)
         clear_drafts(out)
-    out.mkdir(parents=True, exist_ok=True)
     write_object(settings, manifest)
     journal.touch()
     return done
@@ -101,6 +104,7 @@ def _read(journal: Path) -> dict[str, Outcome]:
 
 
 def _outcomes(whole: bytes, journal: Path) -> dict[str, Outcome]:
+    """What lines say; one that is not whole is no outcome where it begins as others do (a full disk cut it), else a fault."""
     done = {}
     for number, line in enumerate(whole.splitlines(), 1):
         try:
@@ -108,6 +112,8 @@ def _outcomes(whole: bytes, journal: Path) -> dict[str, Outcome]:
             job = entry.pop("job")
             restored = Job(**{**job, "source": Path(job["source"]), "scenario": Path(job["scenario"])})
             done[restored.name] = Outcome(restored, **entry)
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            if isinstance(error, json.JSONDecodeError) and line.startswith(_BEGINNING):
+                continue
             raise UsageError("this line is not of a batch's journal", path=journal, line=number) from None
     return done

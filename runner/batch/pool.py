@@ -13,6 +13,12 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
 from runner.batch.jobs import Job, Outcome
+from schemas.errors import UsageError
+
+try:
+    import resource
+except ImportError:  # not on Windows
+    resource = None  # type: ignore[assignment]
 
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""
@@ -27,11 +33,19 @@ class Pool:
         processes: how many.
         work: does a job; to be pickled, so a function of a module or a `functools.partial` of one.
         died: the outcome of a job whose process died.
+        max_memory: what each process may take, GiB; as much as there is where it is None.
+
+    Raises:
+        UsageError: this system does not limit the memory of a process.
     """
 
-    def __init__(self, processes: int, work: Callable[[Job], Outcome], died: Callable[[Job], Outcome]) -> None:
-        self._processes, self._work, self._died = processes, work, died
-        self._pool = executor(processes)
+    def __init__(
+        self, processes: int, work: Callable[[Job], Outcome], died: Callable[[Job], Outcome], max_memory: float | None = None
+    ) -> None:
+        if max_memory is not None and resource is None:
+            raise UsageError("this system does not limit the memory of a process; leave --max-memory out")
+        self._processes, self._work, self._died, self._max_memory = processes, work, died, max_memory
+        self._pool = executor(processes, max_memory)
 
     def __enter__(self) -> Pool:
         return self
@@ -80,7 +94,7 @@ class Pool:
         The job to blame is among the first, those in work: each is repeated in a process of its own.
         """
         self._pool.shutdown(wait=True)
-        self._pool = executor(self._processes)
+        self._pool = executor(self._processes, self._max_memory)
         suspects = self._processes
         for index, pending in enumerate(waiting):
             if isinstance(pending, Outcome) or pending[1].exception() is None:
@@ -90,21 +104,24 @@ class Pool:
             suspects -= 1
 
     def _alone(self, job: Job) -> Outcome:
-        with executor(1) as pool:
+        with executor(1, self._max_memory) as pool:
             try:
                 return pool.submit(self._work, job).result()
             except BrokenProcessPool:
                 return self._died(job)
 
 
-def executor(processes: int) -> ProcessPoolExecutor:
-    """Processes that end quietly on Ctrl-C, and with the one that made them."""
-    return ProcessPoolExecutor(processes, initializer=_serve)
+def executor(processes: int, max_memory: float | None = None) -> ProcessPoolExecutor:
+    """Processes that end quietly on Ctrl-C, and with the one that made them; each with so many GiB of memory at most."""
+    return ProcessPoolExecutor(processes, initializer=_serve, initargs=(max_memory,))
 
 
-def _serve() -> None:
+def _serve(max_memory: float | None) -> None:
     """Make a worker end quietly on Ctrl-C, which reaches all processes of a terminal, and when its parent has ended."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if max_memory is not None:
+        most = int(max_memory * 2**30)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

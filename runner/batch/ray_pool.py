@@ -17,7 +17,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from runner.batch.jobs import Job, Outcome, failure
+from runner.batch.jobs import Job, Outcome
 from schemas.errors import ToolchainError, UsageError
 
 LOCAL = "local"
@@ -41,7 +41,7 @@ class RayPool:
     Args:
         address: of a cluster (`HOST:PORT`, `ray://…`, `auto`), or `local` for one of our own on this machine.
         processes: how many jobs at a time `local` does; elsewhere the cluster's processors decide.
-        work: does a job, in a worker; an OSError of it is a failure that may not come again.
+        work: does a job, in a worker; an OSError of it is raised here.
         died: the outcome of a job whose process died every time.
         done: called here with every outcome that work returns, as soon as it is there.
 
@@ -106,17 +106,14 @@ class RayPool:
         errors = self._ray.exceptions
         try:
             outcome: Outcome = self._ray.get(reference)
-        except OSError as error:  # no space, no right to write
-            return failure(job, getattr(error, "cause", error))
+        except OSError as error:  # of the work, in a wrapping of Ray's
+            raise getattr(error, "cause", error) from None
         except (errors.WorkerCrashedError, errors.NodeDiedError, errors.OutOfMemoryError):
             outcome = self._died(job)
         except errors.RayError as error:
             raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
-        try:
-            if self._done is not None:
-                self._done(outcome)
-        except OSError as error:
-            return failure(job, error)
+        if self._done is not None:
+            self._done(outcome)
         return outcome
 
     def _abandon(self, awaited: dict[Any, Job]) -> None:
@@ -125,7 +122,7 @@ class RayPool:
         finished, others = wait(list(awaited), timeout=0)
         for reference in others:
             self._ray.cancel(reference)
-        with suppress(ToolchainError):  # the cluster is what we leave it for
+        with suppress(ToolchainError, OSError):  # the cluster is what we leave it for
             for reference in finished:
                 self._outcome(reference, awaited[reference])
         wait(list(awaited), timeout=_LEAVING)

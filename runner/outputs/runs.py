@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.measures.rss import PARAMETERS
+from schemas.storage import keep
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -20,7 +22,7 @@ SHARES = tuple(f"rss_risk_{name.replace('-', '_')}" for name in PARAMETERS)
 
 
 def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Write the table, sorted by name: same runs, same content, whoever did them in whatever order.
+    """Write the table, whole or not at all, sorted by name: same runs, same content, whoever did them in whatever order.
 
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null unless runs were repeated), state
     (`passed`, `failed`, `error`), verdict (null where there was no run), exit_code, status, end_time (s), message, and the
@@ -31,7 +33,9 @@ def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
     import pyarrow.parquet as pq
 
     rows = [_row(outcome) for outcome in sorted(outcomes, key=lambda outcome: outcome.job.name)]
-    pq.write_table(pa.Table.from_pylist(rows, schema=_schema()), path, compression="zstd")
+    content = BytesIO()
+    pq.write_table(pa.Table.from_pylist(rows, schema=_schema()), content, compression="zstd")
+    keep(content.getvalue(), path)
 
 
 def _row(outcome: Outcome) -> dict[str, Any]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,10 +17,13 @@ from functools import partial
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from runner.batch.batch import rehearse_batch, run_batch
 from runner.batch.jobs import Job, Outcome, jobs_of, names_of
+from runner.batch.journal import finished
+from runner.interpreter.result import RunResult
 from runner.settings import RunSettings
 from schemas.errors import UsageError
 from tests.runner.files import SLOW_SYSTEM, distribution, place, scenario
@@ -308,6 +314,76 @@ def wait_until_nobody_writes(journal: Path) -> None:
     while size != journal.stat().st_size:
         size = journal.stat().st_size
         time.sleep(0.3)
+
+
+def test_a_line_that_a_full_disk_cut_in_the_midst_is_runs_repeated(tmp_path: Path, variation: Path) -> None:
+    out = tmp_path / "out"
+    batch([variation], out=out)
+    journal = out / "runs.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(lines[0] + lines[1][:40] + b"".join(lines[2:]))
+    assert {o.state for o in batch([variation], out=out, resume=True)} == {"passed"}
+    names = [o.job.name for o in finished(out).values()]
+    assert sorted(names) == [f"variation~{n:06d}" for n in range(6)]
+
+
+def test_two_batches_do_not_write_into_one_folder(tmp_path: Path, variation: Path) -> None:
+    first = run_batch(jobs_of([variation], {}, True), QUICK, out=tmp_path / "out")
+    next(first)
+    with pytest.raises(UsageError, match=r"out: a batch of another process writes into this folder"):
+        batch([variation], out=tmp_path / "out", resume=True)
+    assert len(list(first)) == 5
+    assert len(batch([variation], out=tmp_path / "out", resume=True)) == 6
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_full_disk_ends_the_batch_and_loses_nothing(tmp_path: Path, variation: Path, processes: int) -> None:
+    out, plain = tmp_path / "out", tmp_path / "plain"
+    with pytest.raises(UsageError, match="out: results can't be written: No space left on device"):
+        batch([variation], out=out, also=[no_space], processes=processes)
+    assert {"variation~000000", "variation~000001"} <= finished(out).keys() <= {f"variation~{n:06d}" for n in (0, 1, 3, 4, 5)}
+    assert not list(out.glob(".draft*"))
+    batch([variation], out=out, resume=True)
+    batch([variation], out=plain)
+    for path in plain.glob("*/*"):
+        assert (out / path.relative_to(plain)).read_bytes() == path.read_bytes()
+
+
+def no_space(result: RunResult) -> None:
+    if result.name == "variation~000002":
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_folder_that_takes_no_files_is_one_line(tmp_path: Path, variation: Path) -> None:
+    command = [sys.executable, "-m", "runner.cli", str(variation), "--world", "kinematic", "--sut", "none", "--out", "out"]
+
+    def no_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    full = subprocess.run(command, preexec_fn=no_room, capture_output=True, text=True, cwd=tmp_path)
+    assert full.returncode == 2
+    assert full.stderr.count("\n") == 1
+    assert "xosc-run: out: results can't be written: File too large" in full.stderr
+
+
+def test_a_folder_that_is_removed_meanwhile_ends_the_batch_with_one_line(tmp_path: Path, variation: Path) -> None:
+    out = tmp_path / "out"
+    going = run_batch(jobs_of([variation], {}, True), QUICK, out=out)
+    next(going)
+    shutil.rmtree(out)
+    with pytest.raises(UsageError, match="out: results can't be written: "):
+        list(going)
+
+
+def test_a_run_that_takes_too_much_memory_is_an_error_of_that_run(tmp_path: Path, variation: Path) -> None:
+    outcomes = list(run_batch(jobs_of([variation], {}, True), QUICK, also=[greedy], max_memory=10))
+    assert [(o.state, o.exit_code) for o in outcomes] == [("passed", 0), ("error", 4), *[("passed", 0)] * 4]
+    assert "memory" in outcomes[1].message
+
+
+def greedy(result: RunResult) -> None:
+    if result.name == "variation~000001":
+        np.zeros(12 * 2**30, dtype=np.uint8)
 
 
 def test_no_worker_outlives_a_killed_batch(tmp_path: Path, variation: Path) -> None:
