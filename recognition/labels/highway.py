@@ -1,4 +1,4 @@
-"""Rules 1 to 6: what happens on the through lanes of a motorway."""
+"""Rules 1 to 6: what happens on the through lanes of a motorway; lane changes count on other roads as well."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     changes, rules = scene.changes, scene.rules
     row, shift = changes.row, changes.shift
     width, least = scene.site.lanes.width[scene.strip], rules.strict_shift
-    whole = _between_main(scene, row) & (shift >= (rules.shift * width[row] if least is None else least)) & scene.complete[row]
+    whole = _between_through(scene, row) & (shift >= (rules.shift * width[row] if least is None else least)) & scene.complete[row]
     part = changes.partial
-    enough = _between_main(scene, part.row) & (part.shift >= rules.partial_shift * width[part.row]) & (part.left == left)
+    enough = _between_through(scene, part.row) & (part.shift >= rules.partial_shift * width[part.row]) & (part.left == left)
     partial = part.row[enough & ~_near(scene, part.row, row[whole])]
     half = scene.rows(0.5 * rules.window)
     centre = np.clip(partial, scene.first[partial] + half, np.maximum(scene.last[partial] - half, 0))
@@ -85,9 +85,10 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     return alone(label, rows, shift=shifts, partial=np.arange(len(rows)) >= np.count_nonzero(chosen))
 
 
-def _between_main(scene: Scene, row: IntArray) -> BoolArray:
-    main = scene.has_role(Role.MAIN)
-    return main[row] & main[row - 1]
+def _between_through(scene: Scene, row: IntArray) -> BoolArray:
+    """Whether neither of the lanes that a change leads from and to is a ramp or belongs to a roundabout."""
+    through = scene.has_role(Role.MAIN, Role.URBAN, Role.APPROACH, Role.INSIDE, Role.SIGNALISED)
+    return through[row] & through[row - 1]
 
 
 def _near(scene: Scene, row: IntArray, others: IntArray) -> BoolArray:

@@ -19,23 +19,26 @@ def ramp_entering(scene: Scene) -> Hits:
     """7: from a ramp, along which ego drove `rules.ramp_length` or more, onto a main lane."""
     ramp = scene.has_role(Role.ON_RAMP, Role.WEAVING)
     row, shift = _transitions(scene, ramp, scene.has_role(Role.MAIN))
-    way = _way_on(scene, ramp)
-    length = way[row] - way[_course_ends(scene)[0][row]]
-    return _hits(scene, Label.RAMP_ENTERING, row, length, shift)
+    way, begin = _way_on(scene, ramp), _course_ends(scene)[0][row]
+    return _hits(scene, Label.RAMP_ENTERING, row, way[row] - way[begin], shift, cut=ramp[begin])
 
 
 def ramp_exiting(scene: Scene) -> Hits:
     """8: from a main lane onto a ramp, along which ego drives `rules.ramp_length` or more."""
     ramp = scene.has_role(Role.OFF_RAMP, Role.WEAVING)
     row, shift = _transitions(scene, scene.has_role(Role.MAIN), ramp)
-    way = _way_on(scene, ramp)
-    length = way[_course_ends(scene)[1][row]] - way[row]
-    return _hits(scene, Label.RAMP_EXITING, row, length, shift)
+    way, end = _way_on(scene, ramp), _course_ends(scene)[1][row]
+    return _hits(scene, Label.RAMP_EXITING, row, way[end] - way[row], shift, cut=ramp[end])
 
 
-def _hits(scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: FloatArray) -> Hits:
-    good = scene.complete[row] & (length >= scene.rules.ramp_length) & (shift >= scene.rules.ramp_shift)
-    return alone(label, row[good], ramp_way=length[good])
+def _hits(scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: FloatArray, cut: BoolArray) -> Hits:
+    """Transitions with enough way on the ramp, and enough shift; less of both where the recording is cut on the ramp."""
+    rules = scene.rules
+    whole = (length >= rules.ramp_length) & (shift >= rules.ramp_shift)
+    width = scene.site.lanes.width[scene.strip[row]]
+    partial = cut & (length >= rules.partial_ramp) & (shift >= rules.partial_shift * width) & ~whole
+    good = scene.complete[row] & (whole | partial)
+    return alone(label, row[good], ramp_way=length[good], partial=partial[good])
 
 
 def _transitions(scene: Scene, before: BoolArray, after: BoolArray) -> tuple[IntArray, FloatArray]:

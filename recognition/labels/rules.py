@@ -25,6 +25,7 @@ class Rules:
         strict_shift: least lateral displacement in m, instead, where it is given.
         partial_hold, partial_shift: time for which the first or last lane of a track is held, and least lateral displacement (in
             lane widths), of a lane change that was recorded in part; it gets the tag `partial`.
+        partial_ramp: least way along a ramp on which the track begins or ends; such an event gets the tag `partial`, too.
         shift_time: time before and after a change in which the displacement is measured.
         cut_gap: greatest gap to who cuts in or out.
         lateral_gap: lateral gap below which a cut-in gets the tag `lateral_gap_below_2m`.
@@ -60,7 +61,8 @@ class Rules:
     shift: float = 0.8
     strict_shift: float | None = None
     partial_hold: float = 0.2
-    partial_shift: float = 0.3
+    partial_shift: float = 0.2
+    partial_ramp: float = 10.0
     shift_time: float = 4.0
     cut_gap: float = 80.0
     lateral_gap: float = 2.0

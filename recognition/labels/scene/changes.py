@@ -33,7 +33,7 @@ class LaneChanges:
         row: the first row in the new lane, one for each change; `row - 1` is the last one in the old lane.
         left: whether the change is to the left.
         shift: lateral displacement towards the new lane about the change, m.
-        partial: changes of which only a part was recorded: the track begins or ends before they are held or over.
+        partial: changes of which only a part may have been recorded: the track begins or ends within `rules.shift_time`.
     """
 
     lane: IntArray
@@ -71,11 +71,11 @@ def _sideways(lane: IntArray, begins: BoolArray) -> tuple[IntArray, BoolArray]:
 
 
 def _partial(scene: SceneRows, raw: IntArray, course: IntArray, side: FloatArray, begins: BoolArray) -> Changes:
-    """Changes of which a half may be missing: no row is left half of `rules.shift_time` before or after them."""
+    """Changes about which not all is recorded that their displacement is measured in."""
     lane = _held_at_ends(scene, raw, course)
     row, left = _sideways(lane, begins)
-    half = scene.rows(0.5 * scene.rules.shift_time)
-    near = (row - scene.first[row] < half) | (scene.last[row] - row < half)
+    reach = scene.rows(scene.rules.shift_time)
+    near = (row - scene.first[row] < reach) | (scene.last[row] - row < reach)
     row, left = row[near], left[near]
     return Changes(row, left, _shifts(scene, lane, course, side, row, left))
 

@@ -112,8 +112,9 @@ def test_left_hand_traffic_changes_to_the_same_sides(tmp_path: Path) -> None:
 
 
 def test_a_lane_has_to_be_held_for_a_second_before_and_after(motorway: Site) -> None:
-    there_and_back = np.concatenate([sideways(MIDDLE, LEFT, 3.0, 3.4, 2.0), sideways(LEFT, MIDDLE, 0.4, 4.5, 2.0)])
-    assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), there_and_back)), "ego") == []
+    there_and_back = np.concatenate([sideways(MIDDLE, LEFT, 3.0, 3.4, 2.0), sideways(LEFT, MIDDLE, 0.2, 4.5, 2.0)])
+    found = of(labels(motorway, track("ego", ahead(100, 30, SECONDS), there_and_back)), "ego")
+    assert Label.LANE_CHANGE_LEFT not in found and Label.LANE_CHANGE_RIGHT not in found
 
 
 @pytest.mark.parametrize("rest", [0.3, 0.6])
@@ -135,6 +136,12 @@ def test_a_track_that_begins_in_the_change_shows_it_in_part(motorway: Site) -> N
 def test_a_track_that_ends_before_the_border_tells_none(motorway: Site) -> None:
     short = track("ego", ahead(100, 30, 3.9), sideways(MIDDLE, LEFT, 4.0, 3.9))
     assert of(labels(motorway, short), "ego") == []
+
+
+def test_a_track_that_ends_while_it_still_drifts_shows_it_in_part(motorway: Site) -> None:
+    slow = track("ego", ahead(100, 30, SECONDS), sideways(-4.5, -3.0, 5.5, SECONDS))
+    (event,) = (event for event in labels(motorway, slow) if event.label == Label.LANE_CHANGE_LEFT)
+    assert event.tags["partial"] is True and event.tags["shift"] == pytest.approx(1.5, abs=0.01)
 
 
 def test_a_whole_change_is_not_partial(motorway: Site) -> None:

@@ -42,11 +42,14 @@ def test_staying_on_the_acceleration_lane_is_no_entering(entering: Site) -> None
     assert of(labels(entering, track("ego", x, y)), "ego") == []
 
 
-def test_a_short_way_on_the_ramp_is_no_entering(entering: Site) -> None:
+def test_a_view_that_begins_on_the_ramp_shows_entering_in_part(entering: Site) -> None:
     x, y = route(entering.network, ("2", -3, 10.0), 25.0, 7.0)
     ego = track("ego", x, beside(y, 1.9, 3.75, 2.0))
-    assert Label.RAMP_ENTERING not in of(labels(entering, ego), "ego")
-    assert Label.RAMP_ENTERING in of(labels(entering, ego, config=Rules(ramp_length=30.0)), "ego")
+    (event,) = (event for event in labels(entering, ego) if event.label == Label.RAMP_ENTERING)
+    assert event.tags == {"ramp_way": pytest.approx(45.0, abs=0.5), "partial": True}
+    assert Label.RAMP_ENTERING not in of(labels(entering, ego, config=Rules(partial_ramp=50.0)), "ego")
+    (whole,) = (event for event in labels(entering, ego, config=Rules(ramp_length=30.0)) if event.label == Label.RAMP_ENTERING)
+    assert whole.tags["partial"] is False
 
 
 def test_changing_between_main_lanes_is_no_entering(entering: Site) -> None:
@@ -74,9 +77,11 @@ def test_from_the_carriageway_onto_the_deceleration_lane(leaving: Site) -> None:
     assert events[1].time == pytest.approx(6.0, abs=0.2)
 
 
-def test_a_view_that_ends_at_the_change_shows_no_exiting(leaving: Site) -> None:
-    x, y = route(leaving.network, ("1", -2, 600.0), 25.0, 7.5)
-    assert Label.RAMP_EXITING not in of(labels(leaving, track("ego", x, beside(y, 6.0, -3.75))), "ego")
+@pytest.mark.parametrize(("seconds", "seen"), [(6.3, False), (7.5, True)])
+def test_a_view_that_ends_on_the_ramp_shows_exiting_in_part(leaving: Site, seconds: float, seen: bool) -> None:
+    x, y = route(leaving.network, ("1", -2, 600.0), 25.0, seconds)
+    events = labels(leaving, track("ego", x, beside(y, 6.0, -3.75)))
+    assert [event.tags["partial"] for event in events if event.label == Label.RAMP_EXITING] == [True] * seen
 
 
 def test_a_ramp_that_becomes_a_lane_is_entered_without_a_change(tmp_path: Path) -> None:

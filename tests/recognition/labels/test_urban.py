@@ -63,7 +63,11 @@ def test_a_lead_that_leaves_the_lane_cuts_out(street: Site) -> None:
 def test_oncoming_traffic_that_changes_lane_does_not_cut_in(street: Site) -> None:
     ego = car(street, "ego", 60.0, 12.0, -5.25)
     oncoming = car(street, "other", 250.0, -12.0, lateral(5.25, 1.75))
-    assert labels(street, ego, oncoming) == []
+    assert of(labels(street, ego, oncoming), "ego") == []
+
+
+def test_changing_lane_on_a_street_is_a_lane_change(street: Site) -> None:
+    assert of(labels(street, car(street, "ego", 60.0, 12.0, lateral(-5.25, -1.75))), "ego") == [Label.LANE_CHANGE_LEFT]
 
 
 def test_the_same_on_a_fast_road_is_no_urban_one(tmp_path: Path) -> None:
