@@ -21,6 +21,9 @@ def record(
     scale: Annotated[float, typer.Option(metavar="FACTOR", help="How much: 1 gives about 2,600 events of each class.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     site: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this site (repeatable).")] = None,
+    families: Annotated[
+        int, typer.Option(min=0, metavar="N", help="So many sites drawn from the seed instead, with a minute of traffic each.")
+    ] = 0,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")] = False,
@@ -37,7 +40,7 @@ def record(
     with Progress(console=Console(stderr=True), disable=quiet or not sys.stderr.isatty(), transient=True) as bar:
         task = bar.add_task("Recording", total=None)
         found = record_traffic(
-            out, scale=scale, seed=seed, sites=site, jobs=jobs,
+            out, scale=scale, seed=seed, sites=site, jobs=jobs, families=families,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
     if not quiet:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from recognition.recorder.demand import departures, parked
+from recognition.recorder.families import family
 from recognition.recorder.fleet import Vehicle
 from recognition.recorder.formats import highd, interaction
 from recognition.recorder.motion import VehicleMotion, motion
@@ -43,7 +44,7 @@ _VARIATION = (0.75, 1.25)
 class _Task:
     """A recording to be made: its site, number from 0, length (s), seed and folder."""
 
-    site: str
+    site: Site
     number: int
     length: float
     seed: np.random.SeedSequence
@@ -52,7 +53,7 @@ class _Task:
 
 def record(
     out: Path, *, scale: float = 1.0, seed: int = 0, sites: Sequence[str] | None = None, jobs: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None, families: int = 0,
 ) -> list[Path]:  # fmt: skip
     """Record traffic at our sites, in a folder for each.
 
@@ -65,6 +66,7 @@ def record(
         sites: names of `SITES`; all by default.
         jobs: number of processes.
         progress: called with how many recordings are done, and of how many.
+        families: so many sites drawn from the seed, with one recording each, in place of `SITES`.
 
     Returns:
         The track files.
@@ -73,8 +75,10 @@ def record(
         UsageError: there is no such site, an argument makes no sense, a site's folder is not empty or can't be written.
         ToolchainError: SUMO fails.
     """
-    _verify(scale, seed, sites, jobs)
-    tasks = [task for name in dict.fromkeys(sites or SITES) for task in _tasks(SITES[name], scale, seed, out)]
+    known = family(seed, families) if families else SITES
+    _verify(scale, seed, sites, jobs, known)
+    least = 1 if families else _FEWEST
+    tasks = [task for name in dict.fromkeys(sites or known) for task in _tasks(known[name], scale, seed, out, least)]
     _prepare(tasks, out)
     found = []
     for path in _work(tasks, jobs):
@@ -84,34 +88,34 @@ def record(
     return found
 
 
-def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int) -> None:
+def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int, known: Mapping[str, Site]) -> None:
     if not scale > 0.0 or not math.isfinite(scale):
         raise UsageError(f"scale={scale!r} must be above 0")
     for name, value, least in (("seed", seed, 0), ("jobs", jobs, 1)):
         if value < least:
             raise UsageError(f"{name}={value!r} must be at least {least}")
-    unknown = [name for name in sites or () if name not in SITES]
+    unknown = [name for name in sites or () if name not in known]
     if unknown:
-        raise UsageError(f"there is no site {unknown[0]!r}; sites: {', '.join(SITES)}")
+        raise UsageError(f"there is no site {unknown[0]!r}; sites: {', '.join(known)}")
 
 
 def _prepare(tasks: Sequence[_Task], out: Path) -> None:
     """Make the sites' folders, with their maps."""
     with writing("the folder", out):
-        for folder, name in dict.fromkeys((task.folder, task.site) for task in tasks):
+        for folder, site in {task.folder: task.site for task in tasks}.items():
             folder.mkdir(parents=True, exist_ok=True)
             if any(folder.iterdir()):
                 raise UsageError("the folder has something in it already; new recordings need a new one", path=folder)
-            if SITES[name].layout == "INTERACTION":
-                SITES[name].road_map().write(folder / f"{name}.xodr")
+            if site.layout == "INTERACTION":
+                site.road_map().write(folder / f"{site.name}.xodr")
 
 
-def _tasks(site: Site, scale: float, seed: int, out: Path) -> Iterator[_Task]:
+def _tasks(site: Site, scale: float, seed: int, out: Path, least: int) -> Iterator[_Task]:
     total = site.recordings * site.minutes * 60.0 * scale
-    count = max(_FEWEST, round(site.recordings * scale))
+    count = max(least, round(site.recordings * scale))
     length = float(max(_SHORTEST, round(total / count)))
     for number in range(count):
-        yield _Task(site.name, number, length, np.random.SeedSequence((seed, number, *site.name.encode())), out / site.name)
+        yield _Task(site, number, length, np.random.SeedSequence((seed, number, *site.name.encode())), out / site.name)
 
 
 def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
@@ -123,7 +127,7 @@ def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
 
 
 def _record(task: _Task) -> Path:
-    site = SITES[task.site]
+    site = task.site
     rng = np.random.default_rng(task.seed)
     with TemporaryDirectory(prefix="xosc-recorder-") as folder:
         road = site.road_map().write(Path(folder) / f"{site.name}.xodr")
@@ -135,6 +139,7 @@ def _record(task: _Task) -> Path:
             break
     else:
         raise ToolchainError(f"SUMO's vehicles run into each other at {site.name} all the time")
+    seen = site.sensor.sees(seen, rng)
     if site.layout == "highD":
         return highd.write(task.folder, task.number + 1, network, site.view, vehicles, seen, round(task.length * highd.RATE))
     return interaction.write(task.folder, task.number, vehicles, seen)

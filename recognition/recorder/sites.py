@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 from recognition.recorder.demand import Flow, Parking
 from recognition.recorder.fleet import MOTORWAY, TOWN, Fleet
 from recognition.recorder.maps import kerbside
+from recognition.recorder.sensor import EXACT, Sensor
 from xodr.builders import (
     RoadMap,
     four_way_intersection,
@@ -44,6 +45,7 @@ class Site:
         flows: traffic on an average day; each recording has some more or less of it.
         recordings, minutes: number of recordings and length of each at scale 1.
         parking: rows of vehicles that stand at the kerb.
+        sensor: what records.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Site:
     recordings: int
     minutes: float
     parking: tuple[Parking, ...] = ()
+    sensor: Sensor = EXACT
 
 
 def _motorway(name: str, lanes: int, limit: float, rate: float, recordings: int, minutes: float) -> Site:
@@ -73,7 +76,7 @@ def _street(
     return Site(name, "INTERACTION", build, view, flows, TOWN, recordings, minutes, parking)
 
 
-def _junction(
+def junction(
     name: str, build: Callable[[], RoadMap], reach: float, flows: dict[str, float], recordings: int, minutes: float
 ) -> Site:
     """Roads that lead away from a place; "12": 300 are 300 vehicles per hour from road 1 to road 2."""
@@ -81,7 +84,7 @@ def _junction(
     return Site(name, "INTERACTION", build, View(-reach, -reach, reach, reach), found, TOWN, recordings, minutes)
 
 
-def _evenly(arms: str, rate: float) -> dict[str, float]:
+def evenly(arms: str, rate: float) -> dict[str, float]:
     """The same traffic from each road, evenly to all others."""
     return {f"{here}{there}": rate / (len(arms) - 1) for here, there in permutations(arms, 2)}
 
@@ -115,10 +118,10 @@ SITES: dict[str, Site] = {
             "kerbside", partial(kerbside, lanes=1, kerb=300.0, speed_limit=70 / 3.6),
             View(120.0, -40.0, 630.0, 40.0), 700.0, 375, 1.0, _KERB,
         ),
-        _junction("roundabout", roundabout, 120.0, _evenly("1234", 350.0), 22, 2.5),
-        _junction("roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, _evenly("12345", 300.0), 22, 2.5),
-        _junction("crossing", four_way_intersection, 120.0, _evenly("1234", 300.0), 90, 4.0),
-        _junction(
+        junction("roundabout", roundabout, 120.0, evenly("1234", 350.0), 22, 2.5),
+        junction("roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, evenly("12345", 300.0), 22, 2.5),
+        junction("crossing", four_way_intersection, 120.0, evenly("1234", 300.0), 90, 4.0),
+        junction(
             "t_junction", t_junction, 120.0, {"31": 700.0, "41": 350.0, "13": 200.0, "14": 60.0, "34": 60.0, "43": 60.0}, 80, 6.0
         ),
     )
