@@ -30,7 +30,7 @@ MODULES = (
     "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
     "schemas", "schemas.errors",
     "runner", "runner.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording", "runner.measures.criticality",
-    "runner.sut", "runner.positions",
+    "runner.sut", "runner.positions", "runner.outside.environment", "runner.outside.reward", "runner.outside.view",
     "recognition", "recognition.catalogue.pipeline",
     "recognition.maneuvers.parameters", "recognition.maneuvers.estimation", "recognition.maneuvers.events",
     "recognition.catalogue.recognisers.model",

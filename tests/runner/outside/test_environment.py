@@ -1,0 +1,189 @@
+"""The ego as an environment: what is seen, what is done, what it is worth, and that learners learn in it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from runner.outside.environment import ACTIONS, EgoEnv
+from runner.outside.reward import Reward, Transition
+from runner.outside.view import EGO, PARTICIPANT, STATE
+from schemas.errors import UsageError
+from tests.runner.files import distribution, place, scenario
+from xosc.listing import LIBRARY
+
+LEAD_BRAKE = LIBRARY / "highway_lead_brake.xosc"
+
+
+def named(values: np.ndarray, columns: tuple[str, ...]) -> dict[str, float]:
+    return dict(zip(columns, values.tolist(), strict=True))
+
+
+@pytest.mark.filterwarnings("ignore:.*observation space m")
+@pytest.mark.parametrize("actions", ACTIONS)
+@pytest.mark.parametrize("world", ["kinematic", "sumo"])
+def test_gymnasium_finds_no_fault(tmp_path: Path, world: str, actions: str) -> None:
+    env = EgoEnv(scenario(tmp_path, stop=1.0), world=world, actions=actions)
+    check_env(env, skip_render_check=True)
+    env.close()
+
+
+@pytest.mark.parametrize(("lane", "away"), [(-1, 1.0), (1, -1.0)])
+def test_participants_are_in_lane_coordinates_of_the_ego(tmp_path: Path, lane: int, away: float) -> None:
+    """Whichever way the ego faces, what is ahead and to the left of it is positive."""
+    s = 300.0
+    init = place("Ego", s, 20, lane) + place("Lead", s + away * 40.0, 12, 2 * lane)
+    env = EgoEnv(scenario(tmp_path, init=init, stop=1.0), world="kinematic", participants=2)
+    seen, _ = env.reset(seed=0)
+    other = named(seen["participants"][0], PARTICIPANT)
+    assert (other["present"], other["ahead"], other["lanes"]) == (1.0, pytest.approx(40.0), -1.0)
+    assert other["left"] < -2.0
+    assert (other["speed"], other["closing"], other["heading"]) == pytest.approx((12.0, 8.0, 0.0))
+    assert not seen["participants"][1].any()
+    ego = named(seen["ego"], EGO)
+    assert (ego["speed"], ego["target_speed"], ego["offset"], ego["heading"]) == pytest.approx((20.0, 20.0, 0.0, 0.0))
+    assert ego["left_edge"] > ego["right_edge"] > 0.0
+    assert math.cos(named(seen["state"][0], STATE)["h"]) == pytest.approx(away)
+    assert not seen["state"][2].any()
+
+
+def test_who_faces_the_ego_comes_nearer(tmp_path: Path) -> None:
+    init = place("Ego", 100, 20, -1) + place("Lead", 160, 10, 1)
+    env = EgoEnv(scenario(tmp_path, init=init, stop=1.0), world="kinematic")
+    other = named(env.reset(seed=0)[0]["participants"][0], PARTICIPANT)
+    assert (other["speed"], other["closing"], abs(other["heading"])) == pytest.approx((-10.0, 30.0, math.pi))
+    assert other["left"] > 2.0 and other["ahead"] == pytest.approx(60.0)
+
+
+def test_actions_are_shares_of_what_the_ego_can_do(tmp_path: Path) -> None:
+    file = scenario(tmp_path, stop=2.0)
+
+    def after(actions: str, *action: float) -> dict[str, float]:
+        env = EgoEnv(file, world="kinematic", actions=actions)
+        env.reset(seed=0)
+        for _ in range(10):
+            seen, *_ = env.step(np.array(action, np.float32))
+        return named(seen["ego"], EGO)
+
+    assert after("acceleration", -1.0)["speed"] == pytest.approx(20.0 - 8.0 * 0.5)
+    assert after("acceleration", 0.5)["speed"] == pytest.approx(20.0 + 4.0 * 0.5)
+    assert after("acceleration_and_steering", 0.0, 0.02)["offset"] > 0.1
+    assert 19.9 < after("target_speed", -0.2)["speed"] <= 20.0
+    assert after("target_speed", 1.0)["speed"] > 24.0
+
+
+def test_an_episode_ends_by_contact_departure_or_the_scenario(tmp_path: Path) -> None:
+    file = scenario(tmp_path, stop=12.0)
+
+    def end(actions: str, *action: float) -> tuple[bool, bool, dict[str, Any], float]:
+        env = EgoEnv(file, world="kinematic", actions=actions, timestep=0.1)
+        env.reset(seed=0)
+        terminated = truncated = False
+        while not (terminated or truncated):
+            _, reward, terminated, truncated, info = env.step(np.array(action, np.float32))
+        with pytest.raises(UsageError, match=r"reset\(\) begins the next"):
+            env.step(np.array(action, np.float32))
+        assert env.result().end_time == info["time"]
+        return terminated, truncated, info, reward
+
+    terminated, truncated, info, reward = end("acceleration", 0.2)
+    assert (terminated, truncated, info["touched"], reward < -19.0) == (True, False, ("Lead",), True)
+    terminated, truncated, info, reward = end("acceleration_and_steering", -0.1, 0.2)
+    assert (terminated, truncated, info["touched"], info["departed"], reward < -19.0) == (True, False, (), True, True)
+    terminated, truncated, info, reward = end("acceleration", -0.5)
+    assert (terminated, truncated, info["touched"]) == (False, True, ())
+
+
+def test_each_episode_takes_a_parameter_set_by_its_seed(tmp_path: Path) -> None:
+    scenario(tmp_path)
+    env = EgoEnv(distribution(tmp_path, "gaps", {"Gap": (20, 80, 10)}), world="kinematic")
+    starts = [env.reset(seed=seed)[0]["participants"][0][1] for seed in (*range(12), *range(12))]
+    assert len(set(starts)) > 3 and starts[:12] == starts[12:]
+    assert env.reset(options={"set": 6})[0]["participants"][0][1] == pytest.approx(80.0)
+
+
+def test_reward_is_what_its_formula_says(tmp_path: Path) -> None:
+    env = EgoEnv(scenario(tmp_path), world="kinematic")
+    env.reset()
+    ego = env.result().recording  # the run has begun
+    assert ego.tracks.keys() == {"Ego", "Lead"}
+    seen = env._seen
+    assert seen is not None
+    step = Transition(seen.ego._replace(speed=10.0, acceleration=-4.0), 20.0, 0.1, collided=False, departed=False)
+    assert Reward()(step) == pytest.approx(0.1 * (0.5 - 0.5 * 0.25))
+    assert Reward()(step._replace(collided=True)) == pytest.approx(0.0375 - 20.0)
+    assert Reward(progress=0.0, effort=0.0)(step._replace(departed=True)) == -20.0
+    assert Reward(effort=0.0)(step._replace(target_speed=0.0)) == 0.0
+
+
+def test_wrong_calls_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="one of acceleration_and_steering, acceleration, target_speed"):
+        EgoEnv(scenario(tmp_path), actions="brake")
+    env = EgoEnv(LIBRARY / "highway_lead_brake.xosc", world="kinematic")
+    for call in (lambda: env.step(np.zeros(2, np.float32)), env.result):
+        with pytest.raises(UsageError, match="reset"):
+            call()
+
+
+# learners -----------------------------------------------------------------------------------
+
+
+def driven(env: EgoEnv, decide: Any) -> tuple[float, bool]:
+    """Sum of rewards of an episode, and whether the ego touched somebody."""
+    seen, _ = env.reset(seed=0)
+    total, ended = 0.0, False
+    while not ended:
+        seen, reward, terminated, truncated, info = env.step(decide(seen))
+        total, ended = total + reward, terminated or truncated
+    return total, bool(info["touched"])
+
+
+def test_the_cross_entropy_method_learns_to_brake() -> None:
+    """De Boer et al., A Tutorial on the Cross-Entropy Method, 2005: a linear policy of gap and closing speed."""
+    env = EgoEnv(LEAD_BRAKE, world="kinematic", actions="acceleration", timestep=0.2, participants=1)
+
+    def policy(weights: np.ndarray) -> Any:
+        def decide(seen: dict[str, np.ndarray]) -> np.ndarray:
+            other = seen["participants"][0]
+            return np.tanh([weights @ [1.0, other[1] / 50.0, other[5] / 10.0]])
+
+        return decide
+
+    rng = np.random.default_rng(0)
+    mean, spread = np.array([1.0, 0.0, 0.0]), np.ones(3)
+    untrained, collides = driven(env, policy(mean))
+    for _ in range(8):
+        population = rng.normal(mean, spread, (16, 3))
+        scores = [driven(env, policy(weights))[0] for weights in population]
+        best = population[np.argsort(scores)[-4:]]
+        mean, spread = best.mean(axis=0), best.std(axis=0) + 0.05
+    trained, still_collides = driven(env, policy(mean))
+    assert (collides, still_collides) == (True, False)
+    assert trained > untrained + 20.0
+
+
+def test_a_stock_learner_learns_to_brake() -> None:
+    """PPO of Stable-Baselines3."""
+    learners = pytest.importorskip("stable_baselines3")
+
+    def env() -> EgoEnv:
+        return EgoEnv(LEAD_BRAKE, world="kinematic", actions="acceleration", timestep=0.2, participants=1)
+
+    model = learners.PPO("MultiInputPolicy", env(), n_steps=128, n_epochs=4, learning_rate=1e-3, seed=0, device="cpu")
+
+    def decide(seen: dict[str, np.ndarray]) -> np.ndarray:
+        return model.predict(seen, deterministic=True)[0]
+
+    untrained, collides = driven(env(), decide)
+    for _ in range(4):
+        model.learn(512, reset_num_timesteps=False)
+        trained, still_collides = driven(env(), decide)
+        if not still_collides:
+            break
+    assert (collides, still_collides) == (True, False)
+    assert trained > untrained + 10.0
