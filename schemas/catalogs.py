@@ -213,20 +213,20 @@ class Located(NamedTuple):
 def locate(path: Path, scenario: Path) -> Located:
     """Where the files of a catalogue directory are.
 
-    A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: a directory that does
-    not exist is looked for by its name in the scenario's folder and in the folders in that, then by its relative path in the
-    folders above.
+    A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: what does not exist is
+    looked for by its name in the scenario's folder and in the folders in that, then by its relative path in the folders above.
 
     Raises:
         OSError, ValueError: there is no such directory, or it cannot be read.
     """
-    if path.is_file():
-        return Located([os.path.normpath(path)], f"{path} is a file, a folder is expected: that file alone is taken")
     assumed = ""
     if not path.exists():
-        found = next((place for place in _elsewhere(path, scenario) if place.is_dir()), None)
+        found = next((place for place in _elsewhere(path, scenario) if place.exists()), None)
         if found is not None:
             path, assumed = found, f"there is no folder {path}: {found} is taken, by its name"
+    if path.is_file():
+        alone = f"{path} is a file, a folder is expected: that file alone is taken"
+        return Located([os.path.normpath(path)], assumed or alone)
     files = sorted(os.path.normpath(entry.path) for entry in os.scandir(path) if entry.name.lower().endswith(".xosc"))
     return Located(files, assumed)
 

@@ -21,6 +21,7 @@ from xosc.dialects.carla import is_for_carla, to_standard
 from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
 from xosc.parameters import Assignment, Parameter, Scope, Variable, monitors, variables
+from xosc.repairs.kinds import absent_values
 
 Argument = str | float | int | bool
 
@@ -102,6 +103,7 @@ def resolve(
     remarks.add(*document.remarks)
     scopes = _bind(node, None, assigned, report, remarks)
     _Inliner(Catalogs(document.path, partial(_directory, node), load, remarks), report, remarks).inline(node, scopes, ())
+    remarks.add(*absent_values.repair(node, document.version))
     for_carla = is_for_carla(node)
     remarks.add(*to_standard(node))
     return Resolved(

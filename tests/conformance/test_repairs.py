@@ -63,6 +63,10 @@ WEATHER = (
     '<GlobalAction><EnvironmentAction><Environment name="e"><Weather cloudState="cloudless"/></Environment></EnvironmentAction>'
     "</GlobalAction>"
 )
+GEAR = (
+    '<PrivateAction><ControllerAction><OverrideControllerValueAction><Gear active="true" value="2"/>'
+    "</OverrideControllerValueAction></ControllerAction></PrivateAction>"
+)
 ENTRY_OF_CAR = """<CatalogReference catalogName="Vehicles" entryName="car">
         <ParameterAssignments>
           <ParameterAssignment parameterRef="MaxSpeed" value="50"/>
@@ -168,6 +172,7 @@ FAULTS = {
         '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>', "", VALID, 47
     ),
     "value that is none": Fault('"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="None"', VALID, 65),
+    "name of the attribute beside it": Fault("        </Private>\n", f"        {GEAR}</Private>\n", VALID, 55),
     "any number of executions": Fault('"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="-1"', VALID, 65),
     "type by another name": Fault('parameterType="boolean"', 'parameterType="bool"', VALID, 9),
     "vehicle without a box": Fault(ENTRY_OF_CAR, UNBOXED_CAR, VALID, 24),
@@ -242,6 +247,7 @@ FAULTS = {
     "times of no trajectory": Fault("        </Private>\n", "        " + TRAJECTORY + "</Private>\n", TIMING, 55),
     # catalogues
     "directory is a file": Fault('path="catalogs"', 'path="catalogs/vehicles.xosc"', DIRECTORY, 13),
+    "file is elsewhere": Fault('path="catalogs"', 'path="elsewhere/vehicles.xosc"', DIRECTORY, 13),
     "directory is elsewhere": Fault('path="catalogs"', 'path="../library/catalogs"', DIRECTORY, 13),
     "catalogue by its file": Fault('catalogName="Vehicles"', 'catalogName="vehicles"', ENTRY, 24),
     "no such controller": Fault('entryName="driver"', 'entryName="pilot"', ENTRY, 30),
@@ -288,4 +294,15 @@ def test_a_fault_is_named_repaired_with_a_remark_and_refused_if_strict(folder: P
     assert remark.startswith(f"{broken}:{fault.line}: ") and remark.endswith(f":{fault.rule}]")
     assert track(result, "Ego")["speed"][-1] == fault.speed
     with pytest.raises(InvalidFile, match=VALID if others else fault.rule):
+        run(broken, strict=True)
+
+
+def test_a_parameter_may_say_that_there_is_no_value(folder: Path) -> None:
+    text = (folder / "sound.xosc").read_text(encoding="utf-8")
+    text = text.replace('name="Half"', 'name="Offset" parameterType="string" value="None"/><ParameterDeclaration name="Half"')
+    broken = folder / "broken.xosc"
+    broken.write_text(text.replace('offset="0"', 'offset="$Offset"'), encoding="utf-8")
+    (remark,) = repairs(run(broken))
+    assert remark.startswith(f"{broken}:41: offset='None' is no value; the attribute is left out")
+    with pytest.raises(InvalidFile, match="offset='None'"):
         run(broken, strict=True)

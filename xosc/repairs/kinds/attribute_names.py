@@ -11,8 +11,8 @@ from xosc.repairs.declared import attributes, meant, names
 
 BREAKS_SCHEMA = True
 
-_FORMER = {("Condition", "edge"): "conditionEdge"}
-"""Names that attributes had before version 1.0, by element."""
+_FORMER = {("Condition", "edge"): "conditionEdge", ("Gear", "value"): "number"}
+"""Names that attributes had before version 1.0, or have in elements beside theirs, by element."""
 
 
 def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
