@@ -55,6 +55,8 @@ def controller_remarks(
             else:
                 text = f"{entity.name}: the controller {name!r} is not executed: it moves as scripted" if active else ""
             remarks += [text] if text else []
+        if entity.controls.activated and not entity.controls.controllers and entity is not driven:
+            remarks.append(f"{entity.name}: a controller is activated, and the scenario gives it none: it moves as scripted")
     if driven is not None and cruise is not None:
         asked = f"the system under test is asked for {cruise:.3g} m/s"
         remarks.append(f"{driven.name} is driven from outside ({EXTERNAL}), and Init gives it no speed: {asked}")

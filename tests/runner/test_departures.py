@@ -81,3 +81,12 @@ def test_a_controller_that_is_not_executed_is_a_remark(tmp_path: Path, sut: str,
     first, second = runner.run(path, sut=sut, world="kinematic").remarks
     assert first.startswith("Ego: ") and text in first
     assert second == "Lead: the controller 'human' is not executed: it moves as scripted"
+
+
+def test_an_activated_controller_that_is_nowhere_is_a_remark(tmp_path: Path) -> None:
+    activate = "<PrivateAction><ControllerAction><ActivateControllerAction longitudinal='{}'/></ControllerAction></PrivateAction>"
+    for active, remarks in (("false", ()), ("true", ("Ego: a controller is activated, and the scenario gives it none",))):
+        init = place("Ego", 100, 10, more=activate.format(active))
+        path = scenario(tmp_path, active, entities=[car("Ego")], init=init)
+        found = runner.run(path, sut="none", world="kinematic").remarks
+        assert tuple(remark.rpartition(":")[0] for remark in found) == remarks
