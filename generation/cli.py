@@ -152,6 +152,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {len(outcomes)} runs: {collisions:.1%} collisions, mean R_risk {risk:.3f}; {_prior(generated)}"
     else:
         yield f"  no runs: nothing that is foreseeable and preventable fails on the twin; {_prior(generated)}"
+    if 0 < len(outcomes) < settings.budget:
+        yield f"  ended before its budget of {settings.budget} runs: hardly anything new failed on the twin any more"
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
     yield f"  {generated.gate}"

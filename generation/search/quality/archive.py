@@ -12,7 +12,7 @@ from xodr.array_types import FloatArray
 
 _NOVEL = 0.02
 """Distance of measures from which a point is one more parent"""
-_BEST, _ENOUGH = 0.9, 20
+_BEST, _ENOUGH = 0.9, 1
 """Quantile of all scores from which a point is a parent, and number of failures from which these are the only parents"""
 
 
