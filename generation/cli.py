@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from generation.adversary import NAME as ADVERSARY
+from generation.adversary.command import adversary
 from generation.density.model import JUDGE
 from generation.options import Density, Free, Jobs, Kind, Map, Method, Pin, Quiet, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
@@ -97,6 +99,9 @@ def xosc_generate(
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
+    if method == ADVERSARY:
+        with interruptible(NAME):
+            raise typer.Exit(0 if adversary(source, out, settings, ask, quiet) else 1)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, quiet, source.is_dir()) for each in _searches(source, ask, out, settings)]
     raise typer.Exit(0 if any(found) else 1)

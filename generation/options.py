@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from generation.adversary import NAME as ADVERSARY
 from generation.density.model import UNIFORM, models
 from generation.density.roles import ROLES
 from generation.search.method import offered
@@ -17,7 +18,7 @@ Recorded = Annotated[
     typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own recordings' units]"),
 ]
 Kind = Annotated[str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")]
-Method = Annotated[str, typer.Option(help=f"Search method: {', '.join(offered())}.")]
+Method = Annotated[str, typer.Option(help=f"Search method: {', '.join((*offered(), ADVERSARY))}.")]
 Density = Annotated[
     str,
     typer.Option(

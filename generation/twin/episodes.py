@@ -15,7 +15,7 @@ import numpy as np
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
 from generation.search.space import DIGITS, Space
 from generation.twin.drivers import Driver, Situation, driver
-from generation.twin.motion import Body, Changing
+from generation.twin.motion import Body, Changing, driven
 from generation.twin.script import Script, read
 from generation.twin.terms import value
 from runner.measures.criticality import lateral_violation, longitudinal_violation
@@ -29,8 +29,6 @@ BLOCK = 16384
 """Points that are played at a time: what they need fits into the processor's cache"""
 _SOON = 1e-6
 """Rounding of times, s"""
-_RETURN, _GRAVITY = 3.5, 9.81
-"""As in `runner.interpreter.drivers`, m/s²"""
 _SAME, _CHANGED = 1e-9, 1e-3
 _NEAR = 1.5
 """Gaps of boxes along the road (m) from which turned ones are looked at: they reach out no further"""
@@ -136,18 +134,11 @@ class _Episodes:
             body.move(speed if body is self._ego else body.target, aside.get(body.actor.name, none), self._dt)
 
     def _decided(self) -> FloatArray:
-        """Speed of the ego at the end of the step, as `runner.interpreter.drivers.SystemDriver` has it."""
-        ego, limits, dt = self._ego, self._ego.actor.performance, self._dt
+        """Speed of the ego at the end of the step."""
+        ego, dt = self._ego, self._dt
         seen = Situation(self._motions[0], self._motions[1:], ego.speed, ego.acceleration, ego.target, self._changed)
         intervenes, wanted = self._driver.control(seen, dt)
-        grip = _GRAVITY
-        bounded = np.clip(wanted, -min(limits.max_deceleration, grip), min(limits.max_acceleration, grip))
-        driven = np.clip(ego.speed + bounded * dt, 0.0, np.maximum(limits.max_speed, ego.speed))
-        change = ego.target - ego.speed
-        most = dt * np.where(change * ego.speed >= 0.0, min(_RETURN, limits.max_acceleration), limits.max_deceleration)
-        back = ego.speed + np.clip(change, -most, most)
-        speed = np.where(intervenes, driven, np.where(self._returning, back, ego.target))
-        self._returning = intervenes | (self._returning & (np.abs(back - ego.target) >= _SAME))
+        speed, self._returning = driven(ego, intervenes, wanted, self._returning, dt)
         return speed
 
     def _observe(self, time: float) -> None:

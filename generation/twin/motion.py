@@ -16,6 +16,10 @@ from runner.measures.relations import Motion, View, interval_gaps
 from runner.motion.dynamics import EPSILON
 from xodr.array_types import BoolArray, FloatArray
 
+_RETURN, _GRAVITY = 3.5, 9.81
+"""As in `runner.interpreter.drivers`, m/s²"""
+_SAME = 1e-9
+
 
 @dataclass
 class Body:
@@ -67,6 +71,23 @@ class Body:
         self.drift = aside / dt
         self.acceleration = (speed - self.speed) / dt
         self.speed = speed
+
+
+def driven(ego: Body, intervenes: BoolArray, wanted: FloatArray, returning: BoolArray, dt: float) -> tuple[FloatArray, BoolArray]:
+    """Speed of an ego at the end of a step, as `runner.interpreter.drivers.SystemDriver` has it, and where it goes on returning.
+
+    Args:
+        intervenes: where its system does (n,). wanted: accelerations that the system wants there (n,), m/s².
+        returning: where the ego is on its way back to the scripted speed after an intervention (n,).
+    """
+    limits = ego.actor.performance
+    bounded = np.clip(wanted, -min(limits.max_deceleration, _GRAVITY), min(limits.max_acceleration, _GRAVITY))
+    braked = np.clip(ego.speed + bounded * dt, 0.0, np.maximum(limits.max_speed, ego.speed))
+    change = ego.target - ego.speed
+    most = dt * np.where(change * ego.speed >= 0.0, min(_RETURN, limits.max_acceleration), limits.max_deceleration)
+    back = ego.speed + np.clip(change, -most, most)
+    speed = np.where(intervenes, braked, np.where(returning, back, ego.target))
+    return speed, intervenes | (returning & (np.abs(back - ego.target) >= _SAME))
 
 
 @lru_cache(maxsize=8)

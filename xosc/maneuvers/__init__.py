@@ -28,7 +28,7 @@ from xosc.maneuvers.actions import (
 )
 from xosc.maneuvers.base import Number
 from xosc.maneuvers.entities import controller, obstacle, parameter, pedestrian, reference, vehicle
-from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario
+from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario, storyboard
 from xosc.maneuvers.triggers import (
     Condition,
     Conditions,
@@ -74,6 +74,7 @@ __all__ = [
     "simulation_time",
     "speed",
     "speed_profile",
+    "storyboard",
     "teleport",
     "time_headway",
     "time_to_collision",

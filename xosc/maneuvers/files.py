@@ -60,10 +60,11 @@ def scenario(
     if unknown:
         raise UsageError(f"{unknown[0]!r} is not among the entities {', '.join(entities)}")
     participants = _entities(entities, controllers or {})
-    built = [_catalogs(catalogs or {}), sg.RoadNetwork(road), participants, _storyboard(init, maneuvers, stop, environment)]
+    built = [_catalogs(catalogs or {}), sg.RoadNetwork(road), participants]
     if parameters:
         built.insert(0, declarations(parameters))
-    return new_document(path, header, [rendered(part) for part in built], version)
+    parts = [*(rendered(part) for part in built), storyboard(init, maneuvers, stop, environment)]
+    return new_document(path, header, parts, version)
 
 
 def catalog(
@@ -108,16 +109,20 @@ def _entities(entities: Mapping[str, Any], controllers: Mapping[str, Any]) -> An
     return built
 
 
-def _storyboard(
-    init: Mapping[str, Sequence[Any]], maneuvers: Sequence[tuple[str, Any]], stop: Conditions, environment: Any | None
-) -> Any:
+def storyboard(
+    init: Mapping[str, Sequence[Any]],
+    maneuvers: Sequence[tuple[str, Any]] = (),
+    stop: Conditions = (),
+    environment: Any | None = None,
+) -> etree._Element:
+    """A `Storyboard` alone, as it stands in 1.3; arguments as in `scenario`."""
     beginning = sg.Init()
     if environment is not None:
         beginning.add_global_action(sg.EnvironmentAction(environment))
     for name, actions in init.items():
         for action in actions:
             beginning.add_init_action(name, action)
-    storyboard = sg.StoryBoard(beginning, trigger(stop, "stop") if stop else sg.Trigger("stop"))
+    built = sg.StoryBoard(beginning, trigger(stop, "stop") if stop else sg.Trigger("stop"))
     if maneuvers:
         act = sg.Act("act")
         for actor, maneuver in maneuvers:
@@ -128,5 +133,5 @@ def _storyboard(
             act.add_maneuver_group(group)
         story = sg.Story("story", sg.ParameterDeclarations())
         story.add_act(act)
-        storyboard.add_story(story)
-    return storyboard
+        built.add_story(story)
+    return rendered(built)
