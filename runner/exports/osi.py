@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
-from runner.exports.osi_lanes import Lanes
+from runner.exports.osi_lanes import Lanes, around
+from runner.exports.osi_objects import Osi, fill_base, fill_type
 from schemas.errors import UsageError
 from schemas.packages import version
 
@@ -27,14 +28,6 @@ if TYPE_CHECKING:
 
 TARGETS = {"osi": "ASAM OSI ground-truth traces, .osi and .mcap"}
 FORMATS = (".osi", ".mcap")
-_TYPES = {
-    "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",
-    "semitrailer": "TYPE_SEMITRAILER", "bus": "TYPE_BUS", "motorbike": "TYPE_MOTORBIKE", "bicycle": "TYPE_BICYCLE",
-    "train": "TYPE_TRAIN", "tram": "TYPE_TRAM",
-}  # fmt: skip
-"""OSI's vehicle types by OpenSCENARIO category."""
-_KINDS = {"vehicle": "TYPE_VEHICLE", "pedestrian": "TYPE_PEDESTRIAN"}
-_NANO = 1_000_000_000
 
 
 def export(result: RunResult, name: str, folder: Folder) -> list[str]:
@@ -53,7 +46,7 @@ def trace_name(result: RunResult, name: str, suffix: str) -> str:
 
     The start is the date of the scenario's FileHeader, so that the same run always gives the same name.
     """
-    osi = _Osi()
+    osi = Osi()
     own = "".join(c if c.isalnum() or c in "-~" else "-" for c in name)
     frames = sum(1 for _ in moments(result.recording))
     when = "".join(c for c in date(result) if c not in "-:")
@@ -67,7 +60,7 @@ def write_trace(result: RunResult, path: Path) -> None:
     Raises:
         UsageError: the packages for it are not installed, or the file can't be written.
     """
-    osi = _Osi()
+    osi = Osi()
     writer = osi.single() if path.suffix == ".osi" else osi.multi()
     metadata = {
         "version": version(),
@@ -100,7 +93,7 @@ def alone(jobs: Iterable[Job | Outcome], path: Path) -> Iterator[Job | Outcome]:
     Raises:
         UsageError: there are more; the file is of another format; the packages for it are not installed.
     """
-    _Osi()
+    Osi()
     if path.suffix not in FORMATS:
         raise UsageError(f"an OSI trace ends in {' or '.join(FORMATS)}", path=path)
     for number, job in enumerate(jobs):
@@ -111,18 +104,16 @@ def alone(jobs: Iterable[Job | Outcome], path: Path) -> Iterator[Job | Outcome]:
 
 def ground_truths(result: RunResult) -> Iterator[Any]:
     """The run as GroundTruth messages, one for each of its times."""
-    osi = _Osi()
+    osi = Osi()
     tracks = list(result.recording.tracks.values())
     tables = [_table(track) for track in tracks]
     standing = [stands(track) for track in tracks]
     network = result.recording.network
-    lanes = Lanes(result.recording, len(tracks)) if network is not None else None
+    lanes = Lanes(network, around(network, result.recording), len(tracks)) if network is not None else None
     on = [lanes.of(track) if lanes is not None else [None] * len(track.columns["time"]) for track in tracks]
     for time, there in moments(result.recording):
         message = osi.groundtruth.GroundTruth()
-        message.version.CopyFrom(osi.interface_version)
-        nanoseconds = round(time * _NANO)
-        message.timestamp.seconds, message.timestamp.nanos = divmod(nanoseconds, _NANO)
+        osi.stamp(message, time)
         if network is not None:
             message.map_reference = network.path.name
             message.proj_string = network.geo_reference or ""
@@ -136,19 +127,16 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
             source = each.source_reference.add()
             source.type, source.reference = "net.asam.openscenario", result.scenario.name
             source.identifier.append(track.name)
-            _fill_base(each.base, track, tables[number][row], not standing[number])
+            fill_base(each.base, track.box, tables[number][row], not standing[number])
             if standing[number]:
                 each.classification.type = osi.objects.StationaryObject.Classification.TYPE_OTHER
             else:
-                _fill_type(each, track, osi)
+                fill_type(each, track, osi)
                 if (lane := on[number][row]) is not None:
                     each.moving_object_classification.assigned_lane_id.add(value=lane)
             if track.name == result.ego:
                 message.host_vehicle_id.value = number
         yield message
-
-
-_AXES = (("position", "xyz"), ("orientation", ("yaw", "pitch", "roll")), ("velocity", "xyz"), ("acceleration", "xyz"))
 
 
 def _table(track: Track) -> list[list[float]]:
@@ -157,45 +145,3 @@ def _table(track: Track) -> list[list[float]]:
     angles = np.column_stack([np.unwrap(columns[name].astype(float)) for name in ("h", "pitch", "roll")])
     velocity = rate(centre, time)
     return np.hstack([centre, wrapped(angles), velocity, rate(velocity, time), rate(angles, time)]).tolist()
-
-
-def _fill_base(base: Any, track: Track, values: list[float], moves: bool) -> None:
-    base.dimension.length, base.dimension.width, base.dimension.height = track.box.length, track.box.width, track.box.height
-    for (field, axes), start in zip(_AXES if moves else _AXES[:2], range(0, 12, 3), strict=False):
-        for axis, value in zip(axes, values[start : start + 3], strict=True):
-            setattr(getattr(base, field), axis, value)
-    if moves:
-        for axis, value in zip(("yaw", "pitch", "roll"), values[12:], strict=True):
-            setattr(base.orientation_rate, axis, value)
-
-
-def _fill_type(each: Any, track: Track, osi: _Osi) -> None:
-    moving = osi.objects.MovingObject
-    each.type = moving.Type.Value(_KINDS.get(track.kind, "TYPE_OTHER"))
-    if track.kind == "vehicle":
-        each.vehicle_classification.type = moving.VehicleClassification.Type.Value(_TYPES.get(track.category, "TYPE_OTHER"))
-        rear = each.vehicle_attributes.bbcenter_to_rear
-        rear.x, rear.y, rear.z = -track.box.x, -track.box.y, -track.box.z
-
-
-class _Osi:
-    """What is used of the OSI packages, which are an optional extra.
-
-    Raises:
-        UsageError: they are not installed.
-    """
-
-    def __init__(self) -> None:
-        try:
-            import google.protobuf
-            from osi3 import osi_groundtruth_pb2, osi_object_pb2, osi_version_pb2
-            from osi_utilities import MultiTraceWriter, SingleTraceWriter
-        except ImportError as error:
-            raise UsageError(f"OSI traces need the extra `osi` (pip install 'xosc-toolchain[osi]'): {error}") from None
-        self.groundtruth, self.objects = osi_groundtruth_pb2, osi_object_pb2
-        self.single, self.multi = SingleTraceWriter, MultiTraceWriter
-        options = osi_version_pb2.DESCRIPTOR.GetOptions()
-        self.interface_version = options.Extensions[osi_version_pb2.current_interface_version]
-        numbers = self.interface_version
-        self.osi_version = f"{numbers.version_major}.{numbers.version_minor}.{numbers.version_patch}"
-        self.protobuf_version = google.protobuf.__version__

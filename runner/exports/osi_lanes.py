@@ -53,29 +53,28 @@ Border = tuple[str, int, int]
 
 
 class Lanes:
-    """The lanes around a run, as OSI has them.
+    """Lanes of a road network, as OSI has them.
 
     Args:
-        recording: of the run, on roads.
+        network: the roads.
+        chosen: the lanes, those of a junction all or none.
         first_id: ids from here on are free.
     """
 
-    def __init__(self, recording: Recording, first_id: int) -> None:
-        assert recording.network is not None
-        self._network: RoadNetwork = recording.network
-        everything = lanelets(self._network)
-        near = _near(everything.values(), recording)
-        junctions = {self._junction(lanelet) for lanelet in near} - {None}
-        self._lanelets = [each for each in everything.values() if each in near or self._junction(each) in junctions]
+    def __init__(self, network: RoadNetwork, chosen: Iterable[Lanelet], first_id: int) -> None:
+        self._network = network
+        self._lanelets = list(chosen)
         names: dict[Key | str, int] = {}
         for lanelet in self._lanelets:
             names.setdefault(self._junction(lanelet) or lanelet.key, first_id + len(names))
         self._ids = names
         borders = dict.fromkeys(border for lanelet in self._lanelets for border in self._borders(lanelet))
         self._border_ids = {border: first_id + len(names) + number for number, border in enumerate(borders)}
+        self.next_id = first_id + len(names) + len(borders)
+        """ids from here on are still free"""
 
     def _junction(self, lanelet: Lanelet) -> str | None:
-        return f"junction {self._network.roads[lanelet.key[0]].junction_id}" if lanelet.in_junction else None
+        return _junction(self._network, lanelet)
 
     def _borders(self, lanelet: Lanelet) -> tuple[Border, Border]:
         """The left and the right border in driving direction."""
@@ -86,17 +85,14 @@ class Lanes:
 
     def of(self, track: Track) -> list[int | None]:
         """The id of the lane that a participant is on at every row; None where it is on none."""
-        found: list[int | None] = []
         columns = track.columns
-        for road_id, lane, s in zip(columns["road_id"], columns["lane_id"], columns["s"], strict=True):
-            road = self._network.roads.get(str(road_id)) if road_id else None
-            if road is None:
-                found.append(None)
-                continue
-            key = (road.id, road.sections.index(road.section(float(s))), int(lane))
-            junction = f"junction {road.junction_id}" if road.junction_id in self._network.junctions else None
-            found.append(self._ids.get(junction or key))
-        return found
+        places = zip(columns["road_id"], columns["lane_id"], columns["s"], strict=True)
+        return [self.at(road_id, int(lane), float(s)) for road_id, lane, s in places]
+
+    def at(self, road_id: str | None, lane: int, s: float) -> int | None:
+        """The id of a lane at a place of its road (m); None where there is none."""
+        road = self._network.roads.get(str(road_id)) if road_id else None
+        return self._id((road.id, road.sections.index(road.section(s)), lane)) if road is not None else None
 
     def fill(self, message: Any, host: int | None) -> None:
         """Add lanes and boundaries to a GroundTruth.
@@ -166,6 +162,18 @@ class Lanes:
         road = self._network.roads[key[0]]
         junction = f"junction {road.junction_id}" if road.junction_id in self._network.junctions else None
         return self._ids.get(junction or key)
+
+
+def around(network: RoadNetwork, recording: Recording) -> list[Lanelet]:
+    """The lanes near the ways of the participants of a run, and the rest of their junctions."""
+    everything = lanelets(network)
+    near = _near(everything.values(), recording)
+    junctions = {_junction(network, lanelet) for lanelet in near} - {None}
+    return [each for each in everything.values() if each in near or _junction(network, each) in junctions]
+
+
+def _junction(network: RoadNetwork, lanelet: Lanelet) -> str | None:
+    return f"junction {network.roads[lanelet.key[0]].junction_id}" if lanelet.in_junction else None
 
 
 def _near(everything: Iterable[Lanelet], recording: Recording) -> set[Lanelet]:

@@ -199,8 +199,11 @@ class Session:
         return result
 
     def close(self) -> None:
-        """Free the simulator; the results stay."""
+        """Free the simulator, and what the system under test holds; the results stay."""
         self._sim.world.close()
+        end = getattr(self._system, "close", None)
+        if end is not None:
+            end()
 
     def __enter__(self) -> Self:
         return self

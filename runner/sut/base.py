@@ -117,7 +117,10 @@ class Control:
 
 
 class SystemUnderTest(Protocol):
-    """A driver or driver assistance system: `control` is called once a step."""
+    """A driver or driver assistance system: `control` is called once a step.
+
+    One that holds something, as a connection, may have a method `close()`, which is called after the run.
+    """
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Called once before the run."""

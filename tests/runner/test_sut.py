@@ -64,7 +64,7 @@ def test_an_entry_point_of_another_package(monkeypatch: pytest.MonkeyPatch) -> N
     entry = EntryPoint("half-speed", f"{__name__}:HalfSpeed", "xosc.sut")
     monkeypatch.setattr("runner.sut._installed", lambda: {entry.name: entry})
     assert isinstance(load_system("half-speed"), HalfSpeed)
-    with pytest.raises(UsageError, match=r"there are aeb, cas, .*half-speed, .*none, .*and module:Class"):
+    with pytest.raises(UsageError, match=r"there are aeb, bridge, cas, .*half-speed, .*none, .*and module:Class"):
         load_system("full-speed")
 
 
@@ -81,7 +81,7 @@ def test_an_instance(tmp_path: Path) -> None:
         (
             "absent",
             "no system under test is called 'absent'; "
-            "there are aeb, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
+            "there are aeb, bridge, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
         ),
         ("", "no system"),
         (":", "no system"),

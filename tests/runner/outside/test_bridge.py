@@ -1,0 +1,226 @@
+"""The bridge: a client drives as a system in this process does, and nothing that it does makes a run hang."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import pytest
+
+import runner
+from runner.sut import Control
+from runner.sut.bridge import Bridge, control_of
+from runner.sut.scripted import Scripted
+from schemas.errors import ToolchainError, UsageError
+from tests.commands import Command
+from tests.runner.files import scenario
+from tests.runner.osi_rules import broken
+from xosc.listing import LIBRARY
+
+osi = pytest.importorskip("osi3.osi_groundtruth_pb2")
+CLIENT = Path(__file__).parents[3] / "docs" / "examples" / "bridge_client.py"
+Answer = Callable[[socket.socket, dict[str, Any], Any], None]
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return int(free.getsockname()[1])
+
+
+def connected(port: int) -> socket.socket:
+    for _ in range(200):
+        with suppress(ConnectionRefusedError):
+            return socket.create_connection(("127.0.0.1", port), timeout=10)
+        time.sleep(0.02)
+    raise AssertionError("nobody listens")
+
+
+def frame(body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + body
+
+
+def received(connection: socket.socket) -> bytes:
+    def exactly(count: int) -> bytes:
+        data = b""
+        while len(data) < count:
+            more = connection.recv(count - len(data))
+            if not more:
+                raise EOFError
+            data += more
+        return data
+
+    return exactly(struct.unpack(">I", exactly(4))[0])
+
+
+@contextmanager
+def client(port: int, answer: Answer) -> Iterator[list[Any]]:
+    """A client in a thread, with what it has received: the greeting, then (step, GroundTruth) each time."""
+    seen: list[Any] = []
+
+    def drive() -> None:
+        with connected(port) as connection, suppress(EOFError, OSError):
+            seen.append(json.loads(received(connection)))
+            while True:
+                step, truth = json.loads(received(connection)), osi.GroundTruth.FromString(received(connection))
+                seen.append((step, truth))
+                answer(connection, step, truth)
+
+    thread = Thread(target=drive, daemon=True)
+    thread.start()
+    yield seen
+    thread.join(10)
+    assert not thread.is_alive()
+
+
+def braking(connection: socket.socket, step: dict[str, Any], truth: Any) -> None:
+    control = {"acceleration": -2.0, "reason": "braking"} if step["time"] >= 0.5 else {}
+    connection.sendall(frame(json.dumps(control).encode()))
+
+
+# driving ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("world", ["kinematic", "sumo"])
+def test_a_client_drives_as_the_same_system_in_this_process(tmp_path: Path, world: str, port: int) -> None:
+    file = scenario(tmp_path, stop=1.5)
+    with client(port, braking) as seen:
+        result = runner.run(file, world=world, sut=Bridge(port))
+    same = runner.run(file, world=world, sut=Scripted([(0.5, Control(acceleration=-2.0, reason="braking"))]))
+    assert result.trajectories.equals(same.trajectories) and result.events == same.events
+    assert len(seen) == 1 + 30
+    assert (seen[0]["bridge"], seen[0]["ego"], seen[0]["timestep"], seen[0]["limits"]["max_speed"]) == (1, "Ego", 0.05, 70.0)
+    assert [step["time"] for step, _ in seen[1:]] == [round(0.05 * number, 9) for number in range(30)]
+    assert {step["target_speed"] for step, _ in seen[1:]} == {20.0}
+
+
+def test_messages_are_ground_truth(tmp_path: Path, port: int) -> None:
+    from runner.exports.osi import ground_truths
+
+    with client(port, braking) as seen:
+        result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=Bridge(port))
+    messages = [truth for _, truth in seen[1:]]
+    assert broken(messages[:1]) == []
+    assert not messages[1].lane
+    for message, exported in zip(messages, ground_truths(result), strict=False):
+        assert message.timestamp == exported.timestamp
+        for ours, theirs in zip(message.moving_object, exported.moving_object, strict=True):
+            assert list(ours.source_reference[0].identifier) == list(theirs.source_reference[0].identifier)
+            assert ours.vehicle_classification == theirs.vehicle_classification
+            for part in ("dimension", "position", "orientation"):
+                assert getattr(ours.base, part) == getattr(theirs.base, part)
+            assert ours.base.velocity.x == pytest.approx(theirs.base.velocity.x, abs=0.11)
+        assert message.host_vehicle_id == message.moving_object[0].id
+
+
+def test_the_example_drives_a_run_of_the_command(port: int, command: Command) -> None:
+    assert len(CLIENT.read_text(encoding="utf-8").splitlines()) <= 50
+    process = subprocess.Popen([sys.executable, str(CLIENT), str(port)], stdout=subprocess.PIPE)
+    try:
+        answer = command("xosc-run", "--sut", f"bridge:port={port}", "--world", "kinematic", LIBRARY / "highway_lead_brake.xosc")
+        greeting, _ = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert answer.code == 0 and "PASSED" in answer.out
+    assert b"'ego': 'Ego'" in greeting and process.returncode == 0
+
+
+def test_each_run_of_a_batch_takes_a_client(tmp_path: Path, port: int) -> None:
+    file, bridge = scenario(tmp_path, stop=0.2), Bridge(port)
+    for _ in range(2):
+        with client(port, braking) as seen:
+            runner.run(file, world="kinematic", sut=bridge)
+        assert len(seen) == 1 + 4
+
+
+# clients that do not play along -------------------------------------------------------------
+
+
+def raw(body: bytes) -> Answer:
+    return lambda connection, step, truth: connection.sendall(body)
+
+
+def leave(connection: socket.socket, step: dict[str, Any], truth: Any) -> None:
+    connection.close()
+
+
+def drip(connection: socket.socket, step: dict[str, Any], truth: Any) -> None:
+    for byte in frame(b'{"acceleration": -1.0}'):
+        connection.sendall(bytes([byte]))
+        time.sleep(0.1)
+
+
+@pytest.mark.parametrize(
+    ("answer", "complaint"),
+    [
+        (raw(b"GET / HTTP/1.1\r\n\r\n"), "a frame of 1195725856 bytes, at most 65536 are expected"),
+        (raw(frame(b"\xff\x00")), "a JSON object is expected"),
+        (raw(frame(b"[" * 60_000)), "a JSON object is expected"),
+        (raw(frame(b"")), "a JSON object is expected"),
+        (raw(b""), "has not answered within 0.3 s"),
+        (raw(b"\0\0\0\x09{"), "has not answered within 0.3 s"),
+        (drip, "has not answered within 0.3 s"),
+        (leave, "has closed the connection"),
+    ],
+)
+def test_a_run_ends_with_one_line(answer: Answer, complaint: str, tmp_path: Path, port: int) -> None:
+    begun = time.monotonic()
+    with client(port, answer), pytest.raises(ToolchainError) as error:
+        runner.run(scenario(tmp_path, stop=5.0), world="kinematic", sut=Bridge(port, answer=0.3))
+    assert complaint in str(error.value) and "\n" not in str(error.value)
+    assert time.monotonic() - begun < 5.0
+
+
+@pytest.mark.parametrize(
+    ("body", "complaint"),
+    [
+        (b"[]", "acceleration, steering and reason are expected"),
+        (b'{"speed": 3}', "acceleration, steering and reason are expected"),
+        (b'{"acceleration": "3"}', "expected as acceleration"),
+        (b'{"acceleration": true}', "expected as acceleration"),
+        (b'{"acceleration": 1' + b"0" * 400 + b"}", "expected as acceleration"),
+        (b'{"steering": NaN}', "expected as steering"),
+        (b'{"steering": 1e999}', "expected as steering"),
+        (b'{"reason": 3}', "expected as reason"),
+    ],
+)
+def test_answers_that_are_none_are_refused(body: bytes, complaint: str) -> None:
+    with pytest.raises(ToolchainError, match=complaint):
+        control_of(body)
+
+
+def test_answers_may_leave_everything_out() -> None:
+    assert control_of(b'{"acceleration": null}') == control_of(b"{}") == Control()
+    assert control_of(b'{"acceleration": -1, "steering": 0.5, "reason": "r"}') == Control(-1, 0.5, "r")
+
+
+def test_there_is_one_client(tmp_path: Path, port: int) -> None:
+    def intrude(connection: socket.socket, step: dict[str, Any], truth: Any) -> None:
+        with pytest.raises(ConnectionError):
+            socket.create_connection(("127.0.0.1", port), timeout=1)
+        braking(connection, step, truth)
+
+    with client(port, intrude) as seen:
+        runner.run(scenario(tmp_path, stop=0.1), world="kinematic", sut=Bridge(port))
+    assert len(seen) == 1 + 2
+
+
+def test_no_client_and_no_port(tmp_path: Path, port: int, command: Command) -> None:
+    answer = command("xosc-run", "--sut", f"bridge:port={port},wait=0.1", "--world", "kinematic", scenario(tmp_path))
+    assert answer.code == 5
+    assert f"no client has connected to the bridge at 127.0.0.1:{port} within 0.1 s" in answer.err
+    with socket.create_server(("127.0.0.1", port)), pytest.raises(UsageError, match="can't listen at"):
+        runner.run(scenario(tmp_path), world="kinematic", sut=Bridge(port))
+    with pytest.raises(UsageError, match="from 1 to 65535, not 0"):
+        Bridge(0)
+    with pytest.raises(UsageError, match="more than 0 s"):
+        Bridge(answer=-1.0)
