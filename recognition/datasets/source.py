@@ -12,10 +12,15 @@ from runner.recording import Recording
 
 
 class SiteRoad(NamedTuple):
-    """An OpenDRIVE file, and the roads in it that traffic lights are for, where another file says so."""
+    """An OpenDRIVE file, and what other files say of its traffic lights.
+
+    lights: roads in it that traffic lights are for.
+    signalised: whether phases of lights were recorded, so that all junctions have some.
+    """
 
     path: Path
     lights: frozenset[str] = frozenset()
+    signalised: bool = False
 
 
 class Gap(NamedTuple):

@@ -19,20 +19,23 @@ _LIGHT = "1000001"
 """Type of a traffic light in OpenDRIVE's own catalogue of signals."""
 
 
-def propose(network: RoadNetwork, graph: LaneGraph, lights: frozenset[str] = frozenset()) -> list[Entry]:
+def propose(
+    network: RoadNetwork, graph: LaneGraph, lights: frozenset[str] = frozenset(), driven: float = math.inf
+) -> list[Entry]:
     """A role for every driving lane, by road, lane and s.
 
     Args:
         lights: roads that traffic lights are for, besides those with signals.
+        driven: speed (m/s) that free vehicles have there, infinite where it is not known.
     """
-    roles = _Proposal(network, graph, lights).roles
+    roles = _Proposal(network, graph, lights, driven).roles
     entries = [_entry(graph.strips[number], role) for number, role in roles.items()]
     return _joined(sorted(entries, key=lambda entry: (list(network.roads).index(entry.road), entry.lane, entry.start)))
 
 
 class _Proposal:
-    def __init__(self, network: RoadNetwork, graph: LaneGraph, lights: frozenset[str]) -> None:
-        self._network, self._graph, self._lights = network, graph, lights
+    def __init__(self, network: RoadNetwork, graph: LaneGraph, lights: frozenset[str], driven: float) -> None:
+        self._network, self._graph, self._lights, self._driven = network, graph, lights, driven
         self._rings = ring_strips(network, graph)
         self._crossings = {name: lit for name in network.junctions if (lit := self._crossing(name)) is not None}
         driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
@@ -61,12 +64,12 @@ class _Proposal:
         return Role.URBAN
 
     def _fast(self, strip: Strip) -> bool:
-        """Whether a strip is no urban one. Where the map has neither kind nor limit of a road, crossings make it urban."""
+        """Whether a strip is no urban one. Where the map has neither kind nor limit, crossings and slow traffic make it urban."""
         road = self._network.roads[strip.road]
         kind = road.road_type(0.5 * (strip.start + strip.end))
         if kind != "unknown" or math.isfinite(strip.speed_limit):
             return kind.startswith("motorway") or (strip.speed_limit > FAST and not kind.startswith("town"))
-        return not self._crossings and not self._rings
+        return self._driven > FAST and not self._crossings and not self._rings
 
     def _crossing(self, junction_id: str) -> bool | None:
         """Whether a junction has traffic lights; None where it is no junction: no way crosses or turns, or it is on a ring."""

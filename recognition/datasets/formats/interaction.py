@@ -76,17 +76,20 @@ def sources(path: Path, roads: Path) -> list[Source]:
         cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
         names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
         return [
-            Source(name, site, FORMAT, path, partial(_read_case, path, case), lanelets, road=_road(lanelets, None))
+            Source(name, site, FORMAT, path, partial(_read_case, path, case), lanelets, road=_road(lanelets, None, False))
             for case, name in names.items()
         ]
     number = named[2] if named else ""
     name, origin = f"{site}/{number}" if named else path.stem, _origin(path, number)
-    return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, _road(lanelets, origin))]
+    road = _road(lanelets, origin, path.with_name(f"signal_phases_{number}.csv").is_file())
+    return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, road)]
 
 
-def _road(lanelets: Path | None, origin: tuple[float, float] | None) -> Callable[[Recording, Path], SiteRoad] | None:
-    """Makes the road of the Lanelet2 map, if there is one."""
-    return None if lanelets is None else lambda _, folder: SiteRoad(converted(lanelets, origin, folder))
+def _road(
+    lanelets: Path | None, origin: tuple[float, float] | None, signalised: bool
+) -> Callable[[Recording, Path], SiteRoad] | None:
+    """Makes the road of the Lanelet2 map, if there is one. TAF-BW's maps have no lights, but files with their phases."""
+    return None if lanelets is None else lambda _, folder: SiteRoad(converted(lanelets, origin, folder), signalised=signalised)
 
 
 def _has_cases(path: Path) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +147,26 @@ def test_lanelets_have_bounds_links_and_types(tmp_path: Path) -> None:
     assert (lanelet.id, lanelet.predecessors, lanelet.successors) == ("7", ("5",), ("8", "9"))
     assert (lanelet.beside_left, lanelet.beside_right) == (Neighbour("6", False), None)
     assert lanelet.types == ("urban",)
+    assert lanelet.limit == math.inf
+
+
+@pytest.mark.parametrize(("value", "limit"), [("13.4", 13.4), ("36kmh", 10.0), ("fast", math.inf)])
+def test_traffic_signs_limit_the_speed(tmp_path: Path, value: str, limit: float) -> None:
+    sign = f"""<trafficSign id="3"><trafficSignElement><trafficSignID>R2-1</trafficSignID>
+<additionalValue>{value}</additionalValue></trafficSignElement></trafficSign>"""
+    refers = LANELET.replace("<laneletType>", '<trafficSignRef ref="3"/><laneletType>')
+    (lanelet,) = lanelets(document(write(tmp_path, refers, sign, version="2020a")))
+    assert lanelet.limit == pytest.approx(limit)
+
+
+@pytest.mark.parametrize(("tag", "kind"), [("interstate", "motorway"), ("urban", "town"), ("comfort", None)])
+def test_tags_of_the_scenario_tell_what_its_roads_are(tmp_path: Path, tag: str, kind: str | None) -> None:
+    alone = re.sub("<(?:predecessor|successor|adjacentLeft) [^>]*/>", "", LANELET)
+    tagged = f"<scenarioTags><{tag}/></scenarioTags>{alone}"
+    (source,) = datasets.open(write(tmp_path, tagged, version="2020a")).sources
+    assert source.road is not None
+    found = re.search(r'<type s="[^"]*" type="(\w+)"', source.road(source.load(), tmp_path).path.read_text())
+    assert (found[1] if found else None) in (kind, kind or "unknown")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -116,6 +118,13 @@ def test_traffic_lights_make_a_crossing_a_signalised_one(tmp_path: Path) -> None
 def test_the_speed_limit_parts_urban_from_fast_roads(tmp_path: Path, limit: float, role: Role) -> None:
     found = roles_of(builders.sharp_curve(speed_limit=limit / 3.6), tmp_path)
     assert set().union(*found.values()) == {role}
+
+
+@pytest.mark.parametrize(("driven", "role"), [(15.0, Role.URBAN), (20.0, Role.MAIN), (math.inf, Role.MAIN)])
+def test_traffic_tells_what_a_road_is_of_which_the_map_says_nothing(tmp_path: Path, driven: float, role: Role) -> None:
+    path = builders.straight_highway().write(tmp_path / "site.xodr")
+    path.write_text(re.sub("<type .*?</type>", "", path.read_text(), flags=re.DOTALL))
+    assert {entry.role for entry in site_at(path, driven=driven).roles.entries} == {role}
 
 
 # the file -------------------------------------------------------------------------------------

@@ -123,3 +123,11 @@ def test_traffic_in_other_directions_shows_no_straight_road() -> None:
         straight_road(recording, "site")
     with pytest.raises(UsageError, match="does not go straight"):
         straight_road(Recording([], STEP, None), "site")
+
+
+def test_phases_of_lights_beside_the_tracks_make_junctions_signalised(recordings: Path, tmp_path: Path) -> None:
+    found = {}
+    for site in ("k733_2018-05-02", "k733_2020-09-15"):
+        place = site_of(*opened(recordings / "taf_bw" / "recorded_trackfiles" / site, tmp_path))
+        found[site] = {entry.role for entry in place.roles.entries} & {Role.INSIDE, Role.SIGNALISED}
+    assert found == {"k733_2018-05-02": {Role.INSIDE}, "k733_2020-09-15": {Role.SIGNALISED}}

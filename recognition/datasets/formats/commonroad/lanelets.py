@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +28,7 @@ class Lanelet(NamedTuple):
 
     left, right: its bounds, (n, 2), m. predecessors, successors: lanelets before and after it.
     beside_left, beside_right: neighbours. types: as in `laneletType`, e.g. highway, onRamp.
+    limit: speed limit (m/s) of the traffic signs that it refers to, infinite without.
     """
 
     id: str
@@ -36,6 +39,7 @@ class Lanelet(NamedTuple):
     beside_left: Neighbour | None
     beside_right: Neighbour | None
     types: tuple[str, ...]
+    limit: float = math.inf
 
 
 def lanelets(root: etree._Element) -> list[Lanelet]:
@@ -44,10 +48,22 @@ def lanelets(root: etree._Element) -> list[Lanelet]:
     Raises:
         InvalidFile: a bound has fewer than two points, or the bounds have unequally many; names line and element.
     """
-    return [_lanelet(element) for element in root.iterchildren("lanelet")]
+    limits = _limits(root)
+    return [_lanelet(element, limits) for element in root.iterchildren("lanelet")]
 
 
-def _lanelet(element: etree._Element) -> Lanelet:
+def _limits(root: etree._Element) -> dict[str, float]:
+    """Speed limits (m/s) by the ids of their traffic signs."""
+    return {
+        sign.get("id") or "": float(value[1]) * _UNITS[value[2]]
+        for sign in root.iterchildren("trafficSign")
+        for part in sign.iterchildren("trafficSignElement")
+        if part.findtext("trafficSignID", "").strip() in _SPEED_LIMITS
+        and (value := _SPEED.fullmatch(part.findtext("additionalValue", "").strip()))
+    }
+
+
+def _lanelet(element: etree._Element, limits: dict[str, float]) -> Lanelet:
     left, right = _bound(element, "leftBound"), _bound(element, "rightBound")
     if len(left) != len(right):
         raise invalid(element, f"the left bound has {len(left)} points, the right one {len(right)}")
@@ -55,6 +71,7 @@ def _lanelet(element: etree._Element) -> Lanelet:
     return Lanelet(
         element.get("id") or "", left, right, _refs(element, "predecessor"), _refs(element, "successor"),
         _beside(element, "adjacentLeft"), _beside(element, "adjacentRight"), types,
+        min((limits[sign] for sign in _refs(element, "trafficSignRef") if sign in limits), default=math.inf),
     )  # fmt: skip
 
 
@@ -78,6 +95,13 @@ def _beside(element: etree._Element, name: str) -> Neighbour | None:
 # the road ----------------------------------------------------------------------------------
 
 _MOTORWAY = {"highway", "interstate", "mainCarriageWay", "accessRamp", "exitRamp"}
+_TAGS = {"interstate": "motorway", "highway": "motorway", "urban": "town"}
+"""Tags of scenarios that say what kind of road they are on, the more telling first"""
+_SPEED_LIMITS = ("274", "R2-1")
+"""Ids of signs for speed limits, in Europe and in the United States"""
+_SPEED = re.compile(r"([0-9]{1,3}(?:\.[0-9]*)?) *(kmh|mph|)")
+_UNITS = {"": 1.0, "kmh": 1.0 / 3.6, "mph": 0.44704}
+"""Factors to m/s, which values without a unit are in"""
 _LANE_TYPES = {
     "sidewalk": "sidewalk", "crosswalk": "sidewalk", "bicycleLane": "biking", "busLane": "bus", "shoulder": "shoulder",
     "accessRamp": "onRamp", "exitRamp": "offRamp", "border": "border",
@@ -91,7 +115,7 @@ def _lane_type(types: tuple[str, ...]) -> str:
 def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     """The road that a scenario brings along, written into a folder.
 
-    Its lanelets have no speed limits, and "urban" is what all of them say.
+    Types of lanelets seldom tell motorways: in NGSIM's scenarios all are "urban". Where they don't, the scenario's tags do.
 
     Raises:
         InvalidFile: it has no lanelets, or malformed ones.
@@ -104,6 +128,8 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     if not found:
         raise invalid(root, "there is no lanelet, so its roads are unknown")
 
+    tagged = _tagged(root)
+
     def beside(neighbour: Neighbour | None) -> Beside | None:
         return None if neighbour is None else Beside(neighbour.id, neighbour.same_direction)
 
@@ -111,7 +137,7 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
         [
             Built(
                 one.id, one.left, one.right, one.predecessors, one.successors, beside(one.beside_left), beside(one.beside_right),
-                _lane_type(one.types), "motorway" if set(one.types) & _MOTORWAY else "unknown", float("inf"),
+                _lane_type(one.types), "motorway" if set(one.types) & _MOTORWAY else tagged, one.limit,
             )
             for one in found
         ],
@@ -120,3 +146,9 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     lit = [element.get("id") for element in root.iterchildren("lanelet") if element.find("trafficLightRef") is not None]
     lights = frozenset(built.lanelets[one][0] for one in lit if one in built.lanelets)
     return SiteRoad(keep_road(built.map.to_xml(), site, folder), lights)
+
+
+def _tagged(root: etree._Element) -> str:
+    """The type of roads in OpenDRIVE that a scenario's tags tell: elements from 2020a on, words of an attribute before."""
+    tags = {str(tag.tag) for tag in root.iterfind("scenarioTags/*")} | set((root.get("tags") or "").split())
+    return next((kind for tag, kind in _TAGS.items() if tag in tags), "unknown")
