@@ -26,7 +26,7 @@ from runner.surroundings.signals import TrafficSignals
 from schemas.remarks import Remark, Remarks
 from schemas.rules.actors import UID as ACTORS
 from schemas.rules.empty_elements import UID as EMPTY
-from schemas.rules.signal_states import UID as SIGNALS
+from schemas.rules.signal_references import UID as SIGNALS
 from xosc.node import Node
 
 if TYPE_CHECKING:
