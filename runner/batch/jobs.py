@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner.batch.selection import Selection
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError, describe
+from schemas.remarks import Remarks
 
 if TYPE_CHECKING:
     from xosc.distributions import ParameterSpace
@@ -145,9 +146,14 @@ def assumed(job: Job, strict: bool) -> list[str]:
     Raises:
         InvalidFile: there is something, and reading is strict.
     """
+    from xosc.distributions.spellings import respelled
     from xosc.document import load
 
-    return [str(remark) for remark in load(job.source, strict=strict).remarks] if job.source != job.scenario else []
+    if job.source == job.scenario:
+        return []
+    source, remarks = load(job.source, strict=strict), Remarks(strict)
+    remarks.add(*respelled(source, load(job.scenario), job.parameters))
+    return [str(remark) for remark in (*source.remarks, *remarks.found)]
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:

@@ -14,7 +14,7 @@ from schemas.xml import parse
 @rule("xosc.toolchain:xosc:1.1.0:reference_control.distributed_parameter_is_declared", kinds=("distribution",), since=(1, 1))
 def check(document: Document) -> Iterator[Finding]:
     """A parameter of a ParameterValueDistribution must be declared by the scenario that it is for."""
-    scenario = _scenario(document)
+    scenario = scenario_of(document)
     if scenario is None:
         return
     declared = {element.get("name") or "" for element in scenario.iterfind("ParameterDeclarations/ParameterDeclaration")}
@@ -23,7 +23,8 @@ def check(document: Document) -> Iterator[Finding]:
             yield Finding(element, f"{attribute}: {unknown('parameter', name, declared)} in the scenario")
 
 
-def _scenario(document: Document) -> etree._Element | None:
+def scenario_of(document: Document) -> etree._Element | None:
+    """The root of the scenario that a distribution is for; None where it can't be read."""
     for element in document.elements("ScenarioFile"):
         name = document.value(element, "filepath")
         try:

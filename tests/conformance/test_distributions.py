@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 import statistics
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import runner
+import schemas
 import xosc
 from runner.batch.batch import rehearse_batch, run_batch
 from runner.batch.jobs import jobs_of
@@ -53,12 +55,38 @@ def test_the_variations_run() -> None:
         assert at(track(result, "Car"), 7.0, "speed") == float(parameters["Target"])
 
 
-def test_faults_of_the_variations_are_remarks_of_their_runs(tmp_path: Path) -> None:
-    shutil.copytree(SCENARIOS.parent / "roads", tmp_path / "roads")
-    (tmp_path / "scenarios").mkdir()
+def copied(folder: Path) -> Path:
+    """The file of a DistributionSet, with its scenario and road, in a folder."""
+    shutil.copytree(SCENARIOS.parent / "roads", folder / "roads")
+    (folder / "scenarios").mkdir()
     for name in ("DistributionSet", "SpeedAction"):
-        shutil.copy(SCENARIOS / f"{name}.xosc", tmp_path / "scenarios")
-    variations, old = tmp_path / "scenarios" / "DistributionSet.xosc", "<DistributionSet>"
+        shutil.copy(SCENARIOS / f"{name}.xosc", folder / "scenarios")
+    return folder / "scenarios" / "DistributionSet.xosc"
+
+
+def test_values_in_another_spelling_are_named_by_checks_and_remarks_of_their_runs(tmp_path: Path) -> None:
+    variations = copied(tmp_path)
+    for file, old, new in (("SpeedAction", 'parameterType="double" value="2', 'parameterType="int" value="2'),
+                           ("DistributionSet", 'value="18"', 'value="18.0"')):  # fmt: skip
+        path = variations.with_name(f"{file}.xosc")
+        text = path.read_text(encoding="utf-8")
+        assert old in text
+        path.write_text(text.replace(old, new), encoding="utf-8")
+    line = text[: text.index(old)].count("\n") + 1
+    (problem,) = schemas.check(variations)
+    assert problem.line == line and problem.rule.endswith("value_is_of_the_declared_type")
+    settings = runner.RunSettings(sut=None, world="kinematic", max_time=1.0)
+    sound, other = run_batch(jobs_of([variations], {}, True), settings)
+    assert [each.exit_code for each in (sound, other)] == [0, 0]
+    assert not [each for each in sound.remarks if "is meant" in each]
+    (remark,) = [each for each in other.remarks if "is meant" in each]
+    assert remark.startswith(f"{variations}:{line}: the value of the parameter Target: '18.0' is not of type int; 18 is meant")
+    sound, other = run_batch(jobs_of([variations], {}, True), replace(settings, strict=True))
+    assert (sound.exit_code, other.exit_code) == (0, 3) and "18 is meant" in other.message
+
+
+def test_faults_of_the_variations_are_remarks_of_their_runs(tmp_path: Path) -> None:
+    variations, old = copied(tmp_path), "<DistributionSet>"
     text = variations.read_text(encoding="utf-8")
     assert old in text
     line = text[: text.index(old)].count("\n") + 1
