@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from generation.mcsg.settings import McsgSettings
 from generation.search.problem import History, Problem
 
 METHOD = {
@@ -11,8 +12,8 @@ METHOD = {
 }
 
 
-def search(problem: Problem, budget: int, seed: int) -> History:
+def search(problem: Problem, budget: int, seed: int, settings: McsgSettings = McsgSettings()) -> History:  # noqa: B008 - frozen
     """MCSG as published, with coordinated edits and an elite."""
     from generation.mcsg.search import search as mcsg
 
-    return mcsg(problem, budget, seed)
+    return mcsg(problem, budget, seed, settings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from generation.mcsg.settings import McsgSettings
 from generation.search.problem import History, Problem
 
 METHOD = {
@@ -11,10 +12,10 @@ METHOD = {
 }
 
 
-def search(problem: Problem, budget: int, seed: int) -> History:
+def search(problem: Problem, budget: int, seed: int, settings: McsgSettings = McsgSettings()) -> History:  # noqa: B008 - frozen
     """MCSG without an elite and with edits of single parameters."""
     from generation.mcsg.edits import single
     from generation.mcsg.search import search as mcsg
     from generation.mcsg.starts import RealStarts
 
-    return mcsg(problem, budget, seed, edits=single, starts=RealStarts)
+    return mcsg(problem, budget, seed, settings, edits=single, starts=RealStarts)

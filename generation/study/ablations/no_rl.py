@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.search.problem import History, Problem
-from generation.study.strategies.genetic import POPULATION, evolve
+from generation.study.strategies.genetic import GeneticSettings, evolve
 
 METHOD = {"title": "No-RL", "meaning": "MCSG's reward and starts, a genetic algorithm in place of the policy", "realistic": True}
 
@@ -16,5 +16,5 @@ def search(problem: Problem, budget: int, seed: int) -> History:
     Raises:
         UsageError: pymoo is not installed.
     """
-    chosen = np.random.default_rng(seed).integers(len(problem.real), size=POPULATION)
+    chosen = np.random.default_rng(seed).integers(len(problem.real), size=GeneticSettings.population)
     return evolve(problem, budget, seed, problem.space.unit(problem.real[chosen]), lambda episodes: episodes.rewards)

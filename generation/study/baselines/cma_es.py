@@ -5,17 +5,30 @@ N. Hansen, The CMA Evolution Strategy: A Tutorial, 2016.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from generation.search.problem import Calls, History, Problem
 from generation.study.strategies.optional import need
 
 METHOD = {"title": "CMA-ES", "meaning": "evolution strategy on MCSG's reward, with restarts", "realistic": True}
-POPULATION, SIGMA = 20, 0.2
-"""Points to a generation, and the first step size as a share of the ranges."""
 
 
-def search(problem: Problem, budget: int, seed: int) -> History:
+@dataclass(frozen=True)
+class CmaSettings:
+    """How it searches.
+
+    Attributes:
+        population: points to a generation.
+        sigma: first step size, as a share of the ranges.
+    """
+
+    population: int = 20
+    sigma: float = 0.2
+
+
+def search(problem: Problem, budget: int, seed: int, settings: CmaSettings = CmaSettings()) -> History:
     """From a real scenario; anew from another one whenever it has converged.
 
     Raises:
@@ -25,8 +38,8 @@ def search(problem: Problem, budget: int, seed: int) -> History:
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     while calls.left:
         start = problem.space.unit(problem.real[generator.integers(len(problem.real))])
-        options = {"bounds": [0, 1], "popsize": POPULATION, "seed": int(generator.integers(1, 2**31)), "verbose": -9}
-        strategy = cma.CMAEvolutionStrategy(start, SIGMA, options)
+        options = {"bounds": [0, 1], "popsize": settings.population, "seed": int(generator.integers(1, 2**31)), "verbose": -9}
+        strategy = cma.CMAEvolutionStrategy(start, settings.sigma, options)
         while calls.left and not strategy.stop():
             points = strategy.ask()
             episodes = calls(problem.space.scaled(np.array(points)))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from generation.search.problem import History, Problem
-from generation.study.strategies.genetic import POPULATION, evolve
+from generation.study.strategies.genetic import GeneticSettings, evolve
 
 METHOD = {"title": "GACS", "meaning": "genetic algorithm on criticality", "realistic": False}
 
 
-def search(problem: Problem, budget: int, seed: int) -> History:
+def search(problem: Problem, budget: int, seed: int, settings: GeneticSettings = GeneticSettings()) -> History:
     """From a uniform population, by criticality alone.
 
     Raises:
         UsageError: pymoo is not installed.
     """
-    start = np.random.default_rng(seed).random((POPULATION, len(problem.space.parameters)))
-    return evolve(problem, budget, seed, start, lambda episodes: problem.reward.criticality(episodes.outcomes))
+    start = np.random.default_rng(seed).random((settings.population, len(problem.space.parameters)))
+    return evolve(problem, budget, seed, start, lambda found: problem.reward.criticality(found.outcomes), settings.distance)

@@ -26,6 +26,14 @@ def command(
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of reported seeds.")] = 5,
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs on SUMO of each search.")] = 1000,
+    on_twin: Annotated[bool, typer.Option("--on-twin", help="Search on the twin; SUMO judges what is found.")] = False,
+    extras: Annotated[
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Screen proposals of all methods as quality-diversity does, at most N of each search."
+        ),
+    ] = None,
+    tuned: Annotated[Path | None, typer.Option(metavar="FILE", help="Settings that `tune` has written.")] = None,
     recorded: Recorded = None,
     kind: Kind = None,
     jobs: Jobs = 2,
@@ -33,24 +41,24 @@ def command(
     _version: Version = False,
 ) -> None:
     """Count what each method finds with the same number of runs on SUMO; what is there already is not made again."""
-    from generation.search.method import method
-    from generation.study.failures.counts import counted, path_of, save, table
+    from generation.study.failures.counts import table
     from generation.study.failures.problem import posed
+    from generation.study.failures.study import Comparison, read
     from generation.study.methods import METHODS, TRAJECTORIES
 
     names = methods or [name for name in METHODS if name not in TRAJECTORIES]
     for name in names:
         if name not in METHODS or name in TRAJECTORIES:
             raise UsageError(f"there is no search method {name!r} of manoeuvres; methods: {', '.join(METHODS)}")
+    comparison = Comparison(out, budget, extras, read(tuned) if tuned is not None else {})
     with interruptible(NAME, "the same command continues"):
         for scenario in scenarios:
             for system in sut or [DEFAULT_SYSTEM]:
                 with posed(scenario, system, jobs, recorded, kind) as problem:
                     for seed in range(REPORTED, REPORTED + seeds):
                         for name in names:
-                            path = path_of(out, scenario, system, name, seed)
-                            if not path.exists():
-                                counts = counted(method(name, METHODS)(problem.problem, budget, seed), problem)
-                                save(counts, path, budget)
+                            chosen = problem.on_twin() if on_twin else problem
+                            counts = comparison.search(chosen, scenario, system, name, seed)
+                            if counts is not None:
                                 print(f"{scenario.stem}, {system}, {name}, seed {seed}: {counts}", flush=True)
         print(table(out, budget).markdown())

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from generation.outcomes.cases import Choice
+from generation.outcomes.evaluator import Evaluator
 from generation.outcomes.references import survivors
 from generation.search.diversity import distinctive, diverse
 from generation.search.problem import History
@@ -17,6 +18,7 @@ from generation.study.methods import METHODS
 from recognition.study.report.tables import Table, spread
 from schemas.errors import UsageError
 from schemas.storage import read_object, write_object
+from xodr.array_types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -24,31 +26,45 @@ class Counts:
     """Of one search.
 
     Attributes:
-        runs: of the system under test on SUMO.
+        runs: of the system under test that the search has spent.
+        played: points that the twin has played besides, to say which are worth a run.
         collisions: runs with a collision. foreseeable: of these. preventable: of these again.
-        distinct: preventable ones that are apart by all parameters. essential: by those that are no nuisances.
+        confirmed: of the preventable ones, those that are so on SUMO: the system fails, a judge survives.
+        distinct: confirmed ones that are apart by all parameters. essential: by those that are no nuisances.
     """
 
     runs: int
+    played: int
     collisions: int
     foreseeable: int
     preventable: int
+    confirmed: int
     distinct: int
     essential: int
 
 
-def counted(history: History, posed: Posed) -> Counts:
-    """Judge a search; the reference drivers' runs are on SUMO, and none of its budget."""
+def counted(history: History, posed: Posed, played: int = 0) -> Counts:
+    """Judge a search; runs on SUMO that confirm a search on the twin, and those of reference drivers, are none of its budget."""
     problem, theta = posed.problem, history.theta
     assert problem.prior is not None
     collided = history.outcomes.collision & history.outcomes.executed
     foreseen = collided.copy()
     foreseen[collided] = problem.prior.foreseeable(theta[collided])
-    found = theta[foreseen][survivors(theta[foreseen], posed.sumo)]
-    unit, least = problem.space.unit(found), Choice().apart
+    on_sumo = problem.evaluate is posed.sumo
+    found = theta[foreseen][survivors(theta[foreseen], posed.sumo if on_sumo or problem.twin is None else problem.twin)]
+    confirmed = found if on_sumo else found[_confirmed(found, posed.sumo)]
+    unit, least = problem.space.unit(confirmed), Choice().apart
     told = distinctive(problem.space)
     numbers = len(diverse(unit, least)), len(diverse(unit[:, told], least))
-    return Counts(len(theta), int(collided.sum()), int(foreseen.sum()), len(found), *numbers)
+    return Counts(len(theta), played, int(collided.sum()), int(foreseen.sum()), len(found), len(confirmed), *numbers)
+
+
+def _confirmed(theta: FloatArray, sumo: Evaluator) -> BoolArray:
+    """The points (n,) of (n, d) that fail on SUMO, and that a judge survives there."""
+    outcomes = sumo(theta)
+    found = outcomes.collision & outcomes.executed
+    found[found] = survivors(theta[found], sumo)
+    return found
 
 
 def path_of(out: Path, scenario: Path, sut: str, method: str, seed: int) -> Path:
@@ -74,25 +90,39 @@ def table(out: Path, budget: int) -> Table:
             raise UsageError(f"this is of another budget than {budget}: give the same, or another folder", path=path)
         method = path.stem.rpartition("-")[0]
         found.setdefault((path.parent.parent.name, path.parent.name, method), []).append(Counts(**values))
-    rows = [(*key, str(len(each)), *_cells(each)) for key, each in sorted(found.items(), key=lambda item: _order(item[0]))]
+    rows = [
+        (*key, str(len(each)), *_cells(each, budget)) for key, each in sorted(found.items(), key=lambda item: _order(item[0]))
+    ]
     note = (
-        "Mean ± standard deviation over seeds; all but runs are per 1,000 runs of the system under test on SUMO. Foreseeable and "
-        "preventable: of the collisions. Distinct: of the preventable ones, pairwise further apart than 5 % of the ranges, root "
-        "mean square over all parameters, and over those that are no nuisances (start and rest time)."
+        "Mean ± standard deviation over seeds; all but runs and played are per 1,000 runs of the budget: a search that ends "
+        "earlier finds nothing in the rest. Played: points of the twin that screened proposals. Foreseeable and preventable: of "
+        "the collisions. Confirmed: of these, share that fails on SUMO where a judge survives. Distinct: of the confirmed ones, "
+        "pairwise further apart than 5 % of the ranges, root mean square over all parameters, and over those that are no "
+        "nuisances (start and rest time)."
     )
     return Table("failures", "Distinct foreseeable and preventable failures", note, (*_KEYS, *_FIGURES), rows)
 
 
-_KEYS = ("scenario", "system", "method", "seeds", "runs")
-_FIGURES = ("collisions", "foreseeable", "preventable", "distinct", "without nuisances")
+_KEYS = ("scenario", "system", "method", "seeds")
+_FIGURES = ("runs", "played", "collisions", "foreseeable", "preventable", "confirmed", "distinct", "without nuisances")
 
 
-def _order(key: tuple[str, str, str]) -> tuple[str, str, int]:
-    return (*key[:2], list(METHODS).index(key[2]) if key[2] in METHODS else len(METHODS))
+def _order(key: tuple[str, str, str]) -> tuple[str, str, int, str]:
+    name = key[2].removesuffix(EXTRAS)
+    return (*key[:2], list(METHODS).index(name) if name in METHODS else len(METHODS), key[2])
 
 
-def _cells(each: Sequence[Counts]) -> list[str]:
-    """Per 1,000 runs."""
-    names = ("collisions", "foreseeable", "preventable", "distinct", "essential")
-    runs = np.mean([one.runs for one in each])
-    return [f"{runs:.0f}", *(spread((1000.0 * getattr(one, name) / max(one.runs, 1) for one in each), 1) for name in names)]
+EXTRAS = "+"
+"""After the name of a method that has the extras of quality-diversity search"""
+
+
+def _cells(each: Sequence[Counts], budget: int) -> list[str]:
+    """Means, and figures per 1,000 runs of the budget."""
+    runs, played = (np.mean([getattr(one, name) for one in each]) for name in ("runs", "played"))
+    preventable, confirmed = (sum(getattr(one, name) for one in each) for name in ("preventable", "confirmed"))
+    share = f"{confirmed / preventable:.1%}" if preventable else "–"
+    before, after = (
+        [spread((1000.0 * getattr(one, name) / budget for one in each), 1) for name in names]
+        for names in (("collisions", "foreseeable", "preventable"), ("distinct", "essential"))
+    )
+    return [f"{runs:.0f}", f"{played:.0f}", *before, share, *after]

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from generation.density.model import DEFAULT, JUDGE
 from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.outcomes import Outcomes
 from generation.recorded import kind_of, of_recordings, of_samples
-from generation.search.problem import Problem
+from generation.search.problem import Plays, Problem
 from generation.search.reward import Realism, Reward
 from generation.search.space import Space
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings
-from schemas.errors import Unsupported
+from schemas.errors import Unsupported, UsageError
+from xodr.array_types import FloatArray
 
 
 class Posed(NamedTuple):
@@ -23,6 +26,28 @@ class Posed(NamedTuple):
 
     problem: Problem
     sumo: Evaluator
+
+    def on_twin(self) -> Posed:
+        """The same with runs on the twin; SUMO judges what is found.
+
+        Raises:
+            UsageError: the scenario has no twin.
+        """
+        if self.problem.twin is None:
+            raise UsageError("this scenario has no twin to search on")
+        return self._replace(problem=replace(self.problem, evaluate=self.problem.twin))
+
+
+class Counting:
+    """A twin that counts what it plays with the system under test."""
+
+    def __init__(self, twin: Plays) -> None:
+        self._twin, self.played = twin, 0
+
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d)."""
+        self.played += len(theta) if sut is None else 0
+        return self._twin(theta, sut)
 
 
 @contextmanager

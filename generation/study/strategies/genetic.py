@@ -3,30 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from generation.outcomes.outcomes import Episodes
 from generation.search.problem import Calls, History, Problem
 from generation.study.strategies.optional import need
 from xodr.array_types import FloatArray
 
-POPULATION = 50
+
+@dataclass(frozen=True)
+class GeneticSettings:
+    """How it searches.
+
+    Attributes:
+        population: points to a generation.
+        distance: index of polynomial mutation: the smaller, the further.
+    """
+
+    population: int = 50
+    distance: float = 20.0
 
 
-def evolve(problem: Problem, budget: int, seed: int, start: FloatArray, fitness: Callable[[Episodes], FloatArray]) -> History:
+def evolve(
+    problem: Problem,
+    budget: int,
+    seed: int,
+    start: FloatArray,
+    fitness: Callable[[Episodes], FloatArray],
+    distance: float = GeneticSettings.distance,
+) -> History:
     """Maximise the fitness (n,) of episodes: pymoo's GA with its tournament, simulated binary crossover, polynomial mutation.
 
     Args:
         start: first population (n, d) in the unit cube.
+        distance: index of polynomial mutation.
 
     Raises:
         UsageError: pymoo is not installed.
     """
-    algorithms, cores, statics = (
-        need(f"pymoo.{name}") for name in ("algorithms.soo.nonconvex.ga", "core.problem", "problems.static")
+    algorithms, cores, statics, mutations = (
+        need(f"pymoo.{name}")
+        for name in ("algorithms.soo.nonconvex.ga", "core.problem", "problems.static", "operators.mutation.pm")
     )
     evaluator = need("pymoo.core.evaluator").Evaluator()
     box = cores.Problem(n_var=start.shape[1], n_obj=1, xl=0.0, xu=1.0)
-    algorithm = algorithms.GA(pop_size=len(start), sampling=start)
+    algorithm = algorithms.GA(pop_size=len(start), sampling=start, mutation=mutations.PM(eta=distance))
     algorithm.setup(box, termination=("n_gen", budget), seed=seed, verbose=False)
     calls = Calls(problem, budget)
     while calls.left:

@@ -1,0 +1,62 @@
+"""The extras of quality-diversity search for any method: only what is foreseeable, unlike known failures, and fails on the twin in
+a way that a careful driver prevents, is run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from generation.outcomes.outcomes import Outcomes, joined
+from generation.search.problem import BATCH, History, Problem, Search
+from generation.search.screen import Screen
+from xodr.array_types import FloatArray
+
+LEAST = 0.05
+"""Distance from which failures differ, as that of quality-diversity search"""
+
+
+def screened(search: Search, proposals: int) -> Search:
+    """The method, with a budget of proposals; it ends before, once the runs are spent.
+
+    What is not worth a try is answered as a scenario in which nothing happens, the rest by the twin (without one, by runs).
+
+    Args:
+        proposals: points that the method may propose at most.
+    """
+
+    def searching(problem: Problem, budget: int, seed: int) -> History:
+        answers = _Answers(Screen(problem, budget, LEAST))
+        try:
+            search(replace(problem, evaluate=answers), proposals, seed)
+        except _Spent:
+            pass
+        answers.screen.spend()
+        return answers.screen.history
+
+    return searching
+
+
+class _Spent(Exception):  # noqa: N818 - no error
+    """The runs are spent, whatever the method had in mind."""
+
+
+class _Answers:
+    """Answers a method's proposals."""
+
+    def __init__(self, screen: Screen) -> None:
+        self.screen = screen
+
+    def __call__(self, theta: FloatArray) -> Outcomes:
+        screen = self.screen
+        if not screen.left:
+            raise _Spent
+        tried = np.flatnonzero(screen.worth(theta))
+        if screen.twin is None:
+            tried = tried[: screen.left]
+        found = np.arange(len(theta))
+        found[tried] = len(theta) + np.arange(len(tried))
+        outcomes = screen.attempt(theta[tried]).outcomes if len(tried) else Outcomes.of(0)
+        if screen.waiting >= min(BATCH, screen.left):
+            screen.spend()
+        return joined([Outcomes.of(len(theta)), outcomes]).take(found)
