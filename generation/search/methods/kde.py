@@ -9,9 +9,9 @@ from generation.search.problem import BATCH, Calls, History, Problem
 METHOD = {"title": "KDE sampling", "meaning": "draws from the density of recorded parameters", "realistic": True}
 
 
-def search(problem: Problem, budget: int, seed: int) -> History:
+def search(problem: Problem, budget: int, seed: int, batch: int = BATCH) -> History:
     """Draws from the density, those outside brought to the box's limits."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     while calls.left:
-        calls(problem.reward.realism.density.sample(BATCH, generator))
+        calls(problem.reward.realism.density.sample(batch, generator))
     return calls.history

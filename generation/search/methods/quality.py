@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from generation.search.problem import History, Problem
+from generation.search.quality.search import QualitySettings
+from generation.search.quality.search import search as quality
 
 METHOD = {
     "title": "**quality-diversity**",
@@ -11,8 +13,6 @@ METHOD = {
 }
 
 
-def search(problem: Problem, budget: int, seed: int) -> History:
+def search(problem: Problem, budget: int, seed: int, settings: QualitySettings = QualitySettings()) -> History:  # noqa: B008
     """Quality-diversity with the emitters that earn their place."""
-    from generation.search.quality.search import search as quality
-
-    return quality(problem, budget, seed)
+    return quality(problem, budget, seed, settings)

@@ -53,6 +53,10 @@ class QualitySettings:
     generations: int | None = None
     twin: bool = True
 
+    def generations_of(self, proposals: int) -> int:
+        """Generations on the twin that make no more than so many proposals; one at least."""
+        return max((proposals - self.first) // (self.batch * len(self.emitters)), 1)
+
 
 def search(problem: Problem, budget: int, seed: int, settings: QualitySettings = QualitySettings()) -> History:
     """Spend the budget, or end where hardly anything new is found on the twin.

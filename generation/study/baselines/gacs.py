@@ -10,7 +10,12 @@ from generation.study.strategies.genetic import GeneticSettings, evolve
 METHOD = {"title": "GACS", "meaning": "genetic algorithm on criticality", "realistic": False}
 
 
-def search(problem: Problem, budget: int, seed: int, settings: GeneticSettings = GeneticSettings()) -> History:
+def search(
+    problem: Problem,
+    budget: int,
+    seed: int,
+    settings: GeneticSettings = GeneticSettings(),  # noqa: B008 - frozen
+) -> History:
     """From a uniform population, by criticality alone.
 
     Raises:

@@ -1,8 +1,9 @@
-"""The extras of quality-diversity search for any method: only what is foreseeable, unlike known failures, and fails on the twin in
-a way that a careful driver prevents, is run."""
+"""The extras of quality-diversity search for any method: runs are spent only on what is foreseeable, unlike known failures, and
+fails on the twin in a way that a careful driver prevents."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -27,17 +28,15 @@ def screened(search: Search, proposals: int) -> Search:
 
     def searching(problem: Problem, budget: int, seed: int) -> History:
         answers = _Answers(Screen(problem, budget, LEAST))
-        try:
+        with suppress(_Spent):
             search(replace(problem, evaluate=answers), proposals, seed)
-        except _Spent:
-            pass
         answers.screen.spend()
         return answers.screen.history
 
     return searching
 
 
-class _Spent(Exception):  # noqa: N818 - no error
+class _Spent(Exception):
     """The runs are spent, whatever the method had in mind."""
 
 

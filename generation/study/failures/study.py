@@ -11,6 +11,7 @@ from typing import Any
 
 from generation.search.method import DEFAULT, method
 from generation.search.problem import Search
+from generation.search.quality.search import QualitySettings
 from generation.study.failures.counts import EXTRAS, Counts, counted, path_of, save
 from generation.study.failures.problem import Counting, Posed
 from generation.study.failures.screened import screened
@@ -39,19 +40,27 @@ class Comparison:
 
     def search(self, posed: Posed, scenario: Path, system: str, name: str, seed: int) -> Counts | None:
         """Search and judge; None where that was done before."""
-        own = self.extras is None or name == DEFAULT
-        path = path_of(self.out, scenario, system, name if own else name + EXTRAS, seed)
+        screening = self.extras is not None and name != DEFAULT
+        path = path_of(self.out, scenario, system, name + EXTRAS if screening else name, seed)
         if path.exists():
             return None
         counting = None if posed.problem.twin is None else Counting(posed.problem.twin)
         problem = replace(posed.problem, twin=counting)
-        found = with_settings(name, self.tuned.get(name, {}))
-        found = found if own else screened(found, min(self.extras or 0, SLOW.get(name, self.extras or 0)))
+        found = self._method(name)
         history = found(problem, self.budget, seed)
         played = counting.played if counting is not None else 0
         counts = counted(history, posed, played)
         save(counts, path, self.budget)
         return counts
+
+    def _method(self, name: str) -> Search:
+        """As many proposals for all methods, where they are screened."""
+        settings = dict(self.tuned.get(name, {}))
+        if self.extras is None:
+            return with_settings(name, settings)
+        if name == DEFAULT:
+            return with_settings(name, settings | {"generations": QualitySettings().generations_of(self.extras)})
+        return screened(with_settings(name, settings), min(self.extras, SLOW.get(name, self.extras)))
 
 
 def with_settings(name: str, settings: Mapping[str, Any]) -> Search:
@@ -61,13 +70,18 @@ def with_settings(name: str, settings: Mapping[str, Any]) -> Search:
         UsageError: it has no such settings.
     """
     search = method(name, METHODS)
-    if not settings:
-        return search
-    own = signature(search).parameters.get("settings")
+    taken = signature(search).parameters
+    changed = {"settings": _changed(taken["settings"].default, settings)} if settings and "settings" in taken else dict(settings)
+    if unknown := [each for each in changed if each not in taken]:
+        raise UsageError(f"the method {name} has no setting {unknown[0]}")
+    return partial(search, **changed)
+
+
+def _changed(default: Any, settings: Mapping[str, Any]) -> Any:
     try:
-        return partial(search, settings=replace(own.default if own is not None else None, **settings))
-    except TypeError:
-        raise UsageError(f"the method {name} has no settings {', '.join(settings)}") from None
+        return replace(default, **settings)
+    except TypeError as error:
+        raise UsageError(f"{type(default).__name__}: {error}") from None
 
 
 def read(path: Path) -> dict[str, dict[str, Any]]:
