@@ -146,6 +146,8 @@ def _found(search: Search, quiet: bool, catalogue: bool) -> bool:
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """What was found, in lines."""
+    from generation.outcomes.references import JUDGES
+
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
     yield f"{scenario.name}: {settings.method} against {settings.run.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
@@ -169,6 +171,9 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"
+    if cases.agreed:
+        judges = ", ".join(JUDGES)
+        yield f"  {judges} were run, and all their {cases.agreed} verdicts are the twin's, on which the other drivers were played"
     if generated.estimate is not None:
         yield from (f"  {line}" for line in generated.estimate.lines())
     yield from (f"  {path}" for path in generated.files[:_LISTED])

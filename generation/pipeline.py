@@ -146,7 +146,7 @@ def generate(
         judged = prior.judged if gate.refusal is None else prior.unjudged
         theta, outcomes = memory.everything
         every = Episodes(theta, outcomes, reward(theta, outcomes)) if len(theta) else history
-        cases = choose(space, every, judged, evaluator, settings.choice, found)
+        cases = choose(space, every, judged, evaluator, settings.choice, found, problem.twin)
         rate = _estimate(scenario, problem, source, evaluator, every, out, settings) if settings.estimate else None
     written = Written(out, scenario.stem)
     written.withdraw()

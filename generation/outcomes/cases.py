@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from generation.outcomes.outcomes import Episodes, Outcomes
-from generation.outcomes.references import CAREFUL, REFERENCES, Drivers, matrix, survivors
+from generation.outcomes.references import CAREFUL, Drivers, matrix, remembering, survivors
 from generation.search.diversity import apart, distinctive, diverse
 from generation.search.space import Space
 from xodr.array_types import BoolArray, FloatArray, IntArray
@@ -47,6 +47,7 @@ class Cases:
         outcomes, rewards: what came of them.
         log_likelihood: log-density (n,) at theta.
         drivers: what came of the reference drivers there, by their names (`generation.outcomes.references.REFERENCES`).
+        agreed: verdicts of the judges that the twin shares, all of them, where it played the other drivers; 0 where all were run.
     """
 
     theta: FloatArray
@@ -54,6 +55,7 @@ class Cases:
     rewards: FloatArray
     log_likelihood: FloatArray
     drivers: Mapping[str, Outcomes]
+    agreed: int = 0
 
     def __len__(self) -> int:
         return len(self.rewards)
@@ -96,6 +98,7 @@ def choose(
     drivers: Drivers,
     choice: Choice = Choice(),  # noqa: B008 - frozen
     found: FloatArray | None = None,
+    twin: Drivers | None = None,
 ) -> Cases:
     """The foreseeable and preventable failures that are far enough from each other, the likelier first.
 
@@ -103,7 +106,9 @@ def choose(
         judged: says how likely points are, and which are foreseeable.
         drivers: runs scenarios with a system under test of a name.
         found: points (m, d) that the cases are to be far enough from as well.
+        twin: plays reference drivers that are no judges, where it agrees with the judges' runs; None for none.
     """
+    drivers = remembering(drivers)
     log_likelihood, foreseeable = judged(episodes.theta)
     executed, collision = episodes.outcomes.executed, episodes.outcomes.collision
     order = np.argsort(-log_likelihood, kind="stable")
@@ -114,8 +119,9 @@ def choose(
         taken.add(episodes.theta, order[touched[order]], lambda rows: np.ones(len(rows), bool))
     chosen = np.array(taken.rows, np.int64)
     theta = episodes.theta[chosen]
-    references = matrix(theta, drivers) if len(chosen) else {name: Outcomes.of(0) for name in REFERENCES}
-    return Cases(theta, episodes.outcomes.take(chosen), episodes.rewards[chosen], log_likelihood[chosen], references)
+    references = matrix(theta, drivers, twin)
+    outcomes = episodes.outcomes.take(chosen)
+    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], *references)
 
 
 class _Taken:

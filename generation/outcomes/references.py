@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes.outcomes import Outcomes, joined
 from xodr.array_types import BoolArray, FloatArray
 
 CAREFUL = "r157-cc"
@@ -34,6 +35,46 @@ def survivors(theta: FloatArray, drivers: Drivers) -> BoolArray:
     return found
 
 
-def matrix(theta: FloatArray, drivers: Drivers, names: Sequence[str] = tuple(REFERENCES)) -> dict[str, Outcomes]:
-    """What comes of points (n, d) with each of the reference drivers, by their names in reports."""
-    return {name: drivers(theta, REFERENCES[name]) for name in names}
+class Matrix(NamedTuple):
+    """What comes of points with each of the reference drivers, by their names in reports.
+
+    Attributes:
+        drivers: outcomes by name.
+        agreed: verdicts of the judges, all the same on the twin, on which the others were played; 0 where all were run.
+    """
+
+    drivers: Mapping[str, Outcomes]
+    agreed: int = 0
+
+
+def matrix(theta: FloatArray, drivers: Drivers, twin: Drivers | None = None) -> Matrix:
+    """The matrix of points (n, d). The judges are run; the others are played on the twin, if it agrees with all verdicts of the
+    judges, and run otherwise.
+
+    Args:
+        twin: plays points with the system of a name; None for none.
+    """
+    judged = {name: drivers(theta, REFERENCES[name]) for name in JUDGES}
+    others = [name for name in REFERENCES if name not in JUDGES]
+    if twin is None or not len(theta) or not all(_same(judged[name], twin(theta, REFERENCES[name])) for name in JUDGES):
+        return Matrix(judged | {name: drivers(theta, REFERENCES[name]) for name in others})
+    return Matrix(judged | {name: twin(theta, REFERENCES[name]) for name in others}, len(JUDGES) * len(theta))
+
+
+def _same(one: Outcomes, other: Outcomes) -> bool:
+    return bool(((one.collision == other.collision) & one.executed & other.executed).all())
+
+
+def remembering(drivers: Drivers) -> Drivers:
+    """The same drivers, which run no case twice with the same system."""
+    known: dict[tuple[str, tuple[float, ...]], Outcomes] = {}
+
+    def driving(theta: FloatArray, sut: str) -> Outcomes:
+        keys = [(sut, tuple(row)) for row in theta.tolist()]
+        missing = {key: row for row, key in enumerate(keys) if key not in known}
+        if missing:
+            found = drivers(theta[list(missing.values())], sut)
+            known.update((key, found.take(np.array([place]))) for place, key in enumerate(missing))
+        return joined([known[key] for key in keys]) if keys else Outcomes.of(0)
+
+    return driving

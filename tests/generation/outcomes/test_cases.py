@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.outcomes import Episodes, Outcomes
-from generation.outcomes.references import JUDGES, REFERENCES, survivors
+from generation.outcomes.references import JUDGES, REFERENCES, matrix, remembering, survivors
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from xodr.array_types import FloatArray
@@ -80,6 +80,46 @@ def test_the_second_judge_is_asked_only_where_the_first_one_fails() -> None:
     theta = np.array([[9.0, 1.0, 0.0], [9.0, 7.0, 0.0], [9.0, 9.0, 0.0]])
     assert survivors(theta, asking).tolist() == [True, True, False]
     assert asked == [(JUDGES[0], 3), (JUDGES[1], 2)]
+
+
+def test_a_twin_that_agrees_on_the_judges_plays_the_other_drivers() -> None:
+    ran: list[str] = []
+
+    def running(theta: FloatArray, sut: str) -> Outcomes:
+        ran.append(sut)
+        return drivers(theta, sut)
+
+    theta = np.array([[9.0, 1.0, 0.0], [9.0, 7.0, 0.0]])
+    found = matrix(theta, running, drivers)
+    assert (ran, found.agreed) == (list(JUDGES), 4)
+    assert {name: each.collision.tolist() for name, each in found.drivers.items()} == {
+        name: each.collision.tolist() for name, each in matrix(theta, drivers).drivers.items()
+    }
+
+
+def test_a_twin_that_differs_on_a_judge_plays_nobody() -> None:
+    ran: list[str] = []
+
+    def running(theta: FloatArray, sut: str) -> Outcomes:
+        ran.append(sut)
+        return drivers(theta, sut)
+
+    found = matrix(np.array([[9.0, 7.0, 0.0]]), running, lambda theta, sut: outcomes([sut != "r157-cc"] * len(theta)))
+    assert (sorted(ran), found.agreed) == (sorted(REFERENCES.values()), 0)
+
+
+def test_no_case_is_run_twice_with_the_same_driver() -> None:
+    asked: list[int] = []
+
+    def running(theta: FloatArray, sut: str) -> Outcomes:
+        asked.append(len(theta))
+        return drivers(theta, sut)
+
+    driving, theta = remembering(running), np.array([[9.0, 1.0, 0.0], [9.0, 7.0, 0.0], [9.0, 1.0, 0.0]])
+    assert driving(theta[:1], "fsm").collision.tolist() == [False]
+    assert driving(theta, "r157-cc").collision.tolist() == [False, True, False]
+    assert driving(theta, "fsm").collision.tolist() == [False, False, False]
+    assert asked == [1, 2, 1]
 
 
 @given(st.lists(st.tuples(st.floats(1, 10), st.floats(0, 8)), min_size=1, max_size=30), st.integers(1, 9))
