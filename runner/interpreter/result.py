@@ -51,6 +51,7 @@ class RunResult:
         recording: who was where when.
         name: its name among other runs; where it has none, the scenario file's.
         sut_parameters: parameters of that system, by name.
+        actors: names of those who act in each maneuver group, by its path in the event log.
     """
 
     scenario: Path
@@ -66,6 +67,7 @@ class RunResult:
     recording: Recording = field(repr=False)
     name: str = ""
     sut_parameters: dict[str, Any] = field(default_factory=dict)
+    actors: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.name = self.name or self.scenario.stem

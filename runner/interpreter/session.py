@@ -194,6 +194,7 @@ class Session:
             events=sim.log,
             recording=recording,
             sut_parameters=parameters_of(system) if driven is not None else {},
+            actors=compiled.storyboard.actors,
         )
         apply_limits(result, self.settings.limits)
         return result

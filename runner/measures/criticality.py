@@ -188,6 +188,15 @@ class Criticality:
     nearest: NDArray[np.object_] = field(repr=False)
     _motions: tuple[Motion, Sequence[Motion]] = field(repr=False)
 
+    @property
+    def ego(self) -> Motion:
+        """The ego's motion."""
+        return self._motions[0]
+
+    def other(self, name: str) -> Motion:
+        """The motion of another participant."""
+        return next(motion for motion in self._motions[1] if motion.name == name)
+
     @cached_property
     def pet(self) -> Extreme | None:
         """Post-encroachment time, its least value over all others; worked out when asked for, it costs more than the rest."""

@@ -42,6 +42,7 @@ def summary(result: RunResult) -> dict[str, Any]:
             track.name: {"kind": track.kind, "category": track.category, "box": track.box._asdict()}
             for track in result.recording.tracks.values()
         },
+        "actors": result.actors,
         "criticality": result.criticality.summary if result.criticality is not None else None,
         "version": version(),
     }

@@ -86,6 +86,7 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
             recording=Recording(tracks, setup.timestep, _network(setup.road, road, path)),
             name=folder.resolve().name,
             sut_parameters=dict(values.get("sut_parameters", {})),
+            actors=_actors(values.get("actors", {})),
         )
 
 
@@ -122,6 +123,11 @@ def _criteria(values: Mapping[str, Any]) -> tuple[CriterionResult, ...]:
         )
         for each in values.get("criteria", ())
     )
+
+
+def _actors(groups: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Who acts in each maneuver group; runs of earlier versions do not say."""
+    return {str(path): tuple(map(str, names)) for path, names in groups.items()}
 
 
 def _number(values: Mapping[str, Any], name: str, least: float = -_GREATEST, most: float = _GREATEST) -> float:

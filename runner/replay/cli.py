@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from urllib.parse import quote
 
 import typer
 
@@ -55,20 +57,20 @@ def xosc_replay(
             if out is not None and out.suffix.lower() not in _SUFFIXES:
                 raise UsageError(f"a replay ends in {', '.join(_SUFFIXES)}", path=out)
             results = [load_run(folder, road) for folder in folders]
-            made = _show(results) if gui else [_write(results, out or _usual(folders))]
+            made = _show(results) if gui else [_write(results, out or _usual(folders), folders)]
     for path in made if not quiet else ():
         print(path)
 
 
 def _usual(folders: list[Path]) -> Path:
-    from runner.replay.player import REPLAY
+    from runner.replay.names import REPLAY
 
     if len(folders) > 1:
         raise UsageError("name the --out file of the comparison")
     return folders[0] / REPLAY
 
 
-def _write(results: list[RunResult], path: Path) -> Path:
+def _write(results: list[RunResult], path: Path, folders: list[Path]) -> Path:
     if path.suffix.lower() == ".png":
         from runner.replay.pictures import write_pictures
 
@@ -80,8 +82,18 @@ def _write(results: list[RunResult], path: Path) -> Path:
     else:
         from runner.replay.player import write_replay
 
-        write_replay(results, path)
+        write_replay(results, path, _report_of(folders, path))
     return path
+
+
+def _report_of(folders: list[Path], page: Path) -> str | None:
+    """The report of the batch that runs are of, as an address from a page; None where there is none."""
+    from runner.replay.names import REPORT
+
+    (batch, *others) = {folder.resolve().parent for folder in folders}
+    if others or not (batch / REPORT).is_file():
+        return None
+    return quote(Path(os.path.relpath(batch / REPORT, page.resolve().parent)).as_posix())
 
 
 def _show(results: list[RunResult]) -> list[Path]:
@@ -97,13 +109,14 @@ def _report(batch: Path) -> Path:
     """Replays of all runs of a batch that have none yet, and the report that links them."""
     from runner.batch import journal
     from runner.outputs.stored import RESULT, load_run
-    from runner.replay.player import REPLAY, write_replay
+    from runner.replay.names import REPLAY, TO_REPORT
+    from runner.replay.player import write_replay
     from runner.replay.report import write_report
 
     for name in sorted(journal.finished(batch)):
         folder = batch / name
         if (folder / RESULT).is_file() and not (folder / REPLAY).exists():
-            write_replay([load_run(folder)], folder / REPLAY)
+            write_replay([load_run(folder)], folder / REPLAY, TO_REPORT)
     return write_report(batch)
 
 

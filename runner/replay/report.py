@@ -9,12 +9,10 @@ from typing import Any
 
 from runner.batch import journal
 from runner.outputs.runs import write_runs
+from runner.replay.names import REPLAY, REPORT
 from runner.replay.page import page, write_page
-from runner.replay.player import REPLAY
 from schemas.errors import InvalidFile
 
-REPORT = "report.html"
-"""Name of the page in the output folder of a batch"""
 RUNS = "runs.parquet"
 """Name of the table of runs in that folder"""
 _MEASURES = {

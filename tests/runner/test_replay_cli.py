@@ -70,7 +70,7 @@ def test_xosc_run_writes_pages_and_a_report_into_its_output_folder(command: Comm
     path = scenario(tmp_path, stop=0.2)
     assert command("xosc-run", "--world", "kinematic", "--replay", "--out", tmp_path / "out", path)[0] == 0
     replay = tmp_path / "out" / "scenario" / "replay.html"
-    from_folder = tmp_path / "again.html"
+    from_folder = replay.parent / "again.html"
     command("xosc-replay", replay.parent, "--out", from_folder)
     assert replay.read_bytes() == from_folder.read_bytes()
     assert (tmp_path / "out" / "report.html").is_file()

@@ -116,11 +116,11 @@ def test_the_timeline_shows_triggers_and_collisions_and_leads_to_them(browser: B
     browser.open(one)
     bars = browser.run("[...document.querySelectorAll('.bar')].map(b => b.getAttribute('aria-label'))")
     assert any(bar.startswith("event0, 0.50 s") and "time" in bar for bar in bars)
-    (collision,) = [bar for bar in bars if bar.startswith("Ego – ") or " – Ego, " in bar]
+    (collision,) = {bar for bar in bars if bar.startswith("Ego – ") or " – Ego, " in bar}
     browser.run("document.querySelector('.bar.collision').click()")
     browser.settle()
     assert time(browser) == pytest.approx(float(re.findall(r"([\d.]+) s to", collision)[-1]))
-    assert browser.text(".told").startswith("collision: ")
+    assert browser.text(".told span").startswith("collision: ")
     assert "touches" in browser.text(".log .current")
 
 
@@ -146,8 +146,58 @@ def test_keys_play_step_zoom_and_jump(browser: Browser, one: Path) -> None:
     assert browser.text(".play") == "Play"
 
 
+def test_events_are_ticks_that_keys_lead_to_and_the_address_follows(browser: Browser, one: Path) -> None:
+    browser.open(one)
+    places = browser.run("[...document.querySelectorAll('.ticks i')].map(i => i.className)")
+    assert "collision" in places
+    browser.press("n")
+    assert time(browser) == pytest.approx(0.5)
+    assert "event0" in browser.text("[aria-live=polite]")
+    browser.run("new Promise(done => setTimeout(done, 1200))")
+    assert browser.run("location.hash") == "#t=0.50"
+    browser.press("n")
+    assert time(browser) > 0.5
+    browser.press("p")
+    assert time(browser) == pytest.approx(0.5)
+
+
+def test_ego_and_partner_stay_in_sight_with_what_is_between_them(browser: Browser, one: Path) -> None:
+    """The road is drawn around both, whatever the width; nobody is cut off."""
+    for width in (360, 1400):
+        browser.open(one, "t=0", width=width)
+        assert browser.run("document.querySelector('select[aria-label=Follow]').value") == "both"
+        first = browser.run("document.querySelector('canvas').toDataURL()")
+        browser.press("f")
+        assert browser.run("document.querySelector('canvas').toDataURL()") != first
+        browser.press("b")
+        assert browser.run("document.querySelector('canvas').toDataURL()") == first
+
+
+def test_each_participant_has_a_row_that_unfolds(browser: Browser, one: Path) -> None:
+    browser.open(one)
+    names = "[...document.querySelectorAll('.unfold')].map(b => b.textContent)"
+    assert browser.run(names)[:3] == ["the run", "Ego", EVIL]
+    ego = "document.querySelectorAll('.unfold')[1]"
+    inner = f"document.getElementById({ego}.getAttribute('aria-controls'))"
+    assert (browser.run(f"{ego}.getAttribute('aria-expanded')"), browser.run(f"{inner}.hidden")) == ("false", True)
+    browser.run(f"{ego}.click()")
+    assert (browser.run(f"{ego}.getAttribute('aria-expanded')"), browser.run(f"{inner}.hidden")) == ("true", False)
+    assert "event0" in browser.run(f"{inner}.textContent")
+
+
+def test_the_top_says_what_happened_and_leads_back(browser: Browser, results: list[RunResult], tmp_path: Path) -> None:
+    write_replay(results[:1], tmp_path / "one.html", "../report.html")
+    browser.open(tmp_path / "one.html")
+    assert browser.text(".account li").startswith(f"Ego hit {EVIL} with its front at ")
+    assert browser.run("document.querySelector('nav a').getAttribute('href')") == "../report.html"
+    browser.run("document.querySelector('.account button').click()")
+    browser.settle()
+    assert browser.text(".told span").startswith("collision: ")
+
+
 def test_zoom_and_follow_change_the_picture(browser: Browser, one: Path, tmp_path: Path) -> None:
     browser.open(one, "t=1")
+    browser.press("f")
     before = browser.run("document.querySelector('canvas').toDataURL()")
     browser.press("+")
     zoomed = browser.run("document.querySelector('canvas').toDataURL()")
@@ -173,6 +223,7 @@ def test_the_mouse_moves_zooms_and_picks(browser: Browser, one: Path) -> None:
     pictures.append(browser.run(f"{canvas}.toDataURL()"))
     assert len(set(pictures)) == 3
     browser.open(one, "t=0")
+    browser.press("f")
     scale = browser.run(f"Math.min(Math.max({canvas}.clientWidth / 120, 6), 12)")
     browser.drag(x + 16.5 * scale, y)  # the middle of the lead's box is 16.5 m ahead of the ego's rear axle
     assert browser.run("document.querySelector('select[aria-label=Follow]').value") == f"={EVIL}"
@@ -183,7 +234,9 @@ def test_two_runs_are_side_by_side_and_say_what_differs(browser: Browser, result
     browser.open(tmp_path / "two.html", "t=3", width=1280)
     tops = browser.run("[...document.querySelectorAll('.stage')].map(s => s.getBoundingClientRect().top)")
     assert len(tops) == 2
-    assert tops[0] == tops[1]
+    assert tops[0] < tops[1] < browser.run("document.querySelector('.controls').getBoundingClientRect().top")
+    assert "The egos" in browser.text(".differs") or "Both egos" in browser.text(".differs")
+    assert "Time to collision" in browser.text(".differs table")
     assert browser.run("document.querySelectorAll('.chart').length") == 7
     assert browser.run("document.querySelector('.chart .extremes').children.length") == 2
     assert browser.run("[...document.querySelectorAll('.badge')].map(b => b.textContent)") == ["failed", "passed"]
@@ -229,4 +282,4 @@ def test_a_run_without_ego_road_or_anybody_can_be_played(browser: Browser, tmp_p
     browser.open(tmp_path / "empty.html")
     browser.press("End")
     assert time(browser) == pytest.approx(0.2)
-    assert "no ego" in browser.text(".column:last-child")
+    assert "no ego" in browser.text(".column")

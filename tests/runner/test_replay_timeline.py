@@ -25,10 +25,12 @@ LOG = [
     LogEntry(5.0, "trafficSignal", "7", "red"),
     LogEntry(6.0, "endTransition", "Init::Lead::SpeedAction", ""),
 ]
+ACTORS = {"story::act::group": ("Lead", "Ego")}
+NAMES = ("Ego", "Lead", "no longer touches you")
 
 
 def test_each_thing_has_its_row_with_a_bar_for_each_time() -> None:
-    found = {(row.level, row.label): row.bars for row in rows(LOG)}
+    found = {(row.level, row.label): row.bars for row in rows(LOG, ACTORS, NAMES)}
     assert list(found) == [
         ("act", "act"),
         ("event", "event"),
@@ -43,6 +45,21 @@ def test_each_thing_has_its_row_with_a_bar_for_each_time() -> None:
     assert found["action", "SpeedAction"] == [(0.0, 6.0, "")]
     assert found["intervention", "Ego"] == [(1.5, None, "too near")]
     assert found["note", "trafficSignal"] == [(5.0, 5.0, "red")]
+
+
+def test_each_thing_names_the_participants_that_it_is_about() -> None:
+    found = {(row.level, row.label): row.who for row in rows(LOG, ACTORS, NAMES)}
+    assert found["act", "act"] == ()
+    assert found["event", "event"] == found["action", "action"] == ("Lead", "Ego")
+    assert found["action", "SpeedAction"] == ("Lead",)
+    assert found["intervention", "Ego"] == ("Ego",)
+    assert found["collision", "Ego – no longer touches you"] == ("Ego", "no longer touches you")
+    assert found["note", "trafficSignal"] == ()
+
+
+def test_notes_of_two_participants_are_two_rows() -> None:
+    log = [LogEntry(float(time), "light", name, "on") for time, name in enumerate(("Ego", "Lead", "Ego", "lamp"))]
+    assert [(row.who, len(row.bars)) for row in rows(log, {}, NAMES)] == [(("Ego",), 2), (("Lead",), 1), ((), 1)]
 
 
 def test_the_list_leaves_the_storyboards_bookkeeping_out() -> None:

@@ -11,8 +11,8 @@ from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
 from generation.loop.stages.findings import EdgeCase, LoopResult, Ran, Round, Run, Searched
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
+from runner.replay.names import REPORT
 from runner.replay.page import page, write_page
-from runner.replay.report import REPORT
 
 PAGE = "index.html"
 """Name of the page in the output folder"""

@@ -123,6 +123,8 @@ class ManeuverGroup(Element):
         self.actors = actors
         self.select_triggering = select_triggering
         self.executions = 0
+        self.acted: dict[Entity, None] = {}
+        """all actors so far, those selected by triggers included"""
 
     def actors_for(self, event: Event) -> list[Entity]:
         """The actors of an event that starts now, those selected by its trigger (or its act's) included."""
@@ -130,7 +132,9 @@ class ManeuverGroup(Element):
         if self.select_triggering:
             trigger = event.trigger or (self.parent.trigger if isinstance(self.parent, Act) else None)
             selected = trigger.triggering if trigger is not None else ()
-        return list(dict.fromkeys((*self.actors, *selected)))
+        found = dict.fromkeys((*self.actors, *selected))
+        self.acted |= found
+        return list(found)
 
     def start(self, run: StoryboardRun, reason: str = "") -> None:
         """Count the execution and start the maneuvers."""
@@ -152,9 +156,10 @@ class ManeuverGroup(Element):
             self.start(run)
 
     def reset(self) -> None:
-        """No executions are counted."""
+        """No executions are counted, and nobody has acted."""
         super().reset()
         self.executions = 0
+        self.acted.clear()
 
 
 class Act(Element):
@@ -233,6 +238,12 @@ class Storyboard:
     def acts(self) -> list[Act]:
         """All acts in document order."""
         return [act for story in self.stories for act in story.children if isinstance(act, Act)]
+
+    @property
+    def actors(self) -> dict[str, tuple[str, ...]]:
+        """Names of those who act in each maneuver group, by the group's path: declared, and selected by triggers so far."""
+        groups = [group for act in self.acts for group in act.children if isinstance(group, ManeuverGroup)]
+        return {group.path: tuple(entity.name for entity in {**dict.fromkeys(group.actors), **group.acted}) for group in groups}
 
     def elements(self) -> list[Element]:
         """All named elements, depth first in document order."""

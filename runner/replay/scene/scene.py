@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runner.measures.braking import GREATEST
 from runner.replay.scene import road_objects, timeline
+from runner.replay.scene.account import account
 from runner.replay.scene.packing import pack, pack_lines
+from runner.replay.scene.partner import Stretches, partners, stretches
 from runner.replay.scene.roads import Area, marks, surfaces
 
 if TYPE_CHECKING:
@@ -39,7 +42,7 @@ def scene(results: Sequence[RunResult]) -> dict[str, Any]:
     networks = {network.path: network for result in results if (network := result.recording.network) is not None}
     places = {path: index for index, path in enumerate(networks)}
     return {
-        "steps": {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP},
+        "steps": {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP, "braking": GREATEST},
         "roads": [_road(network, area.wider(_SURROUNDINGS), origin) for network in networks.values()],
         "runs": [
             _run(result, origin) | {"road": places[network.path] if (network := result.recording.network) is not None else None}
@@ -90,8 +93,9 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
     ego = result.recording.tracks.get(result.ego) if result.ego is not None else None
     return {
         "name": result.name,
+        "account": account(result),
         "passed": result.verdict.passed,
-        "reasons": [*result.verdict.reasons, *result.remarks],
+        "reasons": _reasons(result),
         "status": result.status,
         "end": result.end_time,
         "sut": result.sut,
@@ -100,11 +104,30 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         "settings": {name: str(value) for name, value in result.settings.items()},
         "sample": stride * dt,
         "tracks": [_track(track, dt, stride, origin) for track in result.recording.tracks.values()],
-        "rows": [[row.level, row.label, row.subject, row.bars] for row in timeline.rows(result.events)],
+        "rows": [
+            [row.level, row.label, row.subject, row.bars, row.who]
+            for row in timeline.rows(result.events, result.actors, result.recording.tracks)
+        ],
+        "actors": result.actors,
         "events": [list(entry) for entry in result.events if timeline.is_shown(entry)],
         "signals": road_objects.signal_states(result.events),
         "curves": [] if ego is None else _curves(ego, result.criticality, dt, stride),
+        **_pairs(result.criticality, dt, stride),
     }
+
+
+def _reasons(result: RunResult) -> list[str]:
+    """Why the run failed, and what is remarkable, without the contact that the account begins with."""
+    impact = result.criticality.impact if result.criticality is not None else None
+    first = f"collision with {impact.other} at {impact.time:.2f} s" if impact is not None else ""
+    return [reason for reason in (*result.verdict.reasons, *result.remarks) if reason != first]
+
+
+def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, Stretches]:
+    """Whom the ego has most to do with, and whom the time to collision is about, from which samples on."""
+    if measures is None:
+        return {"partners": [], "leads": []}
+    return {"partners": partners(measures, dt, stride), "leads": stretches(measures.time, measures.lead, dt, stride)}
 
 
 # participants -------------------------------------------------------------------------------

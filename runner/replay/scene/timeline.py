@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from runner.interpreter.event_log import LogEntry
@@ -19,6 +19,9 @@ _ENDS = {
 _ORDER = ("act", "event", "action", "intervention", "collision", "note")
 _INIT = "Init::"
 _SEPARATOR = "::"
+_GROUP = 3
+"""Depth of maneuver groups, which have the actors"""
+_PAIR = " – "
 
 
 @dataclass
@@ -28,12 +31,14 @@ class Row:
     Args:
         level: one of act, event, action, intervention, collision, note.
         label: its own name. subject: its whole name, as in the event log.
+        who: the participants whom it is about; empty for what is of the whole run.
         bars: from when to when (s; None: to the end of the run), and why.
     """
 
     level: str
     label: str
     subject: str
+    who: tuple[str, ...] = ()
     bars: list[tuple[float, float | None, str]] = field(default_factory=list)
 
 
@@ -42,23 +47,41 @@ def is_shown(entry: LogEntry) -> bool:
     return not entry.kind.endswith("Transition") or (not entry.subject.startswith(_INIT) and _level(entry) != "")
 
 
-def rows(events: Iterable[LogEntry]) -> list[Row]:
-    """Rows in the order of the storyboard's levels, then of their first appearance."""
+def rows(events: Iterable[LogEntry], actors: Mapping[str, tuple[str, ...]], names: Collection[str]) -> list[Row]:
+    """Rows in the order of the storyboard's levels, then of their first appearance.
+
+    Args:
+        actors: who acts in each maneuver group, by its path.
+        names: of all participants.
+    """
     found: dict[tuple[str, str], Row] = {}
     for entry in events:
         level = _level(entry)
         if not level:
             continue
-        key = (level, _whole(entry))
+        who = tuple(name for name in _who(entry, level, actors) if name in names)
+        key = (level, f"{_whole(entry)} {who}" if level == "note" else _whole(entry))
         if entry.kind in _ENDS:
             if key in found:
                 _close(found[key], entry.time)
             continue
-        row = found.setdefault(key, Row(level, _label(entry), _whole(entry)))
+        row = found.setdefault(key, Row(level, _label(entry), _whole(entry), who))
         until = None if entry.kind in _STARTS else entry.time
         row.bars.append((entry.time, until, entry.text))
     lasting = [row for row in found.values() if not row.subject.startswith(_INIT) or any(a != b for a, b, _ in row.bars)]
     return sorted(lasting, key=lambda row: _ORDER.index(row.level))
+
+
+def _who(entry: LogEntry, level: str, actors: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """The participants that a line may be about."""
+    if level == "collision":
+        return tuple(_whole(entry).split(_PAIR))
+    parts = entry.subject.split(_SEPARATOR)
+    if not entry.kind.endswith("Transition"):
+        return (entry.subject,)
+    if entry.subject.startswith(_INIT):
+        return tuple(parts[1:2])
+    return actors.get(_SEPARATOR.join(parts[:_GROUP]), ()) if level != "act" else ()
 
 
 def _close(row: Row, time: float) -> None:
@@ -79,7 +102,7 @@ def _whole(entry: LogEntry) -> str:
     """What tells rows of one level apart: of a collision both participants, of notes their kind."""
     level = _level(entry)
     if level == "collision":
-        return f"{entry.subject} – {entry.text.removeprefix('no longer ').removeprefix('touches ')}"
+        return f"{entry.subject}{_PAIR}{entry.text.removeprefix('no longer ').removeprefix('touches ')}"
     return entry.kind if level == "note" else entry.subject
 
 

@@ -19,7 +19,7 @@ class Chart {
   /** curves: the same measure of each run, undefined where a run has none. */
   constructor(curves, runs, end, seek) {
     const first = curves.find(Boolean);
-    Object.assign(this, { curves, runs, end, axis: AXES[first.id], unit: first.unit });
+    Object.assign(this, { curves, runs, end, axis: AXES[first.id], unit: first.unit, id: first.id, label: first.label });
     this.now = curves.map((_, index) => el("span", { class: `now run${index}` }));
     this.extremes = curves.map((curve, index) => curve && this.extreme(curve, runs[index].sample));
     this.canvas = el("canvas", { role: "img", "aria-label": `${first.label} over time. ${this.summary()}` });
@@ -51,22 +51,30 @@ class Chart {
   }
 
   extreme(curve, sample) {
-    let best = null;
+    let best = null,
+      beyond = null;
     for (const { start, values } of curve.parts)
       values.forEach((value, i) => {
+        if (beyond === null && value > data.steps.braking) beyond = (start + i) * sample;
         if (best === null || (value !== best.value && this.axis.worst(value, best.value) === value))
           best = { value, time: (start + i) * sample };
       });
-    return best;
+    return best && { ...best, beyond };
   }
 
   letter(index) {
     return this.runs.length > 1 ? `${"AB"[index]} ` : "";
   }
 
+  /** A value with its unit; decelerations that no tyre gives are told as such. */
+  measured(value) {
+    return this.id === "drac" && value > data.steps.braking ? "unavoidable" : `${value.toFixed(2)} ${this.unit}`;
+  }
+
   told(extreme) {
+    if (this.id === "drac" && extreme.beyond !== null) return `unavoidable by braking from ${seconds(extreme.beyond)} on`;
     const which = this.axis.worst === Math.min ? "least" : "greatest";
-    return `${which} ${extreme.value.toFixed(2)} ${this.unit} at ${seconds(extreme.time)}`;
+    return `${which} ${this.measured(extreme.value)} at ${seconds(extreme.time)}`;
   }
 
   summary() {
@@ -122,9 +130,10 @@ class Chart {
   }
 
   drawCurve(ctx, curve, index, colour, x, y) {
+    const two = this.curves.filter(Boolean).length > 1;
     ctx.strokeStyle = ctx.fillStyle = colour(index ? "second" : "accent");
-    ctx.lineWidth = 2;
-    ctx.setLineDash(index ? [5, 3] : []);
+    ctx.lineWidth = two && !index ? 5 : 2;
+    ctx.globalAlpha = two && !index ? 0.55 : 1;
     const { sample } = this.runs[index];
     for (const { start, values } of curve.parts) {
       ctx.beginPath();
@@ -132,20 +141,31 @@ class Chart {
       if (values.length === 1) ctx.lineTo(x(start * sample) + 2, y(values[0]));
       ctx.stroke();
     }
-    ctx.setLineDash([]);
+    ctx.globalAlpha = 1;
     const extreme = this.extremes[index];
     if (extreme) {
       ctx.beginPath();
       ctx.arc(x(extreme.time), y(extreme.value), 3.5, 0, 7);
       ctx.fill();
+      if (two) this.mark(ctx, index, x(extreme.time), y(extreme.value), colour);
     }
+  }
+
+  /** The run's letter beside its extreme, A above and B below it. */
+  mark(ctx, index, x, y, colour) {
+    ctx.font = "700 11px system-ui, sans-serif";
+    ctx.textAlign = "center";
+    ctx.fillStyle = colour(index ? "second" : "accent");
+    const { height } = ctx.canvas.getBoundingClientRect();
+    const aside = index ? 9 : -9;
+    ctx.fillText("AB"[index], Math.max(x + aside, LEFT + 6), Math.min(height - 6, Math.max(8, y + aside)));
   }
 
   show(time) {
     if (this.place) this.cursor.style.transform = `translateX(${this.place(time) - 1}px)`;
     this.curves.forEach((curve, i) => {
       const value = curve && time <= this.runs[i].end + 1e-6 ? valueAt(curve, time, this.runs[i].sample) : null;
-      this.now[i].textContent = `${this.letter(i)}${value === null ? "–" : value.toFixed(2) + " " + this.unit} `;
+      this.now[i].textContent = `${this.letter(i)}${value === null ? "–" : this.measured(value)} `;
     });
   }
 }

@@ -87,7 +87,8 @@ function unpackRun(run, data) {
     ...curve,
     parts: curve.parts.map(part => ({ start: part.start, values: unpack(part.values, 1, data.steps.speed) })),
   }));
-  return { ...run, curves, tracks: run.tracks.map(track => unpackTrack(track, data.steps)) };
+  const ttc = curves.find(curve => curve.id === "ttc");
+  return { ...run, curves, ttc, tracks: run.tracks.map(track => unpackTrack(track, data.steps)) };
 }
 
 function unpackRoad(road, steps) {

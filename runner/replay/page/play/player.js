@@ -1,4 +1,4 @@
-// The page: clock, controls, keyboard.
+// The page: clock, layout, keyboard.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const roads = data.roads.map(road => unpackRoad(road, data.steps));
@@ -9,10 +9,10 @@ for (const run of runs) {
     .flatMap(([, , subject, bars]) => bars.map(([from, to]) => ({ from, to: to ?? run.end, who: subject.split(" – ") })));
 }
 const end = Math.max(...runs.map(run => run.end), 0.01);
-const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 const TABLES = 0.1; // s between updates of tables while playing
+const ADDRESS = 1; // s between updates of the address
 
-const clock = { time: 0, playing: false, rate: 1, last: 0, dirty: true, shown: 0 };
+const clock = { time: 0, playing: false, rate: 1, last: 0, dirty: true, shown: 0, written: 0 };
 const changed = () => {
   clock.dirty = true;
 };
@@ -36,49 +36,31 @@ const timelines = runs.map((run, i) => new Timeline(run, i, end, seek));
 const logs = runs.map((run, i) => new Log(run, i, seek));
 const tables = runs.map((run, i) => new Participants(run, i, changed));
 const plots = charts(runs, end, seek);
-const sign = index =>
-  runs.length > 1
-    ? el("span", { class: `sign run${index}`, role: "img", "aria-label": `run ${"AB"[index]}` }, "AB"[index])
-    : null;
 
-const button = (label, action, attributes, text) =>
-  el("button", { "aria-label": label, title: label, click: action, ...attributes }, text);
+const found = moments(runs);
+const track = slider(end, found, seek);
 const playButton = button("Play", () => play(!clock.playing), { class: "play" }, "Play");
 const clockText = el("output", { id: "clock", "aria-live": "off" });
-const slider = el("input", {
-  type: "range",
-  min: 0,
-  max: end,
-  step: "any",
-  "aria-label": "Time in seconds",
-  input: () => seek(Number(slider.value)),
-});
-const rate = el(
-  "select",
-  {
-    "aria-label": "Speed",
-    change: () => {
-      clock.rate = Number(rate.value);
-    },
+const rate = choice(
+  "Speed",
+  RATES.map(each => [each, `${each} ×`]),
+  1,
+  value => {
+    clock.rate = Number(value);
   },
-  ...RATES.map(each => el("option", { value: each, selected: each === 1 }, `${each} ×`)),
 );
-const names = [...new Set(runs.flatMap(run => run.tracks.map(track => track.name)))].filter(name =>
+const names = [...new Set(runs.flatMap(run => run.tracks.map(each => each.name)))].filter(name =>
   runs.some(run => run.ego !== name),
 );
-const hasEgo = runs.some(run => run.ego !== null && run.tracks.some(track => track.name === run.ego));
-const whom = el(
-  "select",
-  {
-    "aria-label": "Follow",
-    change: () => {
-      choose(whom.value);
-    },
-  },
-  ...(hasEgo ? [el("option", { value: "ego" }, "the ego")] : []),
-  el("option", { value: "none" }, "nobody"),
-  ...names.map(name => el("option", { value: `=${name}` }, name)),
-);
+const hasEgo = runs.some(run => run.ego !== null && run.tracks.some(each => each.name === run.ego));
+const hasPair = runs.some(run => run.partners.some(([, name]) => name));
+const FOLLOWED = [
+  ...(hasPair ? [["both", "ego and nearest"]] : []),
+  ...(hasEgo ? [["ego", "the ego"]] : []),
+  ["none", "nobody"],
+  ...names.map(name => [`=${name}`, name]),
+];
+const whom = choice("Follow", FOLLOWED, "", value => choose(value));
 const labels = el("input", {
   type: "checkbox",
   checked: true,
@@ -89,83 +71,46 @@ const labels = el("input", {
 });
 const announced = el("div", { class: "hidden", "aria-live": "polite" });
 
-/** Follow the ego, nobody (and stay where the view is), or a name. */
+/** Follow ego and partner, the ego, nobody (and stay where the view is), or a name. */
 function choose(value) {
   if (value === "none") Object.assign(camera, { follow: null, x: views[0].middle[0], y: views[0].middle[1] });
-  else follow(value === "ego" ? "" : value.slice(1));
+  else {
+    if (value === "ego" && camera.follow === BOTH) camera.scale = usualScale();
+    follow(value === "both" ? BOTH : value === "ego" ? "" : value.slice(1));
+  }
   changed();
 }
 
-/** What a run is given that the other one is given differently. */
-function differing(index) {
-  if (runs.length < 2) return [];
-  const given = run => ({ ...run.parameters, "system under test": run.sut, ...run.settings });
-  const [own, other] = [given(runs[index]), given(runs[1 - index])];
-  const found = Object.keys(own)
-    .filter(name => own[name] !== other[name])
-    .map(name => `${name} ${own[name]}`);
-  return found.length ? [el("small", null, ` ${found.join(", ")}`)] : [];
-}
+const chosen = () =>
+  camera.follow === null ? "none" : camera.follow === BOTH ? "both" : camera.follow === "" ? "ego" : `=${camera.follow}`;
+const usualScale = () => Math.min(Math.max(views[0].canvas.clientWidth / 120, 6), 12);
 
-function figure(run, i) {
-  const values = Object.entries({ ...run.parameters, "system under test": run.sut, ...run.settings });
-  const caption = el(
-    "figcaption",
-    null,
-    sign(i),
-    el(runs.length > 1 ? "h2" : "h1", null, run.name, ...differing(i)),
-    el("span", { class: `badge ${run.passed ? "passed" : "failed"}` }, run.passed ? "passed" : "failed"),
-    el(
-      "span",
-      { class: "reason muted" },
-      [`${seconds(run.end)}, ${ENDS[run.status]}`, ...run.reasons].join("; "),
-    ),
-    el(
-      "details",
-      null,
-      el("summary", { class: "muted" }, "parameters and settings"),
-      el("dl", null, ...values.flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)])),
-    ),
-  );
+function stage(view, i) {
+  const closer = factor => () => {
+    zoom(factor);
+    changed();
+  };
+  const everything = () => {
+    view.fit();
+    changed();
+  };
   const zooms = el(
     "div",
     { class: "zoom" },
-    button(
-      "Zoom in",
-      () => {
-        zoom(1.4);
-        changed();
-      },
-      null,
-      "+",
-    ),
-    button(
-      "Zoom out",
-      () => {
-        zoom(1 / 1.4);
-        changed();
-      },
-      null,
-      "−",
-    ),
-    button(
-      "Show everything",
-      () => {
-        views[i].fit();
-        changed();
-      },
-      null,
-      "⤢",
-    ),
+    button("Zoom in", closer(1.4), null, "+"),
+    button("Zoom out", closer(1 / 1.4), null, "−"),
+    button("Show everything", everything, null, "⤢"),
   );
-  return el("figure", { class: `run${i}` }, caption, el("div", { class: "stage" }, views[i].canvas, views[i].told, zooms));
+  return el("div", { class: `stage run${i}` }, view.canvas, el("div", { class: "told" }, sign(runs, i), view.told), zooms);
 }
 
 const HELP = [
   ["Space", "play, pause"],
   ["← →", "one step; with Shift one second"],
+  ["P N", "previous, next event"],
   ["Home End", "beginning, end"],
   ["+ −", "zoom"],
+  ["B", "follow the ego and the nearest"],
   ["F", "follow the ego"],
   ["0", "show everything"],
   ["L", "labels"],
@@ -173,7 +118,7 @@ const HELP = [
 ];
 const help = el(
   "details",
-  { class: "panel" },
+  { class: "panel keys" },
   el("summary", null, "Keys"),
   el(
     "dl",
@@ -185,61 +130,60 @@ const help = el(
   ),
 );
 
+const section = (title, ...content) => el("section", { class: "panel", "aria-label": title }, el("h2", null, title), ...content);
 const each = (title, parts) =>
-  el(
-    "section",
-    { class: "panel", "aria-label": title },
-    el("h2", null, title),
-    ...parts.flatMap((part, i) => [runs.length > 1 ? el("p", { class: "muted" }, sign(i), " ", runs[i].name) : null, part.node]),
+  section(
+    title,
+    ...parts.flatMap((part, i) => [
+      runs.length > 1 ? el("p", { class: "muted" }, sign(runs, i), " ", runs[i].name) : null,
+      part.node,
+    ]),
   );
-const chartPanel = plots.length
-  ? el(
-      "section",
-      { class: "panel", "aria-label": "Ego and criticality" },
-      el("h2", null, "Ego and criticality"),
-      el("div", { class: "charts" }, ...plots.map(plot => plot.node)),
-    )
-  : el(
-      "section",
-      { class: "panel" },
-      el("h2", null, "Ego and criticality"),
-      el("p", { class: "muted" }, "There is no ego in this run."),
-    );
+const chartPanel = section(
+  "Ego and criticality",
+  plots.length
+    ? el("div", { class: "charts" }, ...plots.map(plot => plot.node))
+    : el("p", { class: "muted" }, "There is no ego in this run."),
+);
+const controls = el(
+  "div",
+  { class: "panel controls", role: "group", "aria-label": "Playback" },
+  track.node,
+  playButton,
+  button("One step back", () => step(-1), null, "◀"),
+  button("One step ahead", () => step(1), null, "▶"),
+  button("Previous event", () => jump(-1), null, "|◀"),
+  button("Next event", () => jump(1), null, "▶|"),
+  clockText,
+  el("span", { class: "spacer" }),
+  el("label", null, el("span", { class: "optional" }, "Speed"), rate),
+  el("label", null, el("span", { class: "optional" }, "Follow"), whom),
+  el("label", { class: "optional" }, labels, "Labels"),
+);
 
 document.body.append(
   el(
     "main",
-    { id: "page" },
-    ...[
-      runs.length > 1 ? el("h1", null, "Two runs") : null,
-      el("div", { class: "views" }, ...runs.map(figure)),
+    { id: "page", class: runs.length > 1 ? "two" : null },
+    data.report ? el("nav", null, el("a", { href: data.report }, "← Report of all runs")) : null,
+    runs.length > 1 ? el("h1", null, "Two runs") : null,
+    el("div", { class: "headlines" }, ...runs.map((_, i) => headline(runs, i, seek))),
+    el(
+      "div",
+      { class: "desk" },
+      el("div", { class: "watch" }, ...views.map(stage), controls),
       el(
         "div",
-        { class: "panel controls", role: "group", "aria-label": "Playback" },
-        slider,
-        playButton,
-        button("One step back", () => step(-1), null, "◀"),
-        button("One step ahead", () => step(1), null, "▶"),
-        clockText,
-        el("span", { class: "spacer" }),
-        el("label", null, el("span", { class: "optional" }, "Speed"), rate),
-        el("label", null, el("span", { class: "optional" }, "Follow"), whom),
-        el("label", null, labels, "Labels"),
+        { class: "column" },
+        runs.length > 1 ? comparison(runs, plots, seek) : null,
+        chartPanel,
+        each("Triggers and actions", timelines),
+        each("Event log", logs),
+        each("Participants", tables),
+        help,
       ),
-      el(
-        "div",
-        { class: "lower" },
-        el(
-          "div",
-          { class: "column" },
-          each("Triggers and actions", timelines),
-          each("Event log", logs),
-          each("Participants", tables),
-        ),
-        el("div", { class: "column" }, chartPanel, help),
-      ),
-      announced,
-    ].filter(Boolean),
+    ),
+    announced,
   ),
 );
 
@@ -249,12 +193,25 @@ function step(count) {
   announce();
 }
 
+/** To the next event, or the one before. */
+function jump(way) {
+  const beyond = ({ time }) => way * (time - clock.time) > 1e-3,
+    moment = way > 0 ? found.find(beyond) : found.findLast(beyond);
+  if (!moment) return;
+  play(false);
+  seek(moment.time);
+  const lines = runs.flatMap(run =>
+    run.events.filter(([time]) => Math.abs(time - moment.time) < 1e-3).map(entry => sentenceOf(run, entry)),
+  );
+  announced.textContent = `${seconds(moment.time)}. ${lines.join(". ")}`;
+}
+
 /** Say where things are, for those who do not see the picture. */
 function announce() {
   const parts = runs.map((run, i) => {
     const state = run.tracks
-      .map(track => [track.name, stateAt(track, Math.min(clock.time, run.end), run.sample)])
-      .filter(([, each]) => each);
+      .map(each => [each.name, stateAt(each, Math.min(clock.time, run.end), run.sample)])
+      .filter(([, at]) => at);
     return (
       (runs.length > 1 ? `run ${"AB"[i]}: ` : "") +
       state
@@ -272,12 +229,15 @@ const KEYS = {
   " ": () => play(!clock.playing),
   ArrowLeft: event => (event.shiftKey ? seek(clock.time - 1) : step(-1)),
   ArrowRight: event => (event.shiftKey ? seek(clock.time + 1) : step(1)),
+  n: () => jump(1),
+  p: () => jump(-1),
   Home: () => seek(0),
   End: () => seek(end),
   "+": () => zoom(1.25),
   "=": () => zoom(1.25),
   "-": () => zoom(0.8),
   0: () => views[0].fit(),
+  b: () => choose(hasPair ? "both" : hasEgo ? "ego" : "none"),
   f: () => choose(hasEgo ? "ego" : "none"),
   l: () => labels.click(),
   ",": () => faster(-1),
@@ -312,22 +272,33 @@ function frame(now) {
     if (clock.time >= end) play(false);
   }
   if (clock.dirty) show();
+  if (now - clock.written > ADDRESS * 1000) write(now);
   requestAnimationFrame(frame);
+}
+
+/** Have the address name the time, so that it can be sent to somebody. */
+function write(now) {
+  clock.written = now;
+  const hash = `#t=${clock.time.toFixed(2)}`;
+  if (location.hash !== hash && (location.hash || clock.time > 0)) history.replaceState(null, "", hash);
 }
 
 function show() {
   clock.dirty = false;
   const { time } = clock;
-  for (const part of [...views.map(view => ({ show: t => view.draw(t) })), ...timelines, ...plots]) part.show(time);
-  slider.value = time;
-  slider.setAttribute("aria-valuetext", seconds(time));
+  for (const view of views) view.place(time);
+  aim(views, !clock.playing);
+  for (const view of views) view.draw(time);
+  for (const part of [...timelines, ...plots]) part.show(time);
+  track.input.value = time;
+  track.input.setAttribute("aria-valuetext", seconds(time));
   clockText.textContent = `${time.toFixed(2)} / ${seconds(end)}`;
   playButton.textContent = clock.playing ? "Pause" : "Play";
   playButton.setAttribute("aria-label", playButton.textContent);
   if (!clock.playing || Math.abs(time - clock.shown) >= TABLES * clock.rate) {
     clock.shown = time;
     for (const part of [...logs, ...tables]) part.show(time);
-    whom.value = camera.follow === null ? "none" : camera.follow === "" ? "ego" : `=${camera.follow}`;
+    whom.value = chosen();
   }
 }
 
@@ -338,14 +309,14 @@ function redraw() {
   changed();
 }
 
-/** Begin at the time that the address names (#t=5.05), close to the ego, or with everything in sight. */
+/** Begin at the time that the address names (#t=5.05), with ego and partner in sight, close to the ego, or with everything. */
 function begin() {
   const given = new URLSearchParams(location.hash.slice(1)).get("t");
   if (given !== null && Number.isFinite(Number(given))) seek(Number(given));
   views[0].fit();
   if (hasEgo) {
-    camera.scale = Math.max(camera.scale, Math.min(Math.max(views[0].canvas.clientWidth / 120, 6), 12));
-    follow("");
+    camera.scale = Math.max(camera.scale, usualScale());
+    follow(hasPair ? BOTH : "");
   }
   redraw();
 }

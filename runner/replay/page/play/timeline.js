@@ -11,36 +11,67 @@ const KINDS = {
   collisionEnd: "",
 };
 
+const SHOWN = 6; // participants whose rows are seen at once; the others are unfolded
+const WHOLE = "the run"; // whom rows are about that are about nobody
+
+/** Rows by participant, the ego first, then its partners, then the others; with a name each. */
+function byParticipant(run) {
+  const groups = new Map([[WHOLE, []], [run.ego, []], ...run.partners.map(([, name]) => [name, []])]);
+  for (const row of run.rows)
+    for (const name of row[4].length ? row[4] : [WHOLE]) {
+      if (!groups.has(name)) groups.set(name, []);
+      groups.get(name).push(row);
+    }
+  return [...groups].filter(([, rows]) => rows.length);
+}
+
+/** What happens over time: one row a participant, which unfolds into a row for each act, event and action. */
 class Timeline {
   constructor(run, index, end, seek) {
-    this.end = end;
+    Object.assign(this, { run, end, seek });
     this.cursor = el("div", { class: "cursor" });
     this.lane = el(
       "div",
       { class: "axis" },
       ...ticks(0, end, 5).map(time => el("i", { style: `left:${(100 * time) / end}%` }, `${Number(time.toPrecision(4))} s`)),
     );
-    const rows = run.rows.map(([level, label, subject, bars]) =>
-      el(
-        "div",
-        { class: "row" },
-        el("span", { title: subject }, label, " ", el("small", null, level)),
-        el("div", { class: "lane" }, ...bars.map(bar => this.bar(level, label, bar, run.end, seek))),
-      ),
+    const groups = byParticipant(run).map(([name, rows], i) => this.group(name, rows, `rows${index}-${i}`)),
+      [first, others] = [groups.slice(0, SHOWN), groups.slice(SHOWN)];
+    this.rows = el(
+      "div",
+      { class: "rows" },
+      ...first,
+      others.length ? unfolding(`${others.length} others`, `others${index}`, others) : null,
+      el("div", { class: "row" }, el("span"), this.lane),
+      this.cursor,
     );
-    this.rows = el("div", { class: "rows" }, ...rows, el("div", { class: "row" }, el("span"), this.lane), this.cursor);
     this.node = el(
       "div",
       { class: `run${index}` },
-      run.rows.length ? this.rows : el("p", { class: "muted" }, "Nothing happened in this run's storyboard."),
+      groups.length ? this.rows : el("p", { class: "muted" }, "Nothing happened in this run's storyboard."),
     );
   }
 
-  bar(level, label, [from, until, why], last, seek) {
-    const to = until ?? last,
+  group(name, rows, id) {
+    const summary = rows.filter(([level]) => level !== "event" || !rows.some(([other]) => other === "action"));
+    const inner = rows.map(([level, label, subject, bars]) =>
+      el(
+        "div",
+        { class: "row" },
+        el("span", { class: "inner", title: subject }, label, " ", el("small", null, level)),
+        el("div", { class: "lane" }, ...bars.map(bar => this.bar(level, label, bar))),
+      ),
+    );
+    const all = summary.flatMap(([level, label, , bars]) => bars.map(bar => this.bar(level, label, bar)));
+    return unfolding(name, id, inner, el("div", { class: "lane" }, ...all));
+  }
+
+  bar(level, label, [from, until, why]) {
+    const to = until ?? this.run.end,
       text = `${label}, ${seconds(from)}${to > from ? ` to ${seconds(to)}` : ""}${why ? `: ${why}` : ""}`;
-    const style = `left:${(100 * from) / this.end}%` + (level === "note" ? "" : `;width:${(100 * (to - from)) / this.end}%`);
-    return el("button", { class: `bar ${level}`, style, title: text, "aria-label": text, click: () => seek(from) });
+    const style =
+      `left:${(100 * from) / this.end}%` + (level === "note" ? "" : `;width:${(100 * (to - from)) / this.end}%`);
+    return el("button", { class: `bar ${level}`, style, title: text, "aria-label": text, click: () => this.seek(from) });
   }
 
   show(time) {
@@ -50,18 +81,47 @@ class Timeline {
   }
 }
 
+/** A row with a name that shows and hides others. */
+function unfolding(name, id, inner, lane) {
+  const box = el("div", { id, hidden: true }, ...inner);
+  const button = el(
+    "button",
+    {
+      class: "unfold",
+      title: name,
+      "aria-expanded": "false",
+      "aria-controls": id,
+      click: () => {
+        box.hidden = !box.hidden;
+        button.setAttribute("aria-expanded", String(!box.hidden));
+      },
+    },
+    name,
+  );
+  return el("div", null, el("div", { class: "row" }, button, lane ?? el("span")), box);
+}
+
+/** A line of a run's event log in words, with the actors of storyboard elements. */
+function sentenceOf(run, [, kind, subject, text]) {
+  if (kind.startsWith("collision")) return `${subject} ${text}`;
+  const what = kind in KINDS ? KINDS[kind] : kind,
+    path = subject.split("::"),
+    element = kind.endsWith("Transition"),
+    actors = (element && run.actors[path.slice(0, 3).join("::")]) || [];
+  const whom = (actors.length ? `${actors.join(", ")}: ` : "") + (element ? path.pop() : subject);
+  return `${whom} ${what}${text ? `: ${text}` : ""}`;
+}
+
 class Log {
   constructor(run, index, seek) {
     this.times = run.events.map(([time]) => time);
-    this.items = run.events.map(([time, kind, subject, text]) => {
-      const what = kind in KINDS ? KINDS[kind] : kind;
-      const whom = kind.endsWith("Transition") ? subject.split("::").pop() : subject;
-      const words = kind.startsWith("collision") ? `${subject} ${text}` : `${whom} ${what}${text ? `: ${text}` : ""}`;
+    this.items = run.events.map(entry => {
+      const [time, , subject] = entry;
       return el(
         "button",
         { title: subject, click: () => seek(time) },
         el("time", null, seconds(time)),
-        el("span", { class: "what" }, words),
+        el("span", { class: "what" }, sentenceOf(run, entry)),
       );
     });
     this.box = el(
@@ -88,7 +148,10 @@ class Log {
 class Participants {
   constructor(run, index, changed) {
     this.run = run;
-    const entries = run.tracks.map(track => {
+    const first = [run.ego, ...run.partners.map(([, name]) => name)],
+      rank = ({ name }) => (first.includes(name) ? first.indexOf(name) : first.length);
+    this.tracks = [...run.tracks].sort((a, b) => rank(a) - rank(b));
+    const entries = this.tracks.map(track => {
       const name = track.name === run.ego ? "" : track.name;
       const button = el(
         "button",
@@ -122,7 +185,7 @@ class Participants {
 
   show(time) {
     this.entries.forEach(({ name, button, speed, row }, i) => {
-      const state = stateAt(this.run.tracks[i], Math.min(time, this.run.end), this.run.sample);
+      const state = stateAt(this.tracks[i], Math.min(time, this.run.end), this.run.sample);
       speed.textContent = state ? `${state.v.toFixed(1)} m/s` : "absent";
       row.className = state ? "" : "gone";
       button.setAttribute("aria-pressed", String(camera.follow === name));

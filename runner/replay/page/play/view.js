@@ -3,15 +3,29 @@
 const NEAREST = 200,
   FARTHEST = 0.02; // px per m
 
-/** Where everybody looks: at a participant (plus an offset), or at a place; m, and px per m. */
-const camera = { follow: null, x: 0, y: 0, dx: 0, dy: 0, scale: 6 };
+/** Following both the ego and its partner; a participant's name is never a symbol. */
+const BOTH = Symbol("both");
+const EASE = 0.2; // part of the way that the camera goes to a new scale in a frame
+
+/** Where everybody looks: at a participant (plus an offset), a pair (`closer` than it needs), or a place; m, px per m. */
+const camera = { follow: null, x: 0, y: 0, dx: 0, dy: 0, scale: 6, closer: 1 };
 
 function zoom(factor) {
+  const before = camera.scale;
   camera.scale = Math.min(NEAREST, Math.max(FARTHEST, camera.scale * factor));
+  camera.closer *= camera.scale / before;
 }
 
 function follow(name) {
-  Object.assign(camera, { follow: name, dx: 0, dy: 0 });
+  Object.assign(camera, { follow: name, dx: 0, dy: 0, closer: 1 });
+}
+
+/** Keep the pairs of all views in sight; `still` goes there at once. */
+function aim(views, still) {
+  const scales = camera.follow === BOTH ? views.filter(view => view.framed).map(view => view.framed.scale) : [];
+  if (!scales.length) return;
+  const goal = Math.min(...scales) * camera.closer;
+  camera.scale = still ? goal : camera.scale * (goal / camera.scale) ** EASE;
 }
 
 class View {
@@ -20,9 +34,9 @@ class View {
     this.canvas = el("canvas", {
       tabindex: 0,
       role: "img",
-      "aria-label": `${run.name} from above, zoom by + and -, drag to move`,
+      "aria-label": `${run.name} from above; + and - zoom, drag to move`,
     });
-    this.told = el("div", { class: "told" });
+    this.told = el("span");
     this.pointers = new Map();
     this.canvas.addEventListener("pointerdown", event => this.press(event));
     this.canvas.addEventListener("pointermove", event => this.move(event));
@@ -34,10 +48,24 @@ class View {
     });
   }
 
-  /** Names of those followed: the camera's choice, where this run has it. */
+  /** Whom the camera follows, where this run has them. */
   get followed() {
     if (camera.follow === null) return null;
-    return this.run.tracks.find(track => track.name === (camera.follow === "" ? this.run.ego : camera.follow)) || null;
+    const name = camera.follow === "" || camera.follow === BOTH ? this.run.ego : camera.follow;
+    return this.run.tracks.find(track => track.name === name) || null;
+  }
+
+  /** Look up everybody's state at a time, and what would keep ego and partner in sight. */
+  place(time) {
+    const { run } = this,
+      at = Math.min(time, run.end);
+    this.states = run.tracks.map(track => stateAt(track, at, run.sample));
+    const name = during(run.partners, at, run.sample);
+    const indices = [run.ego, name].map(each => run.tracks.findIndex(track => track.name === each));
+    this.pair = indices.every(i => i >= 0 && this.states[i]) ? indices : null;
+    const { clientWidth: width, clientHeight: height } = this.canvas,
+      of = values => this.pair.map(i => values[i]);
+    this.framed = this.pair && framing(of(run.tracks), of(this.states), width, height);
   }
 
   /** The whole of everybody's way. */
@@ -62,10 +90,11 @@ class View {
       { scale } = camera,
       { run, colour } = this;
     const at = Math.min(time, run.end),
-      states = run.tracks.map(track => stateAt(track, at, run.sample));
-    const followed = this.followed,
+      { states, followed } = this,
       target = followed && states[run.tracks.indexOf(followed)];
-    if (target) this.middle = [target.x + camera.dx, target.y + camera.dy];
+    if (camera.follow === BOTH && this.framed)
+      this.middle = [this.framed.middle[0] + camera.dx, this.framed.middle[1] + camera.dy];
+    else if (target) this.middle = [target.x + camera.dx, target.y + camera.dy];
     else if (!followed) this.middle = [camera.x, camera.y];
     const [x, y] = this.middle;
     ctx.clearRect(0, 0, width, height);
@@ -78,13 +107,14 @@ class View {
     run.tracks.forEach((track, i) => {
       const marked = touching.has(track.name)
         ? colour("bad")
-        : track === followed && track.name !== run.ego
+        : track === followed && track.name !== run.ego && camera.follow !== BOTH
           ? colour("accent")
           : null;
       if (states[i]) drawParticipant(ctx, track, states[i], colour, look(track, run.ego), scale, marked);
     });
     ctx.restore();
-    this.states = states;
+    this.taken = [];
+    this.drawPair(ctx, at, width, height);
     if (this.labels) this.drawLabels(ctx, width, height, scale);
     drawScale(ctx, scale, height, colour);
     this.tell(at, time > run.end + 1e-6);
@@ -103,11 +133,12 @@ class View {
 
   /** Names, each above its participant, and above the names that are there already. */
   drawLabels(ctx, width, height, scale) {
-    const taken = [];
+    const { taken } = this,
+      partner = this.pair ? this.run.tracks[this.pair[1]] : null;
     const crowded = scale < 3 && this.run.tracks.length > 8;
     this.run.tracks.forEach((track, i) => {
       const state = this.states[i],
-        own = track.name === this.run.ego || track === this.followed;
+        own = track.name === this.run.ego || track === this.followed || track === partner;
       if (!state || (crowded && !own)) return;
       const [x, y] = this.toScreen(state.x, state.y, width, height);
       const [ahead, , length, broad] = track.box,
@@ -121,6 +152,35 @@ class View {
       taken.push([x, line, wide]);
       drawLabel(ctx, text, x, line, this.colour, own);
     });
+  }
+
+  /** The line between ego and partner with its length and, where the partner is ahead in the lane, the time to collision. */
+  drawPair(ctx, at, width, height) {
+    if (!this.pair) return;
+    const { run } = this,
+      [a, b] = this.pair;
+    const both = [a, b].map(i => run.tracks[i].name);
+    if (run.collisions.some(({ from, to, who }) => from <= at && at <= to && both.every(name => who.includes(name)))) return;
+    const line = between(run.tracks[a], this.states[a], run.tracks[b], this.states[b]);
+    const [[x, y], [u, v]] = [line.from, line.to].map(([p, q]) => this.toScreen(p, q, width, height));
+    ctx.setLineDash([5, 4]);
+    for (const [stroke, wide] of [
+      ["halo", 4],
+      ["text", 1.6],
+    ]) {
+      ctx.strokeStyle = this.colour(stroke);
+      ctx.lineWidth = wide;
+      ctx.beginPath();
+      ctx.moveTo(x, y);
+      ctx.lineTo(u, v);
+      ctx.stroke();
+    }
+    ctx.setLineDash([]);
+    const ttc = run.ttc && during(run.leads, at, run.sample) === run.tracks[b].name ? valueAt(run.ttc, at, run.sample) : null;
+    const text = `${line.length.toFixed(1)} m${ttc === null ? "" : `, TTC ${ttc.toFixed(1)} s`}`;
+    const place = [(x + u) / 2, (y + v) / 2 + 18];
+    this.taken.push([...place, text.length * 7]);
+    drawLabel(ctx, text, ...place, this.colour, true);
   }
 
   tell(at, over) {

@@ -1,0 +1,127 @@
+"""A run in a few sentences: who hit whom, when, how fast, when braking began, and what would have been needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from runner.measures.braking import FULL, GREATEST, Conflict
+
+if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
+    from runner.measures.criticality import Criticality
+    from runner.measures.impact import Impact
+    from runner.recording import Track
+
+_BRAKES = -1.0
+"""Accelerations below this (m/s²) are braking"""
+_ENDS = {"completed": "Its stop trigger ended the run", "timeout": "The time limit ended the run"}
+_KMH = 3.6
+
+
+class Sentence(NamedTuple):
+    """A sentence, and the instant (s) that it is about; None where it is about the whole run."""
+
+    text: str
+    time: float | None = None
+
+
+def account(result: RunResult) -> list[Sentence]:
+    """The sentences, the most important one first."""
+    ego = result.recording.tracks.get(result.ego) if result.ego is not None else None
+    measures = result.criticality
+    if ego is None or measures is None or not len(ego.columns["time"]):
+        return [*_contacts(result), Sentence(f"{_ENDS.get(result.status, 'The run ended')} at {result.end_time:.2f} s.")]
+    if measures.impact is not None:
+        return list(_contact(ego, measures, measures.impact))
+    return list(_without_contact(result, ego, measures))
+
+
+def _contacts(result: RunResult) -> Iterator[Sentence]:
+    """Who touched whom, where there is no ego to tell more of."""
+    found = [entry for entry in result.events if entry.kind == "collision"]
+    for entry in found[:3]:
+        yield Sentence(f"{entry.subject} {entry.text} at {entry.time:.2f} s.", entry.time)
+    if not found:
+        yield Sentence("Nobody touched anybody; there is no ego.")
+
+
+# a contact ----------------------------------------------------------------------------------
+
+
+def _contact(ego: Track, measures: Criticality, impact: Impact) -> Iterator[Sentence]:
+    if impact.striking:
+        who = f"{ego.name} hit {impact.other} with its {_side(impact.side)}"
+    else:
+        who = f"{impact.other} hit {ego.name} {'in the' if impact.side in ('front', 'rear') else 'on its'} {_side(impact.side)}"
+    speed = f"relative speed {impact.speed:.1f} m/s ({impact.speed * _KMH:.0f} km/h)"
+    yield Sentence(f"{who} at {impact.time:.2f} s, {speed}.", impact.time)
+    row = int(np.searchsorted(measures.time, impact.time - 1e-6))
+    conflict = Conflict(measures.ego, measures.other(impact.other), row)
+    began = _braking(ego, row)
+    yield _began(ego, measures, began, row)
+    yield from _needed(conflict, began, impact.time)
+
+
+def _side(side: str) -> str:
+    return side if side in ("front", "rear") else f"{side} side"
+
+
+def _braking(ego: Track, row: int) -> int | None:
+    """The row at which the braking began that was going on at a row, or up to half a second before it."""
+    time, braking = ego.columns["time"], ego.columns["acceleration"] < _BRAKES
+    rows = np.flatnonzero(braking[: row + 1] & (time[: row + 1] >= time[row] - 0.5))
+    if not rows.size:
+        return None
+    before = np.flatnonzero(~braking[: rows[-1]])
+    return int(before[-1]) if before.size else 0  # an acceleration is that of the step that ends at its row
+
+
+def _began(ego: Track, measures: Criticality, began: int | None, row: int) -> Sentence:
+    if began is None:
+        return Sentence(f"{ego.name} did not brake.")
+    time, hardest = float(ego.columns["time"][began]), -float(ego.columns["acceleration"][began : row + 1].min())
+    ttc = f", at a time to collision of {measures.ttc.value[began]:.2f} s" if measures.ttc.valid[began] else ""
+    return Sentence(f"{ego.name} began to brake at {time:.2f} s{ttc}, with up to {hardest:.1f} m/s².", time)
+
+
+def _needed(conflict: Conflict, began: int | None, impact: float) -> Iterator[Sentence]:
+    """How hard it would have had to brake when it began, and by when full braking would have been enough."""
+    if began is not None:
+        least = conflict.least(float(conflict.ego.time[began]))
+        if least is None:
+            yield Sentence(f"By then no braking avoided it any more (more than {GREATEST:.1f} m/s² was needed).")
+        else:
+            yield Sentence(f"From then on, {least:.1f} m/s² would have avoided it.")
+    latest = conflict.latest(FULL)
+    if latest is None:
+        yield Sentence("Full braking would not have avoided it at any time of the 10 s before.")
+    else:
+        earlier = impact - latest if began is None else float(conflict.ego.time[began]) - latest
+        of = "before the contact" if began is None else "earlier"
+        by = f" ({earlier:.2f} s {of})" if earlier > 0.0 else ""
+        yield Sentence(f"Full braking ({FULL:.0f} m/s²) from {latest:.2f} s on{by} would have avoided it.", latest)
+
+
+# no contact ---------------------------------------------------------------------------------
+
+
+def _without_contact(result: RunResult, ego: Track, measures: Criticality) -> Iterator[Sentence]:
+    summary = measures.summary
+    nearest, ttc = summary["min_distance"], summary["min_ttc"]
+    if nearest is None:
+        yield Sentence(f"{ego.name} met nobody.")
+    else:
+        close = f"{nearest['value']:.2f} m to {nearest['other']}"
+        yield Sentence(f"{ego.name} touched nobody; the least distance was {close}, at {nearest['time']:.2f} s.", nearest["time"])
+    if ttc is not None and ttc["value"] < 10.0:
+        to = f"{ttc['value']:.2f} s to {ttc['other']}"
+        yield Sentence(f"The least time to collision was {to}, at {ttc['time']:.2f} s.", ttc["time"])
+    acceleration = ego.columns["acceleration"]
+    braking = np.flatnonzero(acceleration < _BRAKES)
+    if braking.size:
+        time = float(ego.columns["time"][max(int(braking[0]) - 1, 0)])
+        hardest = -float(acceleration.min())
+        yield Sentence(f"{ego.name} first braked at {time:.2f} s; its hardest braking was {hardest:.1f} m/s².", time)
