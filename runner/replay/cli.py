@@ -37,6 +37,9 @@ def xosc_replay(
         ),
     ] = None,
     road: Annotated[Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file, where it has moved.")] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="BATCH", help="Folder of an earlier batch that the report compares with.")
+    ] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play in SUMO's own window instead.")] = False,
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -50,8 +53,10 @@ def xosc_replay(
         if len(folders) == 1 and journal.is_batch(folders[0]):
             if out is not None or road is not None or gui:
                 raise UsageError("this is a whole batch: --out, --road and --gui are for its runs", path=folders[0])
-            made = [_report(folders[0])]
+            made = [_report(folders[0], against)]
         else:
+            if against is not None:
+                raise UsageError("--against compares whole batches; give two runs to see them side by side", path=folders[0])
             if len(folders) > _MOST:
                 raise UsageError(f"a replay shows one run or two, not {len(folders)}")
             if out is not None and out.suffix.lower() not in _SUFFIXES:
@@ -105,7 +110,7 @@ def _show(results: list[RunResult]) -> list[Path]:
     return []
 
 
-def _report(batch: Path) -> Path:
+def _report(batch: Path, against: Path | None) -> Path:
     """Replays of all runs of a batch that have none yet, and the report that links them."""
     from runner.batch import journal
     from runner.outputs.stored import RESULT, load_run
@@ -117,7 +122,7 @@ def _report(batch: Path) -> Path:
         folder = batch / name
         if (folder / RESULT).is_file() and not (folder / REPLAY).exists():
             write_replay([load_run(folder)], folder / REPLAY, TO_REPORT)
-    return write_report(batch)
+    return write_report(batch, against)
 
 
 def main() -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+from urllib.parse import quote
 
 from runner.batch import journal
+from runner.measures.braking import GREATEST
 from runner.outputs.runs import write_runs
 from runner.replay.names import REPLAY, REPORT
 from runner.replay.page import page, write_page
@@ -15,32 +18,48 @@ from schemas.errors import InvalidFile
 
 RUNS = "runs.parquet"
 """Name of the table of runs in that folder"""
+
+
+class _Measure(NamedTuple):
+    """Label and unit of a measure, the value from which on it matters no more how much it is, and what it is called then."""
+
+    label: str
+    unit: str
+    most: float
+    beyond: str = ""
+
+
 _MEASURES = {
-    "min_ttc": ("Least time to collision", "s", 10.0),
-    "min_thw": ("Least time headway", "s", 10.0),
-    "min_distance": ("Least distance", "m", 100.0),
-    "max_drac": ("Greatest deceleration to avoid a crash", "m/s²", 20.0),
-    "pet": ("Post-encroachment time", "s", 10.0),
-    "rss_risk_ad_rss": ("Share of time in violation of RSS", "", 1.0),
+    "min_ttc": _Measure("Least time to collision", "s", 10.0),
+    "min_thw": _Measure("Least time headway", "s", 10.0),
+    "min_distance": _Measure("Least distance", "m", 100.0),
+    "max_drac": _Measure("Greatest deceleration to avoid a crash", "m/s²", GREATEST, "unavoidable"),
+    "pet": _Measure("Post-encroachment time", "s", 10.0),
+    "rss_risk_ad_rss": _Measure("Share of time in violation of RSS", "", 1.0),
 }
-"""Label and unit of each measure, and the value from which on it matters no more how much it is"""
 _STYLES = ("base.css", "report.css")
-_SCRIPTS = ("dom.js", "axes.js", "report/report.js")
+_PARTS = ("model", "verdicts", "groups", "distributions", "scatter", "table", "report")
+_SCRIPTS = ("dom.js", "axes.js", *(f"report/{part}.js" for part in _PARTS))
 _LEAD_IN = 2.0
 """How long before the most critical moment replays begin, s"""
 _DIGITS = 6
 """Significant digits of numbers"""
 
 
-def write_report(out: Path) -> Path:
+def write_report(out: Path, against: Path | None = None) -> Path:
     """Write the page of a batch into its output folder; the same batch gives the same bytes.
 
+    Args:
+        out: the output folder.
+        against: that of an earlier batch, which the page compares with.
+
     Raises:
-        UsageError: the folder is not that of a batch.
-        InvalidFile: its table of runs is damaged.
+        UsageError: a folder is not that of a batch.
+        InvalidFile: a table of runs is damaged.
     """
     path = out / REPORT
-    write_page(path, page(f"{out.resolve().name} – report", _STYLES, _SCRIPTS, report(out)))
+    values = report(out) if against is None else _with_earlier(report(out), out, against)
+    write_page(path, page(f"{out.resolve().name} – report", _STYLES, _SCRIPTS, values))
     return path
 
 
@@ -51,10 +70,37 @@ def report(out: Path) -> dict[str, Any]:
     return {
         "title": out.resolve().name,
         "settings": {name: str(value) for name, value in settings.items()},
-        "measures": {name: {"label": label, "unit": unit, "most": most} for name, (label, unit, most) in _MEASURES.items()},
+        "measures": {name: measure._asdict() for name, measure in _MEASURES.items()},
         "parameters": varied(dict(run["parameters"]) for run in runs),
         "runs": [_row(run, out) for run in runs],
     }
+
+
+def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str, Any]:
+    """The same with what an earlier batch had: each run's state and measures there, and the runs that are gone.
+
+    A run is that of before when its file has the same name, and it the same parameters and seed.
+    """
+    journal.settings(against)
+    earlier = {_identity(run): run for run in _table(against)}
+    now = [_identity(run) for run in _table(out)]
+    address = quote(Path(os.path.relpath(against / REPORT, out)).as_posix())
+    return values | {
+        "runs": [run | {"before": _before(earlier.get(own))} for run, own in zip(values["runs"], now, strict=True)],
+        "against": {
+            "title": against.resolve().name,
+            "report": address if (against / REPORT).is_file() else None,
+            "gone": [run["name"] for identity, run in earlier.items() if identity not in set(now)],
+        },
+    }
+
+
+def _identity(run: dict[str, Any]) -> tuple[str, tuple[tuple[str, str], ...], int | None]:
+    return Path(run["file"]).stem, tuple(sorted(map(tuple, run["parameters"]))), run["seed"]
+
+
+def _before(run: dict[str, Any] | None) -> dict[str, Any] | None:
+    return None if run is None else {"state": run["state"], "measures": _measures(run)}
 
 
 def _table(out: Path) -> list[dict[str, Any]]:
@@ -87,15 +133,20 @@ def _row(run: dict[str, Any], out: Path) -> dict[str, Any]:
     name = run["name"]
     return {
         "name": name,
+        "group": Path(run["file"]).stem,
         "state": run["state"],
         "status": run["status"],
         "message": run["message"],
         "end": run["end_time"],
         "parameters": {key: _number(value) for key, value in run["parameters"]},
-        "measures": {key: _rounded(run[key]) for key in _MEASURES},
+        "measures": _measures(run),
         "replay": f"{name}/{REPLAY}" if (out / name / REPLAY).is_file() else None,
         "moment": _moment(run),
     }
+
+
+def _measures(run: dict[str, Any]) -> dict[str, float | None]:
+    return {key: _rounded(run[key]) for key in _MEASURES}
 
 
 def _rounded(value: float | None) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -68,21 +69,65 @@ def test_the_page_counts_sorts_and_finds_runs(browser: Browser, batch: Path) -> 
     browser.requests.clear()
     browser.open(batch / "report.html")
     assert browser.requests == [(batch / "report.html").as_uri()]
-    rows = "[...document.querySelectorAll('tbody tr')].map(r => r.querySelector('td').textContent)"
-    assert browser.run(rows) == ["bad_b_", *(f"gaps~00000{number}" for number in range(4))]
-    assert (
-        browser.run("[...document.querySelectorAll('.legend li')].map(l => l.textContent)") == ["2 passed", "2 failed", "1 error"]
-        or True
-    )
-    browser.run("[...document.querySelectorAll('th button')].find(b => b.textContent === 'Gap').click()")
-    browser.run("[...document.querySelectorAll('th button')].find(b => b.textContent === 'Gap').click()")
+    rows = "[...document.querySelectorAll('.runs tbody tr')].map(r => r.querySelector('td').textContent)"
+    assert browser.text(".verdict") == "2 of 5 runs failed, 1 file could not be run"
+    failed, passed = ["gaps~000000", "gaps~000001"], ["gaps~000002", "gaps~000003"]
+    assert browser.run(rows) == [*failed, "bad_b_", *passed]
+    legend = browser.run("[...document.querySelectorAll('.legend li')].map(l => l.textContent)")
+    assert legend == ["2 failed", "1 error", "2 passed"]
+    browser.run("[...document.querySelectorAll('.runs th button')].find(b => b.textContent === 'Gap').click()")
+    browser.run("[...document.querySelectorAll('.runs th button')].find(b => b.textContent === 'Gap').click()")
     assert browser.run(rows)[:2] == ["gaps~000003", "gaps~000002"]
+
+
+def choose(browser: Browser, selector: str, value: str) -> None:
     browser.run(
-        "(s => { s.value = 'collision'; s.dispatchEvent(new Event('input')); })(document.querySelector('input[type=search]'))"
+        f"(s => {{ s.value = {json.dumps(value)}; for (const kind of ['input', 'change']) s.dispatchEvent(new Event(kind)); }})"
+        f"(document.querySelector({json.dumps(selector)}))"
     )
+
+
+def test_filters_act_on_table_groups_and_plots(browser: Browser, batch: Path) -> None:
+    browser.open(batch / "report.html")
+    seen = {
+        "rows": "document.querySelectorAll('.runs tbody tr').length",
+        "groups": "document.querySelectorAll('details.group').length",
+        "histogram": "document.querySelector('.histograms p').textContent.split(' ')[0]",
+        "scatter": "document.querySelector('.scatter > p').textContent.split(' ')[0]",
+    }
+    assert {name: browser.run(script) for name, script in seen.items()} == {
+        "rows": 5, "groups": 2, "histogram": "4", "scatter": "4",
+    }  # fmt: skip
+    choose(browser, "input[type=search]", "collision")
+    assert {name: browser.run(script) for name, script in seen.items()} == {
+        "rows": 2, "groups": 1, "histogram": "2", "scatter": "2",
+    }  # fmt: skip
     assert all("collision" in text for text in browser.run("[...document.querySelectorAll('td.why')].map(t => t.textContent)"))
-    link = browser.run("document.querySelector('tbody a').getAttribute('href')")
-    assert link == "gaps~000000/replay.html#t=0"
+    assert browser.run("document.querySelector('.runs tbody a').getAttribute('href')") == "gaps~000000/replay.html#t=0"
+    choose(browser, "select[aria-label=Verdict]", "passed")
+    assert browser.run(seen["rows"]) == 0
+
+
+def test_a_grid_of_parameters_is_a_matrix(browser: Browser, batch: Path) -> None:
+    browser.open(batch / "report.html")
+    assert browser.run("[...document.querySelectorAll('.matrix thead th')].map(c => c.textContent)") == [
+        "Gap", "10", "20", "30", "40",
+    ]  # fmt: skip
+    cells = browser.run("[...document.querySelectorAll('.matrix td')].map(c => [c.className, c.textContent])")
+    assert [kind for kind, _ in cells] == ["failed", "failed", "passed", "passed"]
+    assert [text for _, text in cells][:2] == ["✕", "✕"]
+    label = browser.run("document.querySelector('.matrix td a').getAttribute('aria-label')")
+    assert label.startswith("Gap 10: 1 of 1 failed, collision with ")
+
+
+def test_an_earlier_batch_is_compared_with(browser: Browser, batch: Path, tmp_path: Path) -> None:
+    later = [distribution(scenario(tmp_path, stop=2.0).parent, "gaps", {"Gap": (10, 50, 20)})]
+    list(run_batch(jobs_of(later, {}, True), RunSettings(sut=None, world="kinematic"), out=tmp_path / "later"))
+    write_report(tmp_path / "later", batch)
+    browser.open(tmp_path / "later" / "report.html")
+    kinds = browser.run("[...document.querySelectorAll('[aria-label=History] summary')].map(s => s.textContent)")
+    assert kinds == ["1fails as before", "1is new", "3only in the earlier batch"]
+    assert browser.text("[aria-label=History] h2") == "Since out"
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -1,0 +1,93 @@
+// The runs of a batch, what they are placed, sorted and counted by, and which of them are looked at.
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const STATES = ["failed", "error", "passed"];
+const link = run => `${run.replay.split("/").map(encodeURIComponent).join("/")}#t=${run.moment}`;
+const many = (count, one, several = `${one}s`) => `${count.toLocaleString("en")} ${count === 1 ? one : several}`;
+
+/** A name, a title with its unit, the value of a run, and from which value on it is called something else. */
+const columns = [
+  ...Object.entries(data.measures).map(([name, { label, unit, most, beyond }]) => ({
+    id: name,
+    title: unit ? `${label} (${unit})` : label,
+    most,
+    beyond,
+    of: run => run.measures[name],
+  })),
+  { id: "end", title: "End (s)", of: run => run.end },
+  ...data.parameters.map(name => ({ id: `p:${name}`, title: name, parameter: true, of: run => run.parameters[name] ?? null })),
+];
+for (const column of columns) column.numbers = data.runs.filter(run => typeof column.of(run) === "number").length;
+const numeric = columns.filter(column => column.numbers).sort((a, b) => !a.parameter - !b.parameter || b.numbers - a.numbers);
+
+/** A run's value in a column as text. */
+function shown(column, run) {
+  const value = column.of(run);
+  return column.beyond && typeof value === "number" && value > column.most ? column.beyond : String(short(value));
+}
+
+/** Why a run ended as it did. */
+const reason = run => run.message || (ENDS[run.status] ?? run.status);
+
+// filters -------------------------------------------------------------------------------------
+
+const filter = { words: "", state: "", group: "" };
+const listeners = []; // what is filled anew when the filter changes
+const drawings = []; // what is drawn anew when the page's size or colours change, too
+
+/** The runs that the filter leaves. */
+function chosen() {
+  const words = filter.words.toLowerCase();
+  return data.runs.filter(
+    run =>
+      (!filter.state || run.state === filter.state) &&
+      (!filter.group || run.group === filter.group) &&
+      `${run.name} ${run.message}`.toLowerCase().includes(words),
+  );
+}
+
+function refresh() {
+  const runs = chosen();
+  for (const listener of [...listeners, ...drawings]) listener(runs);
+}
+
+function redraw() {
+  const runs = chosen();
+  for (const drawing of drawings) drawing(runs);
+}
+
+/** A choice with a label; options are [value, text]. */
+function choice(label, options, change, initial) {
+  const select = el(
+    "select",
+    { "aria-label": label, change: () => change(select.value) },
+    ...options.map(([value, text]) => el("option", { value, selected: value === initial }, text)),
+  );
+  return el("label", null, label, select);
+}
+
+function filters() {
+  const groups = [...new Set(data.runs.map(run => run.group))];
+  const told = el("span", { class: "muted", "aria-live": "polite" });
+  const set = name => value => {
+    filter[name] = value;
+    refresh();
+  };
+  const search = el("input", {
+    type: "search",
+    "aria-label": "Find runs",
+    placeholder: "find by name or reason",
+    input: () => set("words")(search.value),
+  });
+  listeners.push(runs => {
+    told.textContent = `${runs.length} of ${many(data.runs.length, "run")}`;
+  });
+  return el(
+    "div",
+    { class: "panel choices filters", role: "search", "aria-label": "Filters of everything below" },
+    search,
+    choice("Verdict", [["", "all"], ...STATES.map(each => [each, each])], set("state")),
+    groups.length > 1 ? choice("Scenario", [["", "all"], ...groups.map(each => [each, each])], set("group")) : null,
+    told,
+  );
+}

@@ -1,0 +1,111 @@
+// How many runs passed and failed, and what has changed since an earlier batch.
+
+function verdicts() {
+  const counts = STATES.map(state => data.runs.filter(run => run.state === state).length),
+    [failed, broken] = counts;
+  const told = [
+    failed ? `${failed} of ${many(data.runs.length, "run")} failed` : "No run failed",
+    broken ? `${many(broken, "file")} could not be run` : null,
+  ];
+  return el(
+    "section",
+    { class: "panel" },
+    el("h2", { class: "verdict" }, told.filter(Boolean).join(", ")),
+    el(
+      "div",
+      { class: "share", role: "img", "aria-label": STATES.map((state, i) => `${counts[i]} ${state}`).join(", ") },
+      ...STATES.map((state, i) =>
+        el("i", { style: `width:${(100 * counts[i]) / Math.max(1, data.runs.length)}%;background:var(--${state})` }),
+      ),
+    ),
+    legend(counts),
+    el(
+      "details",
+      null,
+      el("summary", { class: "muted" }, "Settings"),
+      el("dl", null, ...Object.entries(data.settings).flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)])),
+    ),
+  );
+}
+
+function legend(counts) {
+  return el(
+    "ul",
+    { class: "legend" },
+    ...STATES.map((state, i) =>
+      el("li", null, el("i", { class: state, style: `background:var(--${state})` }), `${counts[i]} ${state}`),
+    ),
+  );
+}
+
+// history -------------------------------------------------------------------------------------
+
+const SHOWN = 30; // runs that are listed at most for each kind of change
+
+/** What has changed since an earlier batch; nothing where none was named. */
+function history() {
+  const { against } = data;
+  if (!against) return null;
+  const worse = run => run.state !== "passed";
+  const both = data.runs.filter(run => run.before),
+    kinds = [
+      ["fails now, passed before", both.filter(run => worse(run) && run.before.state === "passed")],
+      ["passes now, failed before", both.filter(run => !worse(run) && run.before.state !== "passed")],
+      ["fails as before", both.filter(run => worse(run) && run.before.state !== "passed")],
+      ["is new", data.runs.filter(run => !run.before)],
+    ];
+  const earlier = against.report ? el("a", { href: against.report }, against.title) : against.title;
+  return el(
+    "section",
+    { class: "panel", "aria-label": "History" },
+    el("h2", null, "Since ", earlier),
+    el("p", { class: "muted" }, `${many(both.length, "run")} in both batches, ${against.gone.length} only in the earlier one.`),
+    ...kinds.filter(([, runs]) => runs.length).map(([title, runs], i) => change(title, runs, i === 0)),
+    against.gone.length ? gone(against.gone) : null,
+  );
+}
+
+function change(title, runs, open) {
+  const least = columns.filter(({ id }) => ["min_ttc", "min_distance"].includes(id));
+  const was = (run, { id }) => (run.before ? `${short(run.before.measures[id])} → ` : "") + short(run.measures[id]);
+  const head = [["run"], ["now"], ...least.map(column => [column.title, "number"])];
+  const rows = runs
+    .slice(0, SHOWN)
+    .map(run =>
+      el(
+        "tr",
+        null,
+        el("td", { class: "name" }, named(run)),
+        el("td", { class: "muted" }, reason(run)),
+        ...least.map(column => el("td", { class: "number" }, was(run, column))),
+      ),
+    );
+  return el(
+    "details",
+    { class: "group", open },
+    el("summary", null, el("span", { class: "count" }, String(runs.length)), title),
+    el(
+      "div",
+      { class: "wide", tabindex: 0, role: "region", "aria-label": title },
+      el(
+        "table",
+        null,
+        el("thead", null, el("tr", null, ...head.map(([text, kind]) => el("th", { scope: "col", class: kind }, text)))),
+        el("tbody", null, ...rows),
+      ),
+    ),
+    runs.length > SHOWN ? el("p", { class: "muted" }, `and ${runs.length - SHOWN} more`) : null,
+  );
+}
+
+function gone(names) {
+  return el(
+    "details",
+    { class: "group" },
+    el("summary", null, el("span", { class: "count" }, String(names.length)), "only in the earlier batch"),
+    el("ul", null, ...names.slice(0, SHOWN).map(name => el("li", null, name))),
+  );
+}
+
+/** A run's name, with a link to its replay where there is one. */
+const named = run => (run.replay ? el("a", { href: link(run) }, run.name) : run.name);
