@@ -193,4 +193,4 @@ def _first_error(outcomes: Outcomes) -> str:
 
 def main() -> None:
     """Entry point of the command."""
-    guarded(NAME, app)
+    guarded(NAME, app, extra="search")

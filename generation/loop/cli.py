@@ -118,7 +118,7 @@ def _told(quiet: bool, stage: Stage, found: Finding, seconds: float | None) -> N
 def main() -> None:
     """Entry point of the command."""
     sys.path.append(os.getcwd())  # for systems under test named as module:Class
-    guarded(NAME, app)
+    guarded(NAME, app, extra="search")
 
 
 if __name__ == "__main__":

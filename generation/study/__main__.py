@@ -18,7 +18,7 @@ def study() -> None:
 
 def main() -> None:
     """Entry point of the command."""
-    guarded(NAME, app)
+    guarded(NAME, app, extra="search")
 
 
 if __name__ == "__main__":

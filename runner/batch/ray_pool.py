@@ -6,7 +6,6 @@ under the same paths, on file systems that they share. Ray is an extra: it is im
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import logging
 import os
@@ -19,6 +18,7 @@ from typing import Any
 
 from runner.batch.jobs import Job, Outcome
 from schemas.errors import ToolchainError, UsageError
+from schemas.extras import optional
 
 LOCAL = "local"
 _AHEAD = 2
@@ -136,11 +136,8 @@ def _work(work: Callable[[Job], Outcome], folder: str, job: Job) -> Outcome:
 
 def _connect(address: str, processes: int) -> tuple[Any, bool]:
     """The module ray, connected to a cluster, and whether that is our own doing."""
-    if importlib.util.find_spec("ray") is None:
-        raise UsageError("Ray is not installed; pip install 'xosc-toolchain[ray]'")
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers
-    import ray
-
+    ray = optional("ray")
     if ray.is_initialized():
         return ray, False
     own: dict[str, Any] = {"num_cpus": processes, "object_store_memory": _STORE} if address == LOCAL else {}

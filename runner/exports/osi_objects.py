@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from runner.participants.declaration import BoundingBox
-from schemas.errors import UsageError
+from schemas.extras import optional
 
 _TYPES = {
     "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",
@@ -60,23 +60,18 @@ class Osi:
     """What is used of the OSI packages, which are an optional extra.
 
     Raises:
-        UsageError: they are not installed.
+        MissingExtra: they are not installed.
     """
 
     def __init__(self) -> None:
-        try:
-            import google.protobuf
-            from osi3 import osi_groundtruth_pb2, osi_object_pb2, osi_version_pb2
-            from osi_utilities import MultiTraceWriter, SingleTraceWriter
-        except ImportError as error:
-            raise UsageError(f"OSI traces need the extra `osi` (pip install 'xosc-toolchain[osi]'): {error}") from None
-        self.groundtruth, self.objects = osi_groundtruth_pb2, osi_object_pb2
-        self.single, self.multi = SingleTraceWriter, MultiTraceWriter
-        options = osi_version_pb2.DESCRIPTOR.GetOptions()
-        self.interface_version = options.Extensions[osi_version_pb2.current_interface_version]
+        self.groundtruth, self.objects = optional("osi3.osi_groundtruth_pb2"), optional("osi3.osi_object_pb2")
+        tools, osi_version = optional("osi_utilities"), optional("osi3.osi_version_pb2")
+        self.single, self.multi = tools.SingleTraceWriter, tools.MultiTraceWriter
+        options = osi_version.DESCRIPTOR.GetOptions()
+        self.interface_version = options.Extensions[osi_version.current_interface_version]
         numbers = self.interface_version
         self.osi_version = f"{numbers.version_major}.{numbers.version_minor}.{numbers.version_patch}"
-        self.protobuf_version = google.protobuf.__version__
+        self.protobuf_version = optional("google.protobuf").__version__
 
     def stamp(self, message: Any, time: float) -> None:
         """Give a message its version and timestamp (s)."""

@@ -11,6 +11,7 @@ from runner.sut.base import Control, Observation, Participant, SystemUnderTest, 
 from runner.sut.parameters import arguments, split
 from schemas.discovery import described
 from schemas.errors import ToolchainError, UsageError, blame
+from schemas.extras import missing
 
 __all__ = [
     "Control",
@@ -79,6 +80,8 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     try:
         factory = entry.load()
     except Exception as error:  # a plug-in's own code runs here
+        if absent := missing(error):
+            raise absent from None
         raise UsageError(f"the system under test {name!r} can't be imported: {blame(error, entry.module)}") from error
     if not callable(factory):
         raise UsageError(f"the system under test {name!r} is not a class")

@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from typer.models import OptionInfo
 
 from schemas.errors import ToolchainError, UsageError, describe
+from schemas.extras import missing
 from schemas.packages import version
 from schemas.storage import writing
 
@@ -71,12 +72,17 @@ def print_anything() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def guarded(name: str, app: Callable[[], object]) -> None:
-    """Run a command's app: errors become one line and an exit code, after a traceback with -v or for an unexpected error."""
+def guarded(name: str, app: Callable[[], object], extra: str | None = None) -> None:
+    """Run a command's app: errors become one line and an exit code, after a traceback with -v or for an unexpected error.
+
+    Args:
+        extra: the extra of the package that brings all that the command needs.
+    """
     print_anything()
     try:
         app()
-    except Exception as error:
+    except Exception as raised:
+        error = missing(raised, extra) or raised
         expected = isinstance(error, ToolchainError | OSError)
         if not expected or "-v" in sys.argv or "--verbose" in sys.argv:
             traceback.print_exc()

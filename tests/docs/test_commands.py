@@ -38,7 +38,7 @@ NOT_RUN = {
     "make lint types test": "installs everything anew; continuous integration runs it",
     "make test": "is what runs this",
     "pip install .": "continuous integration installs the wheel into an empty environment and runs a scenario there",
-    "pip install 'xosc-toolchain[osi]'": "needs a package index; the extra is a part of the one for development",
+    'pip install "xosc-toolchain[osi]"': "needs a package index; the extra is a part of the one for development",
     "xosc-generate CATALOGUE --out DIR": "needs a catalogue of 30 manoeuvres or more; tests/generation/test_recorded.py has one",
 }
 """Commands that are not run here, and why."""

@@ -139,6 +139,6 @@ def test_an_address_without_a_cluster_is_named(variation: Path) -> None:
 
 
 def test_without_ray_there_is_a_clear_message(variation: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runner.batch.ray_pool.importlib.util.find_spec", lambda name: None)
-    with pytest.raises(UsageError, match=r"pip install 'xosc-toolchain\[ray\]'"):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(UsageError, match=r'pip install "xosc-toolchain\[ray\]"'):
         batch(variation, ray="local")

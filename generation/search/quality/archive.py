@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from generation.search.quality.frame import Frame
-from schemas.errors import UsageError
+from schemas.extras import optional
 from xodr.array_types import FloatArray
 
 _NOVEL = 0.02
@@ -66,11 +66,6 @@ def ribs(module: str) -> Any:
     """A module of ribs.
 
     Raises:
-        UsageError: it is not installed.
+        MissingExtra: it is not installed.
     """
-    from importlib import import_module
-
-    try:
-        return import_module(f"ribs.{module}")
-    except ModuleNotFoundError as error:
-        raise UsageError(f"quality-diversity search needs {error.name}: pip install ribs") from None
+    return optional(f"ribs.{module}")

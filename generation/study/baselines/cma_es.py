@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from generation.search.problem import Calls, History, Problem
-from generation.study.strategies.optional import need
+from schemas.extras import optional
 
 METHOD = {"title": "CMA-ES", "meaning": "evolution strategy on MCSG's reward, with restarts", "realistic": True}
 
@@ -34,7 +34,7 @@ def search(problem: Problem, budget: int, seed: int, settings: CmaSettings = Cma
     Raises:
         UsageError: cma is not installed.
     """
-    cma = need("cma")
+    cma = optional("cma")
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     while calls.left:
         start = problem.space.unit(problem.real[generator.integers(len(problem.real))])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from generation.search.problem import Calls, History, Problem
-from generation.study.strategies.optional import need
+from schemas.extras import optional
 
 METHOD = {"title": "IBO", "meaning": "Bayesian optimisation of criticality", "realistic": False}
 
@@ -34,7 +34,7 @@ def search(problem: Problem, budget: int, seed: int, settings: BayesSettings = B
     Raises:
         UsageError: optuna is not installed.
     """
-    optuna = need("optuna")
+    optuna = optional("optuna")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     calls, names = Calls(problem, budget), problem.space.names
     with warnings.catch_warnings():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from generation.outcomes.outcomes import Episodes
 from generation.search.problem import Calls, History, Problem
-from generation.study.strategies.optional import need
+from schemas.extras import optional
 from xodr.array_types import FloatArray
 
 
@@ -42,10 +42,10 @@ def evolve(
         UsageError: pymoo is not installed.
     """
     algorithms, cores, statics, mutations = (
-        need(f"pymoo.{name}")
+        optional(f"pymoo.{name}")
         for name in ("algorithms.soo.nonconvex.ga", "core.problem", "problems.static", "operators.mutation.pm")
     )
-    evaluator = need("pymoo.core.evaluator").Evaluator()
+    evaluator = optional("pymoo.core.evaluator").Evaluator()
     box = cores.Problem(n_var=start.shape[1], n_obj=1, xl=0.0, xu=1.0)
     algorithm = algorithms.GA(pop_size=len(start), sampling=start, mutation=mutations.PM(eta=distance))
     algorithm.setup(box, termination=("n_gen", budget), seed=seed, verbose=False)

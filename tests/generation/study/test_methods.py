@@ -13,7 +13,6 @@ from generation.search.method import method, offered
 from generation.search.problem import Problem
 from generation.study.ablations.exclusive import exclusive
 from generation.study.methods import ABLATIONS, METHODS, TRAJECTORIES
-from generation.study.strategies.optional import need
 from schemas.errors import UsageError
 from tests.generation.kinematic import Kinematic
 
@@ -63,8 +62,6 @@ def test_unknown_methods_and_missing_libraries_are_named() -> None:
         UsageError, match=r"no search method 'magic'; methods: quality, conscend, kde, mcsg, mcsg-published, random\b"
     ):
         method("magic")
-    with pytest.raises(UsageError, match=r"needs no_such_library: pip install 'xosc-toolchain\[search\]'"):
-        need("no_such_library.part")
 
 
 def test_the_exclusive_form_pays_a_collision_the_same_whatever_its_risk(problem: Problem) -> None:

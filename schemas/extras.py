@@ -1,0 +1,55 @@
+"""Libraries that come with an extra of the package: what is said where one is missing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from schemas.errors import UsageError
+
+_EXTRAS = {
+    "gymnasium": "gym",
+    "google": "osi",
+    "osi3": "osi",
+    "osi_utilities": "osi",
+    "ray": "ray",
+    "safetensors": "recognition",
+    "sklearn": "recognition",
+    "skops": "recognition",
+    "threadpoolctl": "recognition",
+    "torch": "recognition",
+    "cma": "search",
+    "greenlet": "search",
+    "optuna": "search",
+    "pymoo": "search",
+    "ribs": "search",
+}
+"""The extra that brings a library, by the name that it is imported by."""
+
+
+class MissingExtra(UsageError):
+    """A library is missing that an extra brings; says what to type."""
+
+
+def optional(module: str) -> Any:
+    """A module of a library that an extra brings.
+
+    Raises:
+        MissingExtra: the library is not installed.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        raise missing(error) or error from None
+
+
+def missing(error: BaseException, extra: str | None = None) -> MissingExtra | None:
+    """What an error means where a library is missing that an extra brings; None for all other errors.
+
+    Args:
+        extra: what to install instead of the extra that brings this library alone.
+    """
+    library = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+    if library not in _EXTRAS:
+        return None
+    return MissingExtra(f'{library} is missing; type: pip install "xosc-toolchain[{extra or _EXTRAS[library]}]"')

@@ -1,0 +1,81 @@
+"""Libraries of extras: a missing one is named with the line to type."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from schemas.commands.options import guarded
+from schemas.extras import _EXTRAS, MissingExtra, missing, optional
+from tests.commands import Command
+from tests.runner.files import scenario
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+DISTRIBUTIONS = {"sklearn": "scikit-learn", "osi3": "osi-python", "osi_utilities": "asam-osi-utilities"}
+BROUGHT_ALONG = {"google", "threadpoolctl"}
+"""what these need themselves"""
+
+
+def test_a_module_that_is_there() -> None:
+    assert isinstance(optional("json.decoder"), ModuleType)
+
+
+@pytest.mark.parametrize("library", _EXTRAS)
+def test_a_missing_library_is_named_with_its_extra(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(MissingExtra, match=rf'{library} is missing; type: pip install "xosc-toolchain\[{_EXTRAS[library]}\]"'):
+        optional(f"{library}.part")
+
+
+def test_other_modules_that_are_missing_are_no_extras() -> None:
+    with pytest.raises(ModuleNotFoundError):
+        optional("no_such_library")
+    assert missing(ModuleNotFoundError("No module named 'x'", name="x")) is None
+    assert missing(ImportError("cannot import name 'y'")) is None
+
+
+def test_extras_are_those_of_the_package() -> None:
+    extras = PROJECT["optional-dependencies"]
+    for library, extra in _EXTRAS.items():
+        if library not in BROUGHT_ALONG:
+            assert any(re.match(rf"{DISTRIBUTIONS.get(library, library)}\b", each) for each in extras[extra]), library
+    core = {re.split(r"[<>=]", each)[0] for each in PROJECT["dependencies"]}
+    assert not core & {DISTRIBUTIONS.get(library, library) for library in _EXTRAS}
+    (everything,) = extras["all"]
+    assert set(re.findall(r"\w+", everything)) >= set(_EXTRAS.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "library", "extra"),
+    [
+        (["--sut", "bridge"], "osi3", "osi"),
+        (["--osi", "trace.osi"], "osi_utilities", "osi"),
+        (["--ray", "local"], "ray", "ray"),
+    ],
+)
+def test_a_command_says_what_to_type(
+    arguments: list[str], library: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, library, None)
+    for part in [each for each in sys.modules if each.startswith(f"{library}.")]:
+        monkeypatch.delitem(sys.modules, part)
+    answer = command("xosc-run", *arguments, scenario(tmp_path))
+    assert answer.code in (2, 5)
+    assert f'{library} is missing; type: pip install "xosc-toolchain[{extra}]"' in answer.err
+    assert len(answer.err.splitlines()) == 1
+
+
+def test_a_command_that_needs_a_whole_extra_names_that(capsys: pytest.CaptureFixture[str]) -> None:
+    def app() -> None:
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+    with pytest.raises(SystemExit) as end:
+        guarded("xosc-generate", app, extra="search")
+    assert end.value.code == 2
+    assert capsys.readouterr().err == 'xosc-generate: torch is missing; type: pip install "xosc-toolchain[search]"\n'
