@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -18,11 +19,14 @@ from generation.density.prior import Prior
 from generation.density.recorded_prior import Box, RecordedPrior
 from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
+from generation.logical.pair_units import PairUnits
+from generation.logical.pairs import PAIRS
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract
+from recognition.maneuvers.units.pairs import pairs
 from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
+from xodr.array_types import BoolArray, FloatArray, IntArray
 from xosc.node import Node
 from xosc.tags import PREFIX
 
@@ -46,6 +50,7 @@ class Recorded(NamedTuple):
         marginals: densities of those of which nothing is recorded; their columns of `theta` are drawn.
         kind: of the units; empty where they are of several or none.
         exposure: of the recordings, by their names; none where it is not known.
+        pairs: what two adversaries did, where the rows are such pairs.
     """
 
     theta: FloatArray
@@ -56,6 +61,7 @@ class Recorded(NamedTuple):
     marginals: Mapping[str, Marginal] = MappingProxyType({})
     kind: str = ""
     exposure: Mapping[str, Exposure] = MappingProxyType({})
+    pairs: PairUnits | None = None
 
     def prior(self, space: Space, density: str) -> Prior:
         """What they say of a space.
@@ -69,9 +75,18 @@ class Recorded(NamedTuple):
         if len(self.marginals) == len(space.names):
             return self._stated(space, space.admits)
         told = self.recorded_prior(space, density)
-        if not self.marginals and space.constraints is None:
+        if not self.marginals and space.constraints is None and self.pairs is None:
             return told
-        return JointPrior(space.names, (told, self._stated(space)), space.admits)
+        parts = (told, self._stated(space)) if self.marginals or self.pairs is None else (told,)
+        return JointPrior(space.names, parts, partial(self._admitted, space))
+
+    def _admitted(self, space: Space, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that keep the scenario's constraints, with nobody driving through another one: (n,)."""
+        found = space.admits(theta)
+        if self.pairs is not None:
+            pinned = {name: np.full(len(theta), float(value)) for name, value in space.pinned.items()}
+            found = found & self.pairs.apart({**pinned, **space.by_name(theta)})
+        return found
 
     def recorded_prior(self, space: Space, density: str) -> RecordedPrior:
         """What they say of those of a space's parameters that are recorded."""
@@ -131,8 +146,8 @@ class Scenario(NamedTuple):
         return Recorded(self.recorded.theta[:, columns], self.recorded.recordings, None, values, roles_of(self.names))
 
 
-def of_recordings(path: Path | None, kind: str) -> Samples:
-    """Units of a kind.
+def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
+    """Units of a kind, or pairs of units.
 
     Args:
         path: recordings, or a table of units that `recognition.maneuvers.units.Samples` wrote; None for those of our own
@@ -142,12 +157,20 @@ def of_recordings(path: Path | None, kind: str) -> Samples:
         UsageError: there is no such kind, or the recordings have no units.
         InvalidFile: a file is malformed.
     """
-    if kind not in KINDS:
-        raise UsageError(f"there are no units of the kind {kind!r}; kinds: {', '.join(KINDS)}")
+    if kind not in (*KINDS, *PAIRS):
+        raise UsageError(f"there are no units of the kind {kind!r}; kinds: {', '.join((*KINDS, *PAIRS))}")
+    samples = _units(path)
+    if kind in KINDS:
+        return samples.of_kind(kind)
+    pair = PAIRS[kind]
+    return PairUnits(pair, pairs(samples, pair.first.kind, pair.second.kind))
+
+
+def _units(path: Path | None) -> Samples:
     if path is None or Samples.claims(path):
-        return Samples.read(path or OWN).of_kind(kind)
+        return Samples.read(path or OWN)
     with tempfile.TemporaryDirectory() as roads:
-        return extract(path, roads).of_kind(kind)
+        return extract(path, roads)
 
 
 def kind_of(scenario: Path) -> str:
@@ -158,22 +181,24 @@ def kind_of(scenario: Path) -> str:
     """
     if not scenario.is_file():
         raise UsageError("no such file", path=scenario)
-    found = next((each.kind for name, each in MANEUVERS.items() if scenario.stem.startswith(f"{name}_")), None)
+    kinds = {**{name: name for name in PAIRS}, **{name: each.kind for name, each in MANEUVERS.items()}}
+    found = next((kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None)
     if found is None:
-        names = ", ".join(MANEUVERS)
+        names = ", ".join(kinds)
         raise UsageError(f"its name begins with none of {names}: say by --kind which recorded units are like it", path=scenario)
     return found
 
 
 def of_samples(
-    samples: Samples,
+    samples: Samples | PairUnits,
     space: Space,
     mapped: Mapping[str, Role] = MappingProxyType({}),
     marginals: Mapping[str, Marginal] = MappingProxyType({}),
 ) -> Recorded:
     """The columns of a table that belong to a space: the seven of its actor, and the speed of the one who is not.
 
-    Several actors have the values of as many units, of egos that are about as fast.
+    Two actors of pairs have those of the same pair. Several actors otherwise have the values of as many units, of egos that are
+    about as fast.
 
     Args:
         mapped: roles of parameters whose names don't tell them.
@@ -182,6 +207,8 @@ def of_samples(
     Raises:
         UsageError: recordings have no values of one of the parameters.
     """
+    if isinstance(samples, PairUnits):
+        return _of_pairs(samples, space)
     roles = roles_of([*space.names, *space.pinned], mapped)
     table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds], strict=True))
     units = _units_of_actors(list(dict.fromkeys(each.actor for each in roles.values())), samples.ego_speeds)
@@ -198,6 +225,17 @@ def of_samples(
     kinds = sorted(set(samples.kinds.tolist()))
     kind = kinds[0] if len(kinds) == 1 else ""
     return Recorded(theta, samples.recordings, samples.errors, values, roles, rest, kind, samples.exposure)
+
+
+def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
+    values, recordings = samples.values, samples.units.first.recordings
+    unknown = [name for name in space.names if name not in values]
+    if unknown:
+        raise UsageError(f"recorded pairs have no values of the parameter {unknown[0]}: pin it")
+    kept = samples.apart(values)
+    values = {name: each[kept] for name, each in values.items()}
+    theta = np.stack([values[name] for name in space.names], axis=1)
+    return Recorded(theta, recordings[kept], None, values, samples.roles, pairs=samples)
 
 
 def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, IntArray]:

@@ -14,6 +14,8 @@ from generation.logical.geometries import GEOMETRIES
 from generation.logical.header import AUTHOR, header
 from generation.logical.maneuver_scenario import ManeuverScenario
 from generation.logical.maneuvers import MANEUVERS
+from generation.logical.pair_scenario import PairScenario
+from generation.logical.pairs import PAIRS
 from generation.logical.roads import write_roads
 from xosc.distributions import (
     Deterministic,
@@ -24,6 +26,8 @@ from xosc.distributions import (
 
 SCENARIOS = Path(xosc.__file__).parent / "library"
 ROADS = Path(xodr.__file__).parent / "library"
+Made = ManeuverScenario | EncounterScenario | PairScenario
+"""Scenarios that are made from tables."""
 
 
 def maneuver_scenarios() -> Iterator[tuple[str, ManeuverScenario]]:
@@ -33,6 +37,12 @@ def maneuver_scenarios() -> Iterator[tuple[str, ManeuverScenario]]:
             geometry = GEOMETRIES[where]
             file = f"{name}_{'highway' if geometry.is_motorway else where}"
             yield file, ManeuverScenario(file, name.replace("_", " "), maneuver, geometry)
+
+
+def pair_scenarios() -> Iterator[tuple[str, PairScenario]]:
+    """Both adversaries of each pair at once, on a motorway, with the name of its file."""
+    for name, pair in PAIRS.items():
+        yield f"{name}_highway", PairScenario(f"{name}_highway", pair)
 
 
 def encounter_scenarios(roads: Path = ROADS) -> Iterator[tuple[str, EncounterScenario]]:
@@ -45,16 +55,22 @@ def encounter_scenarios(roads: Path = ROADS) -> Iterator[tuple[str, EncounterSce
 def write(scenarios: Path = SCENARIOS, roads: Path = ROADS) -> list[Path]:
     """Write the files into two folders that stand to each other as those of the library do; their paths."""
     written = [*write_roads(roads, AUTHOR), *write_catalogs(scenarios)]
-    made: list[tuple[str, ManeuverScenario | EncounterScenario]] = [*maneuver_scenarios(), *encounter_scenarios(roads)]
+    made: list[tuple[str, Made]] = [*maneuver_scenarios(), *encounter_scenarios(roads), *pair_scenarios()]
     for name, scenario in made:
         path = scenarios / f"{name}.xosc"
-        file = scenario.geometry.file if isinstance(scenario, ManeuverScenario) else scenario.encounter.file
-        xosc.write(scenario.document(path, f"../../xodr/library/{file}.xodr"), path)
+        xosc.write(scenario.document(path, f"../../xodr/library/{_road(scenario)}.xodr"), path)
         written += [path, _variation(scenario, scenarios)]
     return written
 
 
-def _variation(scenario: ManeuverScenario | EncounterScenario, folder: Path) -> Path:
+def _road(scenario: Made) -> str:
+    """Name of the road's file."""
+    if isinstance(scenario, PairScenario):
+        return scenario.file
+    return scenario.geometry.file if isinstance(scenario, ManeuverScenario) else scenario.encounter.file
+
+
+def _variation(scenario: Made, folder: Path) -> Path:
     """One value, for a first run."""
     name, (parameter, value) = scenario.name, next(iter(scenario.defaults().items()))
     values = DeterministicSingleParameterDistribution(parameter, DistributionSet((repr(value),)))

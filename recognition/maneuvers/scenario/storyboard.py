@@ -49,6 +49,15 @@ def events(
     return [maneuvers.event(change, actions, start), maneuvers.event(settle, [settled], changed)]
 
 
+def changed(change: str, after: str) -> Condition:
+    """That an event has been complete for a time.
+
+    Args:
+        change: its name. after: the time, s; a parameter, or an expression in ${ }.
+    """
+    return replace(maneuvers.element_state("event", change, "completeState"), delay=after)
+
+
 def ends(change: str, parameters: Mapping[str, str]) -> list[list[Condition]]:
     """The scene's ends: the rest time after the change, or when the gap never came.
 
@@ -56,6 +65,5 @@ def ends(change: str, parameters: Mapping[str, str]) -> list[list[Condition]]:
         change: name of the event.
         parameters: terms by role.
     """
-    done = maneuvers.element_state("event", change, "completeState")
     times = " + ".join(parameters[role] for role in ("start_time", "duration", "rest_time"))
-    return [[replace(done, delay=parameters["rest_time"])], [maneuvers.simulation_time(f"${{{times} + {_PATIENCE}}}")]]
+    return [[changed(change, parameters["rest_time"])], [maneuvers.simulation_time(f"${{{times} + {_PATIENCE}}}")]]

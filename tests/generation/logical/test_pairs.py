@@ -1,0 +1,128 @@
+"""Two adversaries at once: recorded pairs, their scenarios, and what they do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runner
+import schemas
+from generation.logical.library import SCENARIOS, pair_scenarios
+from generation.logical.pair_scenario import LEAD_IN
+from generation.logical.pair_units import PairUnits
+from generation.outcomes.evaluator import Evaluator
+from generation.recorded import kind_of, of_recordings, of_samples
+from generation.search.space import Space
+from generation.study.pairs import Coordinated, acting_alone
+from generation.twin.episodes import Twin
+from recognition.maneuvers.units import OWN, Samples
+from recognition.maneuvers.units.pairs import MOST_LAG, pairs
+from runner.settings import RunSettings
+from schemas.errors import UsageError
+
+NAMES = [name for name, _ in pair_scenarios()]
+
+
+def path_of(name: str) -> Path:
+    return SCENARIOS / f"{name}.xosc"
+
+
+def unit_table(rows: list[tuple[str, str, str, float, float]]) -> Samples:
+    """Units of kinds, actors, others, at times and with gaps; all are 4 s long, at 20 m/s around an ego at 25 m/s."""
+    n = len(rows)
+    kinds, actors, others, times, gaps = (np.array(column) for column in zip(*rows, strict=True))
+    theta = np.tile([0.0, 20.0, 1.0, 20.0, 4.0, 20.0, 2.0], (n, 1))
+    theta[:, 0] = gaps
+    return Samples(theta, np.array(["a"] * n), kinds, actors, others, times, np.full(n, 25.0), np.zeros((n, 2)))
+
+
+def test_units_at_a_time_around_one_ego_are_pairs() -> None:
+    table = unit_table([
+        ("cut_in", "c", "e", 10.0, 10.0),
+        ("braking", "l", "e", 11.0, 40.0),  # a pair
+        ("braking", "m", "c", 12.0, 30.0),  # a pair: the one who cuts in is between by then
+        ("braking", "n", "e", 15.0, 40.0),  # later
+        ("braking", "o", "f", 11.0, 40.0),  # around another one
+        ("braking", "p", "e", 11.0, 8.0),  # where the one who cuts in is
+        ("braking", "c", "e", 11.0, 40.0),  # the same actor
+    ])  # fmt: skip
+    found = pairs(table, "cut_in", "braking")
+    assert found.first.actors.tolist() == ["c", "c"]
+    assert found.second.actors.tolist() == ["l", "m"]
+    np.testing.assert_allclose(found.lag, [1.0, 2.0])
+    np.testing.assert_allclose(found.ahead, [40.0 + 5.0 * 1.0 - 10.0 - 4.5, 30.0])
+
+
+def test_no_two_actors_have_the_same_unit() -> None:
+    found = pairs(Samples.read(OWN), "cut_in", "cut_in")
+    assert len(found) > 50
+    assert (found.first.actors != found.second.actors).all()
+    assert (found.first.recordings == found.second.recordings).all()
+    assert (np.abs(found.lag) < MOST_LAG).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_recorded_pairs_fill_a_space_and_its_prior_lets_nobody_drive_through_another(name: str) -> None:
+    units = of_recordings(None, kind_of(path_of(name)))
+    assert isinstance(units, PairUnits)
+    space = Space.of(path_of(name))
+    recorded = of_samples(units, space)
+    prior = recorded.prior(space, "mixture")
+    drawn = prior.sample(50, np.random.default_rng(0))
+    assert units.apart(space.by_name(drawn)).all()
+    assert prior.foreseeable(drawn).mean() > 0.9
+    begin = space.names.index(next(each for each in space.names if each.endswith("Begin_s")))
+    assert (np.abs(drawn[:, begin] - LEAD_IN) <= MOST_LAG).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_twin_plays_both_as_the_interpreter_does(name: str) -> None:
+    space = Space.of(path_of(name))
+    recorded = of_samples(of_recordings(None, kind_of(path_of(name))), space).within(space)
+    theta = recorded.theta[:8]
+    with Evaluator(path_of(name), space, run=RunSettings(world="kinematic"), processes=1) as evaluate:
+        real = evaluate(theta)
+    played = Twin(path_of(name), space)(theta)
+    np.testing.assert_array_equal(played.collision, real.collision)
+    np.testing.assert_allclose(played.end_time, real.end_time, atol=1e-6)
+    np.testing.assert_allclose(played.max_drac, real.max_drac, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gaps_are_those_of_the_parameters_when_the_first_one_begins(name: str) -> None:
+    result = runner.run(path_of(name), sut=None, world="kinematic")
+    tracks = [track.columns for track in result.recording.tracks.values()]
+    row = round(LEAD_IN / 0.05)
+    places = [track["s"][row] for track in tracks]
+    np.testing.assert_allclose(np.diff(places), [15.0 + 4.5, 15.0 + 4.5], atol=1e-6)
+
+
+def test_one_who_acts_alone_leaves_the_other_one_where_it_is(tmp_path: Path) -> None:
+    alone = acting_alone(path_of(NAMES[0]), tmp_path)
+    assert list(alone) == ["CutIn", "Lead"]
+    for name, path in alone.items():
+        assert schemas.check(path) == []
+        recording = runner.run(path, sut=None, world="kinematic").recording
+        other = next(each for each in alone if each != name)
+        assert np.ptp(recording.tracks[other].columns["t"]) == 0.0
+        assert np.ptp(recording.tracks[other].columns["speed"]) == 0.0
+        assert np.ptp(recording.tracks[name].columns["speed"]) > 0.0
+
+
+def test_only_what_needs_both_counts(tmp_path: Path) -> None:
+    space = Space.of(path_of(NAMES[0]))
+    alone = {name: Twin(path, space) for name, path in acting_alone(path_of(NAMES[0]), tmp_path).items()}
+    twin = Twin(path_of(NAMES[0]), space)
+    theta = space.draw(300, np.random.default_rng(3))
+    every = twin(theta).collision
+    counted = Coordinated(twin, alone)(theta).collision
+    single = np.any([plays(theta).collision for plays in alone.values()], axis=0)
+    assert every.any()
+    np.testing.assert_array_equal(counted, every & ~single)
+
+
+def test_other_scenarios_have_no_two_adversaries(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no scenario of two adversaries"):
+        acting_alone(SCENARIOS / "cut_in_highway.xosc", tmp_path)
