@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from torch import Tensor
+
+
+class Sizes(Protocol):
+    """Sizes of a transformer: dim of the tokens and features, depth in blocks, attention heads."""
+
+    @property
+    def dim(self) -> int: ...
+    @property
+    def depth(self) -> int: ...
+    @property
+    def heads(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -47,6 +58,26 @@ class Architecture:
         return cells.unflatten(5, (columns, -1)).unflatten(4, (rows, -1)).permute(0, 1, 4, 6, 2, 3, 5, 7)
 
 
+@dataclass(frozen=True)
+class TokenArchitecture:
+    """A transformer over participants and times.
+
+    Attributes:
+        dim, depth, heads: size of the tokens and of the features, number of blocks, attention heads.
+        patch: frames of one participant that make one token. frame: size of what is made of a single frame first.
+    """
+
+    dim: int = 128
+    depth: int = 3
+    heads: int = 4
+    patch: int = 4
+    frame: int = 48
+
+    def __post_init__(self) -> None:
+        if min(self.dim, self.depth, self.heads, self.patch, self.frame) < 1 or self.dim % self.heads:
+            raise UsageError("sizes of an encoder are positive, and dim a multiple of heads")
+
+
 class Schedule(NamedTuple):
     """How long and how fast to train: AdamW with a linear warm-up over the first tenth and a cosine decay to zero.
 
@@ -64,7 +95,7 @@ class Schedule(NamedTuple):
 class Preset(NamedTuple):
     """An architecture and the schedules of its two trainings."""
 
-    architecture: Architecture
+    architecture: Architecture | TokenArchitecture
     pretraining: Schedule
     finetuning: Schedule
 
@@ -73,10 +104,12 @@ _CPU = Preset(
     Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"), Schedule(1, 256, 1e-3), Schedule(8, 64, 1e-3)
 )
 PRESETS: dict[str, Preset] = {
+    "tokens": Preset(TokenArchitecture(dim=96, depth=2), Schedule(2, 128, 1e-3), Schedule(6, 96, 1.5e-3)),
     "cpu": _CPU,
     "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
 }
-"""`cpu` trains at paper scale in minutes on two cores, `full` has the size of the publication and wants a GPU."""
+"""`tokens` is what ships. The others read occupancy grids: `cpu` trains at paper scale in minutes on two cores, `full` has the
+size of the publication and wants a GPU."""
 
 
 def preset(name: str, presets: Mapping[str, Preset] = PRESETS) -> Preset:

@@ -8,7 +8,6 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from recognition.encoder.augmentation import augmented
 from recognition.encoder.config import Schedule
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import Progress, deterministic, device, train
@@ -21,7 +20,8 @@ _SMOOTHING = 0.05
 def finetune(encoder: Encoder, windows: Windows, schedule: Schedule, seed: int, progress: Progress | None = None) -> Encoder:
     """A copy of the encoder, trained with a new head to tell the classes of the windows apart.
 
-    Cross-entropy with label smoothing, over augmented windows; rare classes weigh as much as frequent ones.
+    Cross-entropy with label smoothing, over augmented windows; those of rare classes weigh more, by the root of how rare they
+    are.
 
     Raises:
         UsageError: a window has no label, or there are too few.
@@ -30,7 +30,7 @@ def finetune(encoder: Encoder, windows: Windows, schedule: Schedule, seed: int, 
         raise UsageError("fine-tuning needs windows that all have labels")
     classes, counts = np.unique(windows.labels, return_counts=True)
     truth = torch.from_numpy(np.searchsorted(classes, windows.labels))
-    weights = torch.from_numpy((counts.mean() / counts).astype(np.float32))
+    weights = torch.from_numpy(np.sqrt(counts.mean() / counts).astype(np.float32))
     with deterministic(seed):
         tuned = deepcopy(encoder)
         tuned.set_classes(classes.tolist())
@@ -38,9 +38,9 @@ def finetune(encoder: Encoder, windows: Windows, schedule: Schedule, seed: int, 
         tuned.to(where)
         truth, weights = truth.to(where), weights.to(where)
 
-        def loss(grids: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
-            logits = tuned.logits(augmented(grids)).float()
+        def loss(inputs: torch.Tensor, chosen: torch.Tensor) -> torch.Tensor:
+            logits = tuned.logits(tuned.augmented(inputs)).float()
             return F.cross_entropy(logits, truth[chosen.to(where)], weights, label_smoothing=_SMOOTHING)
 
-        train(tuned, windows.grids, schedule, loss, progress)
+        train(tuned, windows.inputs, schedule, loss, progress)
     return tuned

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from itertools import permutations
+from typing import Any
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from recognition.encoder import masking
 from recognition.encoder.augmentation import augmented
 from recognition.encoder.config import Preset
+from recognition.encoder.grids import GridEncoder
+from recognition.encoder.kinds import untrained
 from recognition.encoder.model import Encoder
+from recognition.encoder.tokens import TokenEncoder
 from recognition.encoder.training import Progress, deterministic, device, train
-from recognition.grids import Grid
+from recognition.training.views import View
 from recognition.training.windows import Windows
 from schemas.errors import UsageError
 
@@ -25,12 +30,12 @@ _OFF_DIAGONAL = 5e-3
 class FrameOrder(nn.Module):
     """Which permutation of the frames a window was shown in: cross-entropy over all of them (Misra et al., ECCV 2016)."""
 
-    def __init__(self, encoder: Encoder) -> None:
+    def __init__(self, encoder: GridEncoder) -> None:
         super().__init__()
-        self.orders = torch.tensor(list(permutations(range(encoder.grid.frames))))
+        self.orders = torch.tensor(list(permutations(range(encoder.view.frames))))
         self.head = nn.Linear(encoder.architecture.dim, len(self.orders))
 
-    def forward(self, encoder: Encoder, grids: Tensor) -> Tensor:
+    def forward(self, encoder: GridEncoder, grids: Tensor) -> Tensor:
         """Loss of a batch."""
         truth = torch.randint(len(self.orders), (len(grids),))
         order = self.orders[truth].to(grids.device)
@@ -44,14 +49,14 @@ class BarlowTwins(nn.Module):
     L = Σ_i (1 − C_ii)² + λ Σ_{i≠j} C_ij², divided by the number of features, with C the cross-correlation of both views.
     """
 
-    def __init__(self, encoder: Encoder) -> None:
+    def __init__(self, encoder: GridEncoder) -> None:
         super().__init__()
         dim = encoder.architecture.dim
         self.projector = nn.Sequential(
             nn.Linear(dim, _PROJECTED), nn.BatchNorm1d(_PROJECTED), nn.ReLU(), nn.Linear(_PROJECTED, _PROJECTED)
         )
 
-    def forward(self, encoder: Encoder, grids: Tensor) -> Tensor:
+    def forward(self, encoder: GridEncoder, grids: Tensor) -> Tensor:
         """Loss of a batch."""
         both = [self.projector(encoder(augmented(grids))).float() for _ in range(2)]
         one, other = ((view - view.mean(0)) / (view.std(0) + 1e-5) for view in both)
@@ -61,39 +66,47 @@ class BarlowTwins(nn.Module):
         return (((1.0 - same) ** 2).sum() + _OFF_DIAGONAL * redundant) / len(same)
 
 
-OBJECTIVES: dict[str, Callable[[Encoder], nn.Module]] = {"order": FrameOrder, "barlow": BarlowTwins}
+OBJECTIVES: dict[str, Callable[[GridEncoder], nn.Module]] = {"order": FrameOrder, "barlow": BarlowTwins}
+"""Of encoders of grids; those of tokens have `recognition.encoder.masking.OBJECTIVES`."""
 
 
 def pretrain(
     windows: Windows,
     preset: Preset,
-    grid: Grid,
+    view: View,
     seed: int,
-    objectives: Collection[str] = tuple(OBJECTIVES),
+    objectives: Collection[str] | None = None,
     progress: Progress | None = None,
 ) -> Encoder:
     """A new encoder, trained on windows without looking at their labels.
 
     Args:
-        grid: what the windows were rasterised with.
-        objectives: some of `OBJECTIVES`, whose losses are added; none leaves the encoder as it was initialised.
+        view: of the windows.
+        objectives: some of those for the view, whose losses are added; by default all. None of them leaves the encoder as it was
+            initialised.
 
     Raises:
-        UsageError: there are too few windows, their shape is not the grid's, or an objective is unknown.
+        UsageError: there are too few windows, their shape is not the view's, or an objective is unknown.
     """
-    unknown = set(objectives) - set(OBJECTIVES)
-    if unknown:
-        raise UsageError(f"there is no objective {sorted(unknown)[0]!r}; objectives: {', '.join(OBJECTIVES)}")
     with deterministic(seed):
-        encoder = Encoder(preset.architecture, grid)
-        chosen = [OBJECTIVES[name](encoder) for name in OBJECTIVES if name in objectives]
+        encoder = untrained(preset.architecture, view)
+        chosen = [objective(encoder) for objective in _chosen(encoder, objectives)]
         if chosen:
             model = nn.ModuleList([encoder, *chosen]).to(device())
             train(
                 model,
-                windows.grids,
+                windows.inputs,
                 preset.pretraining,
-                lambda grids, _: torch.stack([objective(encoder, grids) for objective in chosen]).sum(),
+                lambda inputs, _: torch.stack([objective(encoder, inputs) for objective in chosen]).sum(),
                 progress,
             )
     return encoder.eval()
+
+
+def _chosen(encoder: Encoder, names: Collection[str] | None) -> list[Callable[[Any], nn.Module]]:
+    """The objectives of these names for an encoder; all for none."""
+    known: Mapping[str, Callable[[Any], nn.Module]] = masking.OBJECTIVES if isinstance(encoder, TokenEncoder) else OBJECTIVES
+    unknown = set(names or ()) - set(known)
+    if unknown:
+        raise UsageError(f"there is no objective {sorted(unknown)[0]!r}; objectives: {', '.join(known)}")
+    return [objective for name, objective in known.items() if names is None or name in names]

@@ -9,15 +9,19 @@ from typing import Any
 
 import torch
 
-from recognition.encoder.config import Architecture
+from recognition.encoder.config import Architecture, Sizes, TokenArchitecture
+from recognition.encoder.kinds import untrained
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import device
 from recognition.grids import Grid
+from recognition.tokens.config import Tokens
+from recognition.training.views import View
 from schemas.errors import InvalidFile, ToolchainError, reason
 from schemas.storage import keep, read_object, writing
 
 _WEIGHTS, _CONFIG = "encoder.safetensors", "encoder.json"
-_FORMAT = "xosc-toolchain encoder 2"
+_FORMAT = "xosc-toolchain encoder 3"
+_TOKENS, _GRIDS = "tokens", "grids"
 Tensors = dict[str, torch.Tensor]
 
 
@@ -31,8 +35,9 @@ def save(encoder: Encoder, folder: Path) -> None:
 
     config = {
         "format": _FORMAT,
-        "architecture": asdict(encoder.architecture),
-        "grid": asdict(encoder.grid),
+        "architecture": vars(encoder.architecture),
+        "reads": _TOKENS if isinstance(encoder.view, Tokens) else _GRIDS,
+        "view": asdict(encoder.view),
         "classes": list(encoder.classes),
     }
     weights = {name: _smallest(value.detach().cpu().contiguous()) for name, value in encoder.state_dict().items()}
@@ -46,7 +51,7 @@ def load(folder: Path, architecture: type[Architecture] = Architecture) -> Encod
 
     Args:
         folder: that `save` wrote into.
-        architecture: class of the encoder's, which says how tokens are cut; the file has its sizes only.
+        architecture: class of an encoder of grids, which says how its patches are cut; the file has its sizes only.
 
     Raises:
         InvalidFile: a file is missing, truncated, or not an encoder's.
@@ -91,16 +96,24 @@ def _untrained(path: Path, weights: Tensors, of: Path, kind: type[Architecture])
     try:
         if config["format"] != _FORMAT:
             raise ValueError(f"its format is {config['format']!r}, {_FORMAT!r} is expected")
-        architecture, grid = kind(**_tuples(config["architecture"])), Grid(**_tuples(config["grid"]))
+        sizes, values = _tuples(config["architecture"]), _tuples(config["view"])
+        architecture: Sizes
+        view: View
+        if config["reads"] == _TOKENS:
+            architecture, view = TokenArchitecture(**sizes), Tokens(**values)
+        elif config["reads"] == _GRIDS:
+            architecture, view = kind(**sizes), Grid(**values)
+        else:
+            raise ValueError(f"it reads {config['reads']!r}, neither {_TOKENS} nor {_GRIDS}")
         classes = [int(label) for label in config["classes"]]
         if architecture.depth > len(weights):
             raise ValueError(f"the {len(weights)} tensors of {of.name} are too few for its {architecture.depth} blocks")
         with torch.device("meta"):
-            shapes = Encoder(architecture, grid, classes).state_dict()
+            shapes = untrained(architecture, view, classes).state_dict()
     except (ArithmeticError, ValueError, TypeError, KeyError, RuntimeError, ToolchainError) as error:
         raise InvalidFile(f"this describes no encoder: {reason(error)}", path=path) from None
     _require_shapes(shapes, weights, of)
-    return Encoder(architecture, grid, classes)
+    return untrained(architecture, view, classes)
 
 
 def _require_shapes(shapes: Tensors, weights: Tensors, path: Path) -> None:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
@@ -58,7 +57,7 @@ def mixed(where: torch.device) -> torch.autocast:
 
 def train(
     model: nn.Module,
-    grids: NDArray[np.uint8],
+    inputs: NDArray[Any],
     schedule: Schedule,
     loss: Callable[[Tensor, Tensor], Tensor],
     progress: Progress | None = None,
@@ -66,23 +65,23 @@ def train(
     """Train a model in place; call it within `deterministic`.
 
     Args:
-        grids: of all windows, uint8 (n, frames, channels, rows, columns).
-        loss: of a batch: its grids, on the model's device, and the numbers of its windows.
+        inputs: of all windows (n, ...).
+        loss: of a batch: its inputs, on the model's device, and the numbers of its windows.
 
     Raises:
         UsageError: there are fewer than two windows.
     """
-    if len(grids) < 2:
-        raise UsageError(f"training needs windows, and there are {len(grids)}")
+    if len(inputs) < 2:
+        raise UsageError(f"training needs windows, and there are {len(inputs)}")
     where = next(model.parameters()).device
-    steps = schedule.epochs * math.ceil(len(grids) / schedule.batch)
+    steps = schedule.epochs * math.ceil(len(inputs) / schedule.batch)
     optimiser = torch.optim.AdamW(_groups(model, schedule.decay), schedule.rate)
     rates = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: _share(step / steps))
     model.train()
     for epoch in range(schedule.epochs):
         total = 0.0
-        for chosen in torch.randperm(len(grids)).tensor_split(steps // schedule.epochs):
-            batch = torch.from_numpy(grids[chosen.numpy()]).to(where, non_blocking=True)
+        for chosen in torch.randperm(len(inputs)).tensor_split(steps // schedule.epochs):
+            batch = torch.from_numpy(inputs[chosen.numpy()]).to(where, non_blocking=True)
             with mixed(where):
                 value = loss(batch, chosen)
             optimiser.zero_grad()
@@ -92,7 +91,7 @@ def train(
             rates.step()
             total += value.item() * len(chosen)
         if progress:
-            progress(epoch + 1, total / len(grids))
+            progress(epoch + 1, total / len(inputs))
     model.eval()
 
 

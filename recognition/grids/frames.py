@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.grids.config import Grid
 from runner.recording import Recording
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
@@ -100,11 +99,11 @@ def ego_rows(frames: Frames, moments: Moments, offsets: Sequence[float]) -> tupl
     return rows, (np.abs(frames.time[rows] - requested) <= _MISSING).all(axis=1)
 
 
-def covered(recording: Recording, moments: Moments, grid: Grid) -> BoolArray:
-    """Whether the ego's track covers each moment's window, but for gaps of a few frames: only such can be rasterised."""
+def covered(recording: Recording, moments: Moments, offsets: Sequence[float]) -> BoolArray:
+    """Whether the ego's track is there at these times (s) about each moment, but for gaps of a few frames."""
     if not moments:
         return np.zeros(0, bool)
-    return ego_rows(frames_of(recording), moments, grid.offsets)[1]
+    return ego_rows(frames_of(recording), moments, offsets)[1]
 
 
 def _number(frames: Frames, ego: str) -> int:

@@ -6,6 +6,7 @@ from functools import partial
 
 from recognition.study.agreement.command import agreement
 from recognition.study.protocol.command import protocol
+from recognition.study.sites import sites
 from schemas.commands.options import Version, guarded, new_app
 
 NAME = "python -m recognition.study"
@@ -20,6 +21,7 @@ def recognition_study(_version: Version = False) -> None:
 
 app.command("protocol")(protocol)
 app.command("agreement")(agreement)
+app.command("sites")(sites)
 
 
 def main() -> None:

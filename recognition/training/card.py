@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from recognition.labels.classes import Label
+from recognition.tokens.config import Tokens
+from recognition.training.agreement import Agreement, table
+from recognition.trfe.titles import title_of
 from schemas.packages import version
 
 if TYPE_CHECKING:
@@ -18,20 +22,26 @@ LIMITS = """\
 - Classes are what the labelling rules take them for: the rates tell how far the model agrees with the rules, on recordings like
   those that trained it. With other traffic, sensors or maps expect more unknown and more wrong classes; try some before you
   rely on it.
-- Rare classes were trained with as many windows as frequent ones, as far as there were so many. Confidences are shares of
-  votes, no probabilities.
+- Rare classes were trained with few windows. Confidences are shares of votes, no probabilities.
 - It sorts recordings for tests, afterwards. It is not made to decide anything in a vehicle, and where it finds nothing
   critical, that is no evidence of safety."""
+_GOOD = 0.75
+"""Share of agreeing events below which the card says that a class fails"""
 _LICENCE = "Those who trained it decide, as far as the terms of the recordings allow."
 
 
-def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:
-    """What a model was trained on, what it makes of windows of its `parts` that it has not seen, and what it is for; Markdown."""
-    missing = ", ".join(f"{Label(label).title} ({count} windows)" for label, count in sorted(parts.left_out.items()))
+def card_of(model: TRFE, windows: Windows, parts: Split, data: str, unseen: Sequence[Agreement] = ()) -> str:
+    """What a model was trained on, what it makes of windows of its `parts` that it has not seen, and what it is for; Markdown.
+
+    Args:
+        unseen: how it agrees with the rules on recordings of other sites.
+    """
+    missing = ", ".join(f"{title_of(label)} ({count} windows)" for label, count in sorted(parts.left_out.items()))
     paragraphs = [
         "# TRFE model",
         f"Made by xosc-recognize train (xosc-toolchain {version()}) from {data}.\n{_rates(model, windows, parts)}",
         *([f"Too rare to be divided, so not known: {missing}."] if missing else []),
+        *_elsewhere(unseen),
         "## How it decides",
         decision(model),
         "## Limits of use",
@@ -40,6 +50,25 @@ def card_of(model: TRFE, windows: Windows, parts: Split, data: str) -> str:
         _LICENCE,
     ]
     return "\n\n".join(paragraphs) + "\n"
+
+
+def _elsewhere(unseen: Sequence[Agreement]) -> list[str]:
+    """Where it was measured besides, and where it fails."""
+    if not unseen:
+        return []
+    counts: dict[int, tuple[int, int]] = {}
+    for label, events, agreeing in (one for site in unseen for one in site.classes):
+        before = counts.get(label, (0, 0))
+        counts[label] = before[0] + events, before[1] + agreeing
+    poor = [(label, some, good) for label, (some, good) in sorted(counts.items()) if good < _GOOD * some]
+    failing = [f"{title_of(label)} ({good} of {some})" for label, some, good in poor]
+    about = (
+        "Recordings of sites that it was not trained on. Of the rules' events: how many get the rules' class, nothing, unknown, "
+        "or another class. Of windows at a regular stride in which no rule finds anything (quiet): how many are taken for "
+        "nothing or for unknown. Confirmed: of all windows at the stride that get a class, how many the rules give the same."
+    )
+    fails = f"It fails, with less than {_GOOD:.0%} of the rules' events there, at: {', '.join(failing) or 'no class'}."
+    return ["## Sites that it has not seen", about, table(unseen), fails]
 
 
 def decision(model: TRFE) -> str:
@@ -52,9 +81,14 @@ def decision(model: TRFE) -> str:
 
 def scope(model: TRFE) -> str:
     """What a model's windows show, as the first of its limits."""
-    grid = model.encoders[0].grid
-    about = f"{grid.frames} grids of {grid.length:g} m × {grid.width:g} m about one motor vehicle within {grid.span:g} s"
-    return f"- It sees {about} ({', '.join(grid.channels)}): nothing that is farther away, and nothing that takes longer."
+    view = model.encoders[0].view
+    if isinstance(view, Tokens):
+        about = (
+            f"one motor vehicle and the {view.others} others that matter most to it within {view.reach:g} m, for {view.span:g} s"
+        )
+        return f"- It sees {about}, in coordinates of the lanes: no pedestrians, and nothing without a map of the lanes."
+    about = f"{view.frames} grids of {view.length:g} m × {view.width:g} m about one motor vehicle within {view.span:g} s"
+    return f"- It sees {about} ({', '.join(view.channels)}): nothing that is farther away, and nothing that takes longer."
 
 
 def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
@@ -62,7 +96,7 @@ def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
     import numpy as np
 
     test = windows.select(parts.test)
-    found = model.recognise(test.grids)
+    found = model.recognise(test.inputs)
     lines = [
         f"{len(test)} windows of test recordings: {np.mean(found.labels == test.labels):.1%} recognised,"
         f" {np.mean(found.labels == Label.UNKNOWN):.1%} taken for unknown, {np.mean(found.closed == test.labels):.1%} right where"
@@ -74,5 +108,5 @@ def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
     for label in model.known.classes.tolist():
         counts = [str(int((windows.labels[rows] == label).sum())) for rows in parts[:4]]
         own = test.labels == label
-        lines.append(f"| {Label(label).title} | {' | '.join(counts)} | {np.mean(found.labels[own] == label):.1%} |")
+        lines.append(f"| {title_of(label)} | {' | '.join(counts)} | {np.mean(found.labels[own] == label):.1%} |")
     return "\n".join(lines)

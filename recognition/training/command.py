@@ -18,8 +18,8 @@ from schemas.storage import keep
 if TYPE_CHECKING:
     from recognition.encoder.config import Preset
     from recognition.encoder.training import Progress
-    from recognition.grids import Grid
     from recognition.training.splits import Split
+    from recognition.training.views import View
     from recognition.training.windows import Windows
     from recognition.trfe.trfe import TRFE
 
@@ -31,8 +31,17 @@ def train(
     cache: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder that keeps windows made of recordings.  [default: DIR/windows]")
     ] = None,
-    events_per_class: Annotated[int, typer.Option(min=20, metavar="N", help="Most events of each class.")] = 2600,
-    preset: Annotated[str, typer.Option(help="Size and training of the encoder: cpu or full.")] = "cpu",
+    events_per_class: Annotated[int, typer.Option(min=20, metavar="N", help="Most windows of each class.")] = 2600,
+    of_each: Annotated[
+        int, typer.Option("--per-recording", min=1, metavar="N", help="Most windows of each class from one recording.")
+    ] = 60,
+    preset: Annotated[
+        str, typer.Option(help="What the encoder reads, its size and training: tokens, or of grids cpu or full.")
+    ] = "tokens",
+    unseen: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Recordings of other sites, on which the model is measured for its card (repeatable)."),
+    ] = None,
     split_by: Annotated[
         Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
     ] = "recording",
@@ -52,23 +61,33 @@ def train(
 
     Recordings are divided: a part trains, a part calibrates what counts as unknown, a part measures how good the model is.
     """
+    from recognition.encoder.config import TokenArchitecture
     from recognition.encoder.config import preset as preset_of
     from recognition.grids import Grid
+    from recognition.labels import Rules
+    from recognition.tokens.config import Tokens
+    from recognition.training.agreement import agreement, site_windows
     from recognition.training.card import CARD, card_of
     from recognition.training.data import source_of, windows_at
     from recognition.training.splits import split
     from recognition.trfe.storage import save
 
-    chosen, grid = preset_of(preset), Grid()
-    kept = (cache or out / "windows") / f"{source_of(path)}-{events_per_class}"
-    windows = windows_at(path, kept, grid, events_per_class)
+    chosen = preset_of(preset)
+    view = Tokens() if isinstance(chosen.architecture, TokenArchitecture) else Grid()
+    folder = cache or out / "windows"
+    kept = folder / f"{source_of(path)}-{preset}-{of_each}"
+    windows = windows_at(path, kept, view, of_each, background=True)
     parts = split(windows, seed, split_by, events_per_class)
     if not len(parts.labelled):
         raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
-        model = fitted(windows, parts, chosen, grid, seed, forest_samples, progress)
+        model = fitted(windows, parts, chosen, view, seed, forest_samples, progress)
+    elsewhere = [site_windows(one, folder / "roads", view, Rules(signalised=True)) for one in unseen or ()]
+    measured = [agreement(lambda windows: model.recognise(windows.inputs).labels, one) for one in elsewhere]
+    if measured:
+        model.unseen_sites = min(one.agree for one in measured), max(one.wrong + one.nothing for one in measured)
     save(model, out, samples)
-    card = card_of(model, windows, parts, f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}")
+    card = card_of(model, windows, parts, f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}", measured)
     keep(card.encode(), out / CARD)
     if not quiet:
         print(card)
@@ -89,10 +108,10 @@ def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
 
 
 def fitted(
-    windows: Windows, parts: Split, preset: Preset, grid: Grid, seed: int, most: int | None, progress: Progress | None
+    windows: Windows, parts: Split, preset: Preset, view: View, seed: int, most: int | None, progress: Progress | None
 ) -> TRFE:
-    """A model with an encoder pretrained on all windows that train, and fine-tuned on those with labels; its trees learn from at
-    most so many of each class."""
+    """A model with an encoder pretrained on windows of the known classes, then fine-tuned on them with their labels; its trees
+    learn from at most so many of each class."""
     import numpy as np
 
     from recognition.encoder.finetuning import finetune
@@ -102,10 +121,9 @@ def fitted(
     from recognition.trfe.samples import drawn_of_each
     from recognition.trfe.trfe import TRFE
 
-    everything = windows.select(np.sort(np.concatenate([parts.labelled, parts.stream])))
     labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
-    encoder = pretrain(everything, preset, grid, seed, progress=progress)
+    encoder = pretrain(labelled, preset, view, seed, progress=progress)
     tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
     model = TRFE(Config(seed=seed, pretrained=encoder.architecture.dim), (rounded(encoder), rounded(tuned)))
     labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
-    return model.fit(labelled.grids, labelled.labels, held.grids, held.labels)
+    return model.fit(labelled.inputs, labelled.labels, held.inputs, held.labels)

@@ -12,6 +12,8 @@ Features = NDArray[np.float32]
 
 UNKNOWN = 0
 """Label of what belongs to no known class; the same as `recognition.labels.Label.UNKNOWN`."""
+BACKGROUND = 100
+"""Label of windows in which nothing happens that a class is for; a known class to the model, and nothing to be found."""
 
 
 def matrix(features: ArrayLike, width: int | None = None, least: int = 0) -> Features:

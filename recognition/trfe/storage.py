@@ -71,7 +71,8 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     }
     if model.buffer.inputs is not None:
         arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
-    about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config)})}
+    stated = {"unseen_sites": dict(zip(("agree", "wrong"), model.unseen_sites, strict=True))} if model.unseen_sites else {}
+    about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config), **stated})}
     with writing("the model", folder):
         keep(safetensors.save({name: np.asarray(value, order="C") for name, value in arrays.items()}, about), folder / _MODEL)
         skops.io.dump(known.forest.trees, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
@@ -87,11 +88,12 @@ def load(folder: Path) -> TRFE:
     Raises:
         InvalidFile: a file is missing, truncated, not such a model's, or not to be trusted.
     """
-    config, arrays = _read_model(folder / _MODEL)
+    config, unseen, arrays = _read_model(folder / _MODEL)
     forest = _read_forest(folder / _FOREST)
     encoders = _read_encoders(folder)
     try:
         model = TRFE(config, encoders, _known(config, arrays, forest))
+        model.unseen_sites = unseen
         widths = sum(encoder.architecture.dim for encoder in encoders), model.known.fitted.features.shape[1]
         if encoders and widths[0] != widths[1]:
             raise ValueError(f"its encoders give {widths[0]} features, not {widths[1]}")
@@ -143,7 +145,7 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Kn
     return Known(fitted, calibrating, voting, screening, prototypes)
 
 
-def _read_model(path: Path) -> tuple[Config, Arrays]:
+def _read_model(path: Path) -> tuple[Config, tuple[float, float] | None, Arrays]:
     from safetensors import SafetensorError, safe_open
 
     try:
@@ -152,13 +154,14 @@ def _read_model(path: Path) -> tuple[Config, Arrays]:
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         if about["format"] != _FORMAT:
             raise ValueError(f"its format is {about['format']!r}, {_FORMAT!r} is expected")
-        config = _settings(Config, about["config"])
+        config, stated = _settings(Config, about["config"]), about.get("unseen_sites")
+        unseen = (float(stated["agree"]), float(stated["wrong"])) if stated is not None else None
     except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
         raise InvalidFile(f"this is no model: {reason(error)}", path=path) from None
     for name, value in arrays.items():
         if not np.issubdtype(value.dtype, np.number) or not np.isfinite(value).all():
             raise InvalidFile(f"{name} is not made of finite numbers", path=path)
-    return config, arrays
+    return config, unseen, arrays
 
 
 def _settings(kind: type, values: dict[str, Any]) -> Any:

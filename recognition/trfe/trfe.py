@@ -50,13 +50,15 @@ class TRFE:
 
     Args:
         config: settings.
-        encoders: make features of grids, trained and from now on frozen; without any, only features are taken. Features of
+        encoders: make features of windows, trained and from now on frozen; without any, only features are taken. Features of
             the encoder before fine-tuning, beside those after it, hold what new classes differ in from each other.
         known: what was learnt before.
         steps: the method's own, or others that a study puts in their place.
 
     Attributes:
         buffer: unknown samples that wait.
+        unseen_sites: at sites that it was not trained on, the share of the rules' events that it gives the rules' class, and the
+            share to which it gives another one, on the worst site that was measured; None where none was.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class TRFE:
         self.encoders = tuple(encoders)
         self.steps = steps or Steps()
         self.buffer = Buffer(self.config.preprocessing.capacity)
+        self.unseen_sites: tuple[float, float] | None = None
         self._known = known
 
     @property
@@ -87,7 +90,7 @@ class TRFE:
         """Learn the known classes.
 
         Args:
-            inputs, labels: grids or features (n, …) to fit the forest on, and their classes (n,).
+            inputs, labels: windows or features (n, …) to fit the forest on, and their classes (n,).
             calibration, calibration_labels: other samples of the same classes, best of other recordings, to calibrate the
                 screening on.
 
@@ -99,22 +102,22 @@ class TRFE:
         return self
 
     def encode(self, inputs: ArrayLike) -> Features:
-        """Features (n, d) of grids (n, frames, channels, rows, columns); features stay as they are.
+        """Features (n, d) of windows (n, ...), as the encoders read them; features stay as they are.
 
         Raises:
-            UsageError: neither, or grids without encoders.
+            UsageError: neither, or windows without encoders.
         """
         table = np.asarray(inputs)
-        if table.ndim != 5:
+        if table.ndim == 2:
             return matrix(table)
         if not self.encoders:
-            raise UsageError("this model has no encoder: it takes features, not grids")
+            raise UsageError("this model has no encoder: it takes features, not windows")
         from recognition.encoder.inference import features
 
         return matrix(features(self.encoders, table))
 
     def recognise(self, inputs: ArrayLike) -> Recognition:
-        """The known class of each sample (n, …), grids or features, or that it is unknown."""
+        """The known class of each sample (n, …), windows or features, or that it is unknown."""
         features, known = self.encode(inputs), self.known
         votes = known.forest.vote(features)
         closed, most = known.classes[votes.counts.argmax(axis=1)], votes.counts.max(axis=1)

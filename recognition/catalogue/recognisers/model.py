@@ -7,16 +7,23 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, MODEL, RULES, UNKNOWN, Moment, by_rules
+from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, MODEL, RULES, UNKNOWN, WINDOW, Moment, by_rules
 from recognition.catalogue.recognisers.trust import objection, unseen_sites
-from recognition.grids import covered, rasterise
 from recognition.labels.classes import Event, Label
 from recognition.sites import Site
+from recognition.training.moments import STRIDE, regular
+from recognition.training.views import Inputs, drawn, visible
 from recognition.trfe import storage
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
+from recognition.trfe.samples import BACKGROUND
+from recognition.trfe.titles import title_of
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
 from schemas.errors import UsageError
+
+_DRAWN = 4096
+"""Windows that are drawn at a time"""
+_NOTHING = title_of(BACKGROUND)
 
 
 class ByModel:
@@ -29,10 +36,10 @@ class ByModel:
         stride: time between two moments of one vehicle, s; a rule's event takes the place of the moments about it.
     """
 
-    def __init__(self, model: TRFE, *, sorts: bool, stride: float = 1.0) -> None:
+    def __init__(self, model: TRFE, *, sorts: bool, stride: float = STRIDE) -> None:
         if not model.encoders:
             raise UsageError("this model has no encoder: it can't recognise recordings")
-        self._model, self._grid, self._stride, self._sorts = model, model.encoders[0].grid, stride, sorts
+        self._model, self._view, self._stride, self._sorts = model, model.encoders[0].view, stride, sorts
         self._first = int(model.buffer.keys.max()) + 1 if len(model.buffer) else 0
         """key of the first moment in the buffer; smaller ones are of what waited there before"""
         self._ranges: dict[str, range] = {}
@@ -50,12 +57,11 @@ class ByModel:
     def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
         """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
         candidates = [*map(by_rules, events), *self._regular(recording, events)]
-        inside = covered(recording, [(moment.ego, moment.time) for moment in candidates], self._grid)
+        inside = visible(recording, [(moment.ego, moment.time) for moment in candidates], self._view)
         moments = [moment for moment, usable in zip(candidates, inside, strict=True) if usable]
         self._ranges[name] = range(len(self._seen), len(self._seen) + len(moments))
-        part = max(self._model.buffer.capacity // 2, 1)
-        for start in range(0, len(moments), part):
-            self._recognise(recording, site, moments[start : start + part])
+        for start in range(0, len(moments), _DRAWN):
+            self._draw(recording, site, moments[start : start + _DRAWN])
 
     def moments(self, name: str) -> list[Moment]:
         """The moments of a recording, as what they are known to be once all recordings were looked at."""
@@ -63,7 +69,7 @@ class ByModel:
             self._discover()
             self._finished = True
         labelled = [self._labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]]
-        return [moment for moment in labelled if self._sorts or moment.rule or moment.state != KNOWN]
+        return [one for one in labelled if one.rule or (one.model != _NOTHING and (self._sorts or one.state != KNOWN))]
 
     def keep(self, folder: Path, *, waiting: bool = True) -> None:
         """Write the model as it is now: discovered classes are known to it.
@@ -87,16 +93,21 @@ class ByModel:
         found = []
         for track in recording.tracks.values():
             if track.kind == "vehicle":
-                time, half = track.columns["time"], 0.5 * self._grid.span
-                regular = np.arange(time[0] + half, time[-1] - half, self._stride)
+                times = regular(track.columns["time"], WINDOW, self._stride)
                 busy = np.array(taken.get(track.name, []))
-                free = (np.abs(regular[:, None] - busy) >= 0.5 * self._stride).all(axis=1)
-                found += [Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN) for at in regular[free].tolist()]
+                free = (np.abs(times[:, None] - busy) >= 0.5 * self._stride).all(axis=1)
+                found += [Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN) for at in times[free].tolist()]
         return found
 
-    def _recognise(self, recording: Recording, site: Site, moments: list[Moment]) -> None:
-        grids = rasterise(recording, [(moment.ego, moment.time) for moment in moments], self._grid, site)
-        found = self._model.observe(grids, self._first + len(self._seen) + np.arange(len(moments)))
+    def _draw(self, recording: Recording, site: Site, moments: list[Moment]) -> None:
+        """Draw windows, and recognise no more at a time than fit into the buffer twice."""
+        inputs = drawn(recording, [(moment.ego, moment.time) for moment in moments], self._view, site)
+        part = max(self._model.buffer.capacity // 2, 1)
+        for start in range(0, len(moments), part):
+            self._recognise(inputs[start : start + part], moments[start : start + part])
+
+    def _recognise(self, inputs: Inputs, moments: list[Moment]) -> None:
+        found = self._model.observe(inputs, self._first + len(self._seen) + np.arange(len(moments)))
         names = [title_of(int(label)) for label in found.closed]
         shares = found.confidence.tolist()
         self._seen += (
@@ -126,11 +137,6 @@ class ByModel:
             return moment
         state = UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
         return replace(moment, title=title_of(label), state=state)
-
-
-def title_of(label: int) -> str:
-    """Name of a class of a model."""
-    return f"discovered {label - FIRST_DISCOVERED + 1:02d}" if label >= FIRST_DISCOVERED else Label(label).title
 
 
 def load(folder: Path, *, sorts: bool | None = None) -> ByModel:

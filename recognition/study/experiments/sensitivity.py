@@ -51,6 +51,6 @@ def measure_probe(trial: Trial, grid: Grid) -> dict[str, Any]:
     labels, tested = trial.windows.labels[training], trial.test
     found = {"features": probe(trial.encoded[training], labels, tested.features, tested.labels)}
     if "speed" in grid.channels:
-        fitted, judged = (speed_code(trial.windows.grids[rows], grid) for rows in (training, tested.rows))
+        fitted, judged = (speed_code(trial.windows.inputs[rows], grid) for rows in (training, tested.rows))
         found["speed"] = probe(fitted, labels, judged, tested.labels)
     return found

@@ -22,6 +22,7 @@ class RowTokens(Architecture):
 
 
 _CPU = PRODUCT["cpu"]
+assert isinstance(_CPU.architecture, Architecture)
 _CELLS = replace(_CPU.architecture, front="cells")
 PRESETS: dict[str, Preset] = {
     **PRODUCT,

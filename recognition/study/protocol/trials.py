@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.encoder.config import Preset, Schedule
+from recognition.encoder.config import Architecture, Preset, Schedule
 from recognition.grids import Grid
 from recognition.study.baselines.clustering.pool import Pool
 from recognition.study.protocol.pixels import pixel_features
-from recognition.study.protocol.rounds import STEP, Round
+from recognition.study.protocol.rounds import FIRST, STEP, Round
 from recognition.study.strategies import grow_plain
 from recognition.training.splits import Split
 from recognition.training.windows import Windows
@@ -30,8 +30,6 @@ from xodr.array_types import IntArray
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
 
-_PRETRAINED = Round(0, (), ())
-"""Before the first round: the encoder is only pretrained."""
 _PRETRAINING, _FINETUNING = 100, 300
 """Fewest steps of each training of the encoder."""
 MOST_FITTED = 400
@@ -114,7 +112,7 @@ class Trial:
     def pool(self) -> Pool:
         """The same for clustering methods."""
         new, known = self.appearing, self.labelled
-        return Pool(new.features, self.windows.grids[new.rows], known.features, known.labels, len(self.round.new))
+        return Pool(new.features, self.windows.inputs[new.rows], known.features, known.labels, len(self.round.new))
 
     @property
     def config(self) -> Config:
@@ -143,9 +141,9 @@ class Trial:
 class Trials:
     """Makes trials; encoders and features are made once and kept in a folder.
 
-    One encoder is pretrained for each seed on all training windows, without labels. In each round it is fine-tuned further,
-    from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods share its features,
-    with those that it had before fine-tuning beside them.
+    One encoder is pretrained for each seed on training windows of the first known classes, without labels. In each round it is
+    fine-tuned further, from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods
+    share its features, with those that it had before fine-tuning beside them.
 
     Attributes:
         windows: all of them. grid: theirs. cache: the folder.
@@ -160,7 +158,8 @@ class Trials:
     def trial(self, split: Split, round_: Round, seed: int) -> Trial:
         """The trial of a round of a seed."""
         rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
-        parts = [self._features(rows, split, one, seed) for one in ((_PRETRAINED, round_) if self.preset else (_PRETRAINED,))]
+        before = _before_all(round_)
+        parts = [self._features(rows, split, one, seed) for one in ((before, round_) if self.preset else (before,))]
         features = np.concatenate(parts, axis=1)
         encoded = np.zeros((len(self.windows), features.shape[1]), dtype=np.float32)
         encoded[rows] = features
@@ -181,7 +180,7 @@ class Trials:
 
         if self.preset is None:
             training = np.sort(np.concatenate([split.labelled, split.stream]))
-            return pixel_features(self.windows.grids[training], self.windows.grids[rows], seed)
+            return pixel_features(self.windows.inputs[training], self.windows.inputs[rows], seed)
         return features(self._encoder(self.preset, split, round_, seed), self.windows.select(rows))
 
     def _encoder(self, preset: Preset, split: Split, round_: Round, seed: int) -> Encoder:
@@ -192,18 +191,24 @@ class Trials:
 
         place = self.cache / f"seed{seed}" / f"encoder{round_.number}"
         if (place / "encoder.safetensors").exists():
-            return load(place, type(preset.architecture))
+            return load(place, type(preset.architecture) if isinstance(preset.architecture, Architecture) else Architecture)
         if round_.number == 0:
-            training = self.windows.select(np.sort(np.concatenate([split.labelled, split.stream])))
+            rows = np.sort(np.concatenate([split.labelled, split.stream]))
+            training = self.windows.select(rows[np.isin(self.windows.labels[rows], round_.known)])
             longer = _long_enough(preset.pretraining, len(training), _PRETRAINING)
             made = pretrain(training, preset._replace(pretraining=longer), self.grid, seed)
         else:
-            before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _PRETRAINED
+            before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _before_all(round_)
             known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
             longer = _long_enough(preset.finetuning, len(known), _FINETUNING)
             made = finetune(self._encoder(preset, split, before, seed), known, longer, seed)
         save(made, place)
         return made
+
+
+def _before_all(round_: Round) -> Round:
+    """Before the first round the encoder is only pretrained, on the classes that are known then: it has seen no unknown ones."""
+    return Round(0, round_.known[:FIRST], ())
 
 
 def _long_enough(schedule: Schedule, windows: int, steps: int) -> Schedule:

@@ -15,7 +15,7 @@ from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, RULES,
 from recognition.catalogue.recognisers.model import ByModel, title_of
 from recognition.catalogue.recognisers.trust import objection, unseen_sites
 from recognition.encoder.config import Architecture
-from recognition.encoder.model import Encoder
+from recognition.encoder.grids import GridEncoder
 from recognition.grids import Grid
 from recognition.labels import Event, Label
 from recognition.sites import site_at
@@ -68,13 +68,13 @@ class Oracle:
     """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos 3 and 4 unknown, the rest free cruise."""
 
     def __init__(self, promotes: bool = True, capacity: int = 20) -> None:
-        self.encoders = (SimpleNamespace(grid=Grid(channels=("others", "ego"), length=40.0, width=10.0)),)
+        self.encoders = (SimpleNamespace(view=Grid(channels=("others", "ego"), length=40.0, width=10.0)),)
         self.config = SimpleNamespace(preprocessing=SimpleNamespace(neighbours=3))
         self.buffer = Buffer(capacity)
         self.promotes, self.seen, self.rounds = promotes, 0, 0
 
     def observe(self, grids: np.ndarray, keys: np.ndarray) -> SimpleNamespace:
-        assert grids.shape[1:] == self.encoders[0].grid.shape
+        assert grids.shape[1:] == self.encoders[0].view.shape
         labels = np.where(keys % 2 == 0, int(Label.FREE_CRUISE), int(Label.UNKNOWN))
         unknown = labels == Label.UNKNOWN
         self.buffer.add(np.zeros((int(unknown.sum()), 4), np.float32), keys[unknown])
@@ -177,7 +177,7 @@ def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_
 
 
 def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
-    encoder = Encoder(Architecture(8, 1, 2, (4, 8, 8)), Grid(channels=("others", "ego"), length=40.0, width=10.0)).eval()
+    encoder = GridEncoder(Architecture(8, 1, 2, (4, 8, 8)), Grid(channels=("others", "ego"), length=40.0, width=10.0)).eval()
     trfe = TRFE(Config(trees=20, delta=0.5), (encoder,))
     samples = [clouds([1, 2, 9], 60, seed=seed, width=8, apart=20.0) for seed in range(3)]
     known = [(features[truth < 9], truth[truth < 9]) for features, truth in samples]

@@ -14,6 +14,7 @@ import torch
 from recognition.encoder.augmentation import augmented
 from recognition.encoder.config import PRESETS, Architecture, Preset, Schedule, preset
 from recognition.encoder.finetuning import finetune
+from recognition.encoder.grids import GridEncoder
 from recognition.encoder.inference import features, logits
 from recognition.encoder.model import Encoder
 from recognition.encoder.pretraining import FrameOrder, pretrain
@@ -102,7 +103,7 @@ def test_tokens_are_patches_of_one_frame_or_runs_of_its_rows():
     grids = torch.zeros((1, *GRID.shape), dtype=torch.uint8)
     grids[0, 2, 1, 5, 6:8] = 255  # in rows 4–7 and columns 4–7: the second patch of the second of three rows of patches
     for kind in (Architecture, RowTokens):
-        encoder = Encoder(kind(**{**dataclasses.asdict(TINY), "patch": (1, 4, 4)}), GRID)
+        encoder = GridEncoder(kind(**{**dataclasses.asdict(TINY), "patch": (1, 4, 4)}), GRID)
         values = encoder._tokens(grids)
         assert values.shape == (1, 4, 9, 32)
         assert values[0, 2].any(dim=1).nonzero().ravel().tolist() == [4]
@@ -122,13 +123,13 @@ def test_objectives_of_pretraining_can_be_learnt(objective, share):
 
 def test_guessing_the_order_of_frames_is_worth_the_logarithm_of_their_permutations():
     with deterministic(0):
-        encoder = Encoder(TINY, GRID)
-        loss = FrameOrder(encoder)(encoder, torch.from_numpy(windows(64).grids)).item()
+        encoder = GridEncoder(TINY, GRID)
+        loss = FrameOrder(encoder)(encoder, torch.from_numpy(windows(64).inputs)).item()
     assert loss == pytest.approx(np.log(24), rel=0.2)
 
 
 def test_augmentation_keeps_empty_cells_empty_and_moves_by_at_most_a_few():
-    grids = torch.from_numpy(windows(40).grids)
+    grids = torch.from_numpy(windows(40).inputs)
     with deterministic(0):
         changed = augmented(grids)
     assert changed.shape == grids.shape
@@ -144,7 +145,7 @@ def test_features_do_not_depend_on_the_batch(tuned):
     together = features(tuned, data)
     assert together.shape == (300, 16)
     assert together.dtype == np.float32
-    assert np.allclose(features(tuned, data.grids[270:280]), together[270:280], atol=0.05)
+    assert np.allclose(features(tuned, data.inputs[270:280]), together[270:280], atol=0.05)
     assert (features(tuned, data) == together).all()
 
 
@@ -162,7 +163,7 @@ def test_features_do_not_depend_on_the_number_of_threads(tuned):
 def test_encoders_are_read_as_they_were_saved(tuned, tmp_path):
     save(tuned, tmp_path)
     read = load(tmp_path)
-    assert (read.architecture, read.grid, read.classes) == (tuned.architecture, tuned.grid, tuned.classes)
+    assert (read.architecture, read.view, read.classes) == (tuned.architecture, tuned.view, tuned.classes)
     assert (features(read, windows()) == features(tuned, windows())).all()
     save(pretrain(windows(16), SHORT, GRID, 0, ()), tmp_path / "bare")
     assert load(tmp_path / "bare").head is None
@@ -192,7 +193,7 @@ def test_damaged_encoders_give_one_clear_error(tuned, tmp_path, damage):
     elif damage == "other json":
         config.write_text("[1, 2]")
     elif damage == "unknown":
-        config.write_text(json.dumps({**json.loads(config.read_text()), "grid": {"height": 3}}))
+        config.write_text(json.dumps({**json.loads(config.read_text()), "view": {"height": 3}}))
     with pytest.raises(InvalidFile) as error:
         load(tmp_path)
     assert str(tmp_path) in str(error.value)
@@ -204,10 +205,10 @@ def test_wrong_use_is_refused(tuned):
         preset("huge")
     with pytest.raises(UsageError, match="no objective"):
         pretrain(windows(4), SHORT, GRID, 0, ("jigsaw",))
-    with pytest.raises(UsageError, match="reads grids of shape"):
+    with pytest.raises(UsageError, match="reads windows of shape"):
         features(tuned, np.zeros((2, 4, 3, 12, 12), np.uint8))
     with pytest.raises(UsageError, match="no class head"):
-        logits(Encoder(TINY, GRID), windows(4))
+        logits(GridEncoder(TINY, GRID), windows(4))
     with pytest.raises(UsageError, match="all have labels"):
         finetune(tuned, dataclasses.replace(windows(4), labels=np.array([0, 1, 2, 3])), SHORT.finetuning, 0)
     with pytest.raises(UsageError, match="there are 1"):
@@ -225,10 +226,10 @@ def test_the_probe_sees_structure_where_the_speed_tells_nothing(tuned):
     one, other = windows(200, seed=1), windows(200, seed=2)
     assert probe(features(tuned, one), one.labels, features(tuned, other), other.labels) > 0.9
     grid = Grid(24.0, 12.0, 2.0, 1.0, channels=("others", "speed"))  # here the egos' boxes say 63.75 m/s, all of them
-    by_speed = probe(speed_code(one.grids, grid), one.labels, speed_code(other.grids, grid), other.labels)
+    by_speed = probe(speed_code(one.inputs, grid), one.labels, speed_code(other.inputs, grid), other.labels)
     assert by_speed == pytest.approx(1 / 3, abs=0.02)
     with pytest.raises(UsageError, match="channel speed"):
-        speed_code(one.grids, GRID)
+        speed_code(one.inputs, GRID)
 
 
 def test_speeds_are_coded_so_that_a_linear_classifier_tells_ranges_apart():

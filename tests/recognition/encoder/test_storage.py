@@ -12,7 +12,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from recognition.encoder.config import Architecture
-from recognition.encoder.model import Encoder
+from recognition.encoder.kinds import untrained
 from recognition.encoder.storage import load, save
 from recognition.grids import Grid
 from schemas.errors import InvalidFile
@@ -23,7 +23,7 @@ Weights = dict[str, torch.Tensor]
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """The files of an encoder with 2 blocks and 22 tensors of weights."""
-    save(Encoder(Architecture(dim=8, depth=2, heads=2, patch=(4, 32, 20)), Grid(), [1, 3]), tmp_path)
+    save(untrained(Architecture(dim=8, depth=2, heads=2, patch=(4, 32, 20)), Grid(), [1, 3]), tmp_path)
     return tmp_path
 
 
@@ -79,8 +79,8 @@ def test_truncated_files_are_refused(folder: Path, name: str, message: str, shar
         ("architecture", {"dim": "8"}, "not supported between"),
         ("architecture", {"patch": [3, 32, 20]}, "patches of 3 frames do not fit windows of 4"),
         ("architecture", {"wings": 2}, "unexpected keyword argument 'wings'"),
-        ("grid", {"length": 1e12}, "place is of shape"),
-        ("grid", {"length": 1e308, "cell_length": 1e-10}, "cannot convert float infinity"),
+        ("view", {"length": 1e12}, "place is of shape"),
+        ("view", {"length": 1e308, "cell_length": 1e-10}, "cannot convert float infinity"),
     ],
 )
 def test_descriptions_of_other_encoders_are_refused_before_they_take_memory(
@@ -93,7 +93,7 @@ def test_descriptions_of_other_encoders_are_refused_before_they_take_memory(
     assert message in refusal(folder)
 
 
-@pytest.mark.parametrize("missing", ["format", "grid", "classes"])
+@pytest.mark.parametrize("missing", ["format", "view", "reads", "classes"])
 def test_what_a_description_lacks_is_named(folder: Path, missing: str) -> None:
     path = folder / "encoder.json"
     described = json.loads(path.read_text())

@@ -117,7 +117,12 @@ def test_the_road_shows_in_its_channels(tmp_path):
 
 def test_times_that_the_egos_track_does_not_cover_are_refused():
     scene = recording([EGO, Driver("late", start=3.0)])
-    assert covered(scene, [("ego", 2.0), ("ego", 0.0), ("late", 2.0), ("ego", 3.3)], SMALL).tolist() == [True, False, False, True]
+    assert covered(scene, [("ego", 2.0), ("ego", 0.0), ("late", 2.0), ("ego", 3.3)], SMALL.offsets).tolist() == [
+        True,
+        False,
+        False,
+        True,
+    ]
     with pytest.raises(UsageError, match="'late' does not cover"):
         rasterise(scene, [*NOW, ("late", 2.0)], SMALL)
     with pytest.raises(UsageError, match="no track 'nobody'"):
@@ -130,7 +135,7 @@ def test_a_gap_of_a_few_frames_in_the_egos_track_is_bridged_by_the_nearest():
     columns = scene.tracks["ego"].columns
     kept = np.abs(columns["time"] - 1.2) > 1.5 * STEP
     scene.tracks["ego"].columns = {name: values[kept] for name, values in columns.items()}
-    assert covered(scene, NOW, SMALL).all()
+    assert covered(scene, NOW, SMALL.offsets).all()
     assert rasterise(scene, NOW, SMALL)[0, :, 1].any(axis=(1, 2)).all()
 
 

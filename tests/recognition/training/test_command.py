@@ -11,9 +11,9 @@ import pytest
 
 from recognition import cli
 from recognition.catalogue.pipeline import SHIPPED
-from recognition.encoder.config import PRESETS, Architecture, Preset, Schedule
-from recognition.grids import Grid
+from recognition.encoder.config import PRESETS, Preset, Schedule, TokenArchitecture
 from recognition.labels import Label
+from recognition.tokens.config import FEATURES, Tokens
 from recognition.training.card import CARD, LIMITS, decision, scope
 from recognition.training.windows import Windows
 from recognition.trfe.screening.evt import EvtScreening
@@ -28,10 +28,11 @@ def windows(folder: Path, recordings: int = 8, of_each: int = 12) -> Path:
     """Windows of two classes that are told apart by where others are."""
     random = np.random.default_rng(0)
     labels = np.tile(np.repeat(CLASSES, of_each), recordings).astype(np.int64)
-    grids = (random.random((len(labels), *Grid().shape)) < 0.02).astype(np.uint8) * 255
-    grids[labels == Label.CUT_IN, :, 0, 15:25, 60:80] = 255
+    inputs = random.normal(0.0, 0.2, (len(labels), *Tokens().shape)).astype(np.float16)
+    inputs[labels == Label.CUT_IN, 1, :, FEATURES.index("lanes_left")] += 1.0
+    inputs[:, 5:] = np.nan
     names = np.repeat([f"r{number}" for number in range(recordings)], len(CLASSES) * of_each)
-    Windows(grids, labels, names, names, np.arange(len(labels), dtype=float)).save(folder)
+    Windows(inputs, labels, names, names, np.arange(len(labels), dtype=float)).save(folder)
     return folder
 
 
@@ -50,9 +51,10 @@ def delta(model: TRFE) -> float:
 def test_a_model_is_trained_and_recognises(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tiny = Preset(Architecture(dim=32, depth=1, heads=2, patch=(4, 20, 20)), Schedule(1, 64, 1e-3), Schedule(8, 32, 3e-3))
-    monkeypatch.setitem(PRESETS, "cpu", tiny)
-    code = call(monkeypatch, "train", windows(tmp_path / "windows"), "--out", tmp_path / "model", "--events-per-class", 96)
+    tiny = Preset(TokenArchitecture(dim=32, depth=1, heads=2), Schedule(1, 64, 1e-3), Schedule(8, 32, 3e-3))
+    monkeypatch.setitem(PRESETS, "tokens", tiny)
+    given = windows(tmp_path / "windows")
+    code = call(monkeypatch, "train", given, "--out", tmp_path / "model", "--events-per-class", 96)
     assert code == 0
     card = (tmp_path / "model" / "README.md").read_text()
     assert capsys.readouterr().out == card + "\n"
@@ -97,7 +99,7 @@ def test_a_seed_below_zero_is_refused(
 def test_an_interruption_is_said_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("recognition.training.data.windows_at", interrupted)

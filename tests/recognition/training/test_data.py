@@ -28,7 +28,7 @@ def test_recordings_become_windows_of_the_events_that_rules_find(recordings: Pat
     windows = windows_at(recordings, tmp_path / "cache", GRID, None)
     assert set(windows.labels.tolist()) == {Label.FREE_CRUISE}
     assert set(windows.egos.tolist()) == {"1", "2"}
-    assert windows.grids.shape[1:] == GRID.shape
+    assert windows.inputs.shape[1:] == GRID.shape
 
 
 def test_windows_are_made_once(recordings: Path, tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_other_recordings_have_another_digest(recordings: Path) -> None:
     assert source_of(recordings) != before
 
 
-def test_frequent_classes_are_thinned_before_they_are_rasterised(recordings: Path, tmp_path: Path) -> None:
+def test_frequent_classes_are_thinned_before_they_are_drawn(recordings: Path, tmp_path: Path) -> None:
     everything = windows_at(recordings, tmp_path / "all", GRID, None)
     thinned = windows_at(recordings, tmp_path / "few", GRID, 2)
     assert len(thinned) == 2 < len(everything)
@@ -56,7 +56,7 @@ def test_saved_windows_are_taken_as_they_are_if_their_grid_is_right(recordings: 
     windows_at(recordings, tmp_path / "windows", GRID, None)
     assert len(windows_at(tmp_path / "windows", tmp_path / "unused", GRID, None))
     assert not (tmp_path / "unused").exists()
-    with pytest.raises(UsageError, match="not of the grid"):
+    with pytest.raises(UsageError, match="not of the shape"):
         windows_at(tmp_path / "windows", tmp_path / "unused", Grid(), None)
 
 

@@ -27,20 +27,20 @@ def test_events_become_windows_but_for_those_at_the_ends_of_the_egos_track(windo
     assert windows.egos.tolist() == ["a", "b", "b"]
     assert windows.times.tolist() == [1.5, 2.0, 2.5]
     assert set(windows.recordings) == {"r"}
-    assert windows.grids.shape == (3, *GRID.shape)
+    assert windows.inputs.shape == (3, *GRID.shape)
 
 
 def test_no_events_make_no_windows():
     empty = windows_of(recording([Driver("a")]), [], GRID)
     assert len(empty) == 0
-    assert empty.grids.shape == (0, *GRID.shape)
+    assert empty.inputs.shape == (0, *GRID.shape)
 
 
-def test_windows_are_read_as_they_were_saved_and_their_grids_only_when_asked_for(windows, tmp_path):
+def test_windows_are_read_as_they_were_saved_and_their_inputs_only_when_asked_for(windows, tmp_path):
     windows.save(tmp_path / "set")
     read = Windows.load(tmp_path / "set")
-    assert isinstance(read.grids, np.memmap)
-    for name in ("grids", "labels", "recordings", "egos", "times"):
+    assert isinstance(read.inputs, np.memmap)
+    for name in ("inputs", "labels", "recordings", "egos", "times"):
         assert (getattr(read, name) == getattr(windows, name)).all()
         assert getattr(read, name).dtype.kind == getattr(windows, name).dtype.kind
 
@@ -49,23 +49,20 @@ def test_selection_keeps_all_columns_together(windows):
     for chosen in (windows.labels == 17, [2], slice(2, 3), np.array([2])):
         one = windows.select(chosen)
         assert (one.labels.tolist(), one.times.tolist()) == ([17], [2.5])
-        assert (one.grids[0] == windows.grids[2]).all()
+        assert (one.inputs[0] == windows.inputs[2]).all()
 
 
 def test_windows_of_several_recordings_follow_each_other_in_a_folder(windows, tmp_path):
-    store(iter([windows.select([2]), windows]), (4, *GRID.shape), tmp_path)
+    assert store(iter([windows.select([2]), windows]), tmp_path) == 4
     both = Windows.load(tmp_path)
     assert both.labels.tolist() == [17, 3, 0, 17]
-    assert (both.grids[0] == windows.grids[2]).all() and (both.grids[1:] == windows.grids).all()
+    assert (both.inputs[0] == windows.inputs[2]).all() and (both.inputs[1:] == windows.inputs).all()
 
 
-def test_windows_that_are_not_as_many_or_of_another_grid_are_not_stored(windows, tmp_path):
-    with pytest.raises(UsageError, match="3 windows, not 4"):
-        store([windows], (4, *GRID.shape), tmp_path)
-    with pytest.raises(UsageError, match="do not fit after 0"):
-        store([windows], (2, *GRID.shape), tmp_path)
-    with pytest.raises(UsageError, match="do not fit"):
-        store([windows], (3, *Grid(channels=("ego",)).shape), tmp_path)
+def test_windows_of_different_grids_are_not_stored(windows, tmp_path):
+    other = Windows(windows.inputs[:, :, :1], *windows.columns[1:])
+    with pytest.raises(UsageError, match="do not fit after"):
+        store([windows, other], tmp_path)
     with pytest.raises(InvalidFile):
         Windows.load(tmp_path)
 
@@ -74,7 +71,7 @@ def test_windows_that_are_not_as_many_or_of_another_grid_are_not_stored(windows,
 def test_damaged_files_give_one_clear_error(windows, tmp_path, damage):
     if damage != "no folder":
         windows.save(tmp_path)
-    grids, table = tmp_path / "grids.npy", tmp_path / "windows.parquet"
+    grids, table = tmp_path / "inputs.npy", tmp_path / "windows.parquet"
     if damage == "truncated grids":
         grids.write_bytes(grids.read_bytes()[:1000])
     elif damage == "no table":

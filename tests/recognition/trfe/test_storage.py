@@ -18,7 +18,7 @@ from sklearn.ensemble import RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 
 from recognition.encoder.config import Architecture
-from recognition.encoder.model import Encoder
+from recognition.encoder.grids import GridEncoder
 from recognition.grids import Grid
 from recognition.study.strategies import keep_all
 from recognition.trfe.config import Config
@@ -85,7 +85,7 @@ def test_samples_can_be_thinned(model: TRFE, tmp_path: Path) -> None:
 
 
 def test_a_model_with_encoders_for_other_features_is_refused(model: TRFE, tmp_path: Path) -> None:
-    encoder = Encoder(Architecture(dim=8, depth=1, heads=2, patch=(4, 32, 20)), Grid())
+    encoder = GridEncoder(Architecture(dim=8, depth=1, heads=2, patch=(4, 32, 20)), Grid())
     save(TRFE(CONFIG, (encoder,), model.known), tmp_path)
     with pytest.raises(InvalidFile, match=r"its encoders give 8 features, not \d+"):
         load(tmp_path)
