@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 class ConnectTrailerAction(PrivateAction):
     """Puts a trailer's coupler on the actor's hitch; the trailer is moved there where it stands elsewhere."""
 
-    def __init__(self, node: Node, trailer: Entity) -> None:
+    def __init__(self, node: Node, trailer: Entity, lasting: bool) -> None:
         self.node, self.trailer = node, trailer
+        self.lasting = lasting
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> ConnectTrailerAction:
@@ -31,20 +32,31 @@ class ConnectTrailerAction(PrivateAction):
         trailer = context.entity(node, "trailerRef")
         if trailer.declared.coupler is None:
             raise node.invalid(f"{trailer.name!r} has no TrailerCoupler, so it can't be towed")
-        return cls(node, trailer)
+        return cls(node, trailer, next(context.document.node.iter("DisconnectTrailerAction"), None) is None)
 
     def references(self) -> Iterable[Entity]:
         """The trailer."""
         return (self.trailer,)
 
     def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
-        """It has to have a hitch."""
+        """It has to have a hitch, and what is connected from the beginning and never disconnected must not be in the way."""
         if actor.declared.hitch is None:
             raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
+        if self.lasting:
+            self._check_free(actor)
 
     def start(self, actor: Entity, run: Run) -> None:
         """Connect."""
         self.check(actor, None)
+        self._check_free(actor)
+        trailer = self.trailer
+        if actor.controls.trailer is trailer:
+            return
+        run.end_actions(trailer, f"{trailer.name} is towed by {actor.name}")
+        connect(run.roads, actor, trailer)
+
+    def _check_free(self, actor: Entity) -> None:
+        """Neither the hitch nor the coupler may hold another vehicle now."""
         trailer = self.trailer
         if actor.controls.trailer is trailer:
             return
@@ -54,8 +66,6 @@ class ConnectTrailerAction(PrivateAction):
             raise self.node.invalid(f"{trailer.name!r} is towed by {trailer.controls.tractor.name!r} already")
         if actor in train(trailer):
             raise self.node.invalid(f"{trailer.name!r} can't be towed by {actor.name!r}, which it tows itself")
-        run.end_actions(trailer, f"{trailer.name} is towed by {actor.name}")
-        connect(run.roads, actor, trailer)
 
 
 @registry.action("DisconnectTrailerAction")

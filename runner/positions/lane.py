@@ -126,10 +126,8 @@ class _RelativeRoadPosition(Position):
     def along(self, run: Surroundings | None, origin: RoadPoint, ds: float) -> tuple[RoadPoint, bool]:
         """The point on the same lane ds further in s, or at the end of the road, and whether +s is the same direction there."""
         route = self.entity.controls.route
-        found = travel_s(self.network, origin, ds, route.choose if route is not None else self.network.straightest)
-        if found is None:
-            raise self.node.invalid(f"ds={ds:g} leads from {self.entity.name!r} round the whole road network")
-        point, aligned, left = found
+        choose = route.choose if route is not None else self.network.straightest
+        point, aligned, left = travel_s(self.network, origin, ds, choose)
         if left:
             side = "after" if ds > 0.0 else "before"
             text = f"the road ends less than {abs(ds):g} m {side} {self.entity.name!r}; its end is assumed"
@@ -230,16 +228,17 @@ class RelativeLanePosition(_RelativeRoadPosition):
         return point, forward == ahead
 
 
-def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose) -> tuple[RoadPoint, bool, float] | None:
-    """Go ds (m) along the reference lines, following the lane over road borders.
+def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose) -> tuple[RoadPoint, bool, float]:
+    """Go ds (m) along the reference lines, following the lane over road borders, and round as often as it takes.
 
     Returns the centre of the lane there, whether +s is the direction it was at the origin, and the distance (m) that is left
-    where the road ends before; None where the way goes round and round.
+    where the road ends before.
     """
     road, s, lane = network.road(origin.road_id), origin.s, origin.lane_id
     began = forward = ds >= 0.0
     left = abs(ds)
-    for _ in range(len(network.roads) + 1):
+    entered: dict[tuple[str, int, bool], float] = {}
+    while True:
         room = road.length - s if forward else s
         reached = s + left if forward else s - left
         if left <= room + _TOLERANCE:
@@ -253,7 +252,11 @@ def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose)
             return road.lane_point(end, lane), forward == began, left
         road, lane, forward = network.road(link.road_id), link.lane_id, link.at_start
         s = 0.0 if forward else road.length
-    return None
+        before = entered.setdefault((road.id, lane, forward), math.inf)
+        if before <= left:  # a circle of no length
+            return road.lane_point(s, lane), forward == began, left
+        left = math.fmod(left, before - left)
+        entered[road.id, lane, forward] = left
 
 
 def _lane_at(road: Road, start: float, end: float, lane: int) -> int:

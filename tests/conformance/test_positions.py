@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -237,3 +239,23 @@ def test_an_orientation_without_a_type_is_absolute_before_version_1_2(tmp_path: 
         path.write_text(text.replace('revMinor="3"', f'revMinor="{minor}"'))
         columns = track(runner.run(path, sut=None, world="kinematic", max_time=0.1), "Car")
         assert angle(float(columns["h"][0]), heading) < 1e-9
+
+
+def test_ds_goes_round_a_ring_as_often_as_it_takes(tmp_path: Path) -> None:
+    radius = 100.0
+    length = math.tau * radius
+    ring = (SCENARIOS.parent / "roads" / "curve.xodr").read_text(encoding="utf-8").replace('length="300"', f'length="{length}"')
+    around = "".join(
+        f'<{side} elementType="road" elementId="1" contactPoint="{end}"/>'
+        for side, end in (("predecessor", "end"), ("successor", "start"))
+    )
+    ring = ring.replace("    <type ", f"    <link>{around}</link>\n    <type ", 1)
+    lanes = r'<lane id="(-?[1-9])"([^>]*)>\s*<link/>'
+    ring = re.sub(lanes, r'<lane id="\1"\2><link><predecessor id="\1"/><successor id="\1"/></link>', ring)
+    (tmp_path / "ring.xodr").write_text(ring, encoding="utf-8")
+    scenario = SCENARIOS / "RelativeRoadPosition.xosc"
+    for ds in (25.0, -25.0, 3 * length + 25.0, -7 * length + 25.0):
+        options = {"Road": str(tmp_path / "ring.xodr"), "Ds": ds, "Dt": 0}
+        placed = track(runner.run(scenario, parameters=options, world="kinematic", sut=None, max_time=0.02), "Car")
+        origin = track(runner.run(scenario, parameters=options | {"Ds": 0}, world="kinematic", sut=None, max_time=0.02), "Car")
+        assert math.remainder(placed["s"][0] - origin["s"][0] - ds, length) == pytest.approx(0.0, abs=1e-6)

@@ -83,3 +83,25 @@ def test_a_vehicle_without_the_element_around_it_is_a_trailer_with_a_remark(tmp_
     assert remark.startswith(f"{path}:{line}: 'Vehicle': This element is not expected")
     with pytest.raises(InvalidFile, match="valid_schema"):
         runner.run(path, sut=None, world="kinematic", strict=True)
+
+
+@pytest.mark.parametrize("released", [False, True])
+def test_a_second_trailer_is_refused_before_the_run_where_the_first_is_never_disconnected(tmp_path: Path, released: bool) -> None:
+    shutil.copytree(SCENARIOS.parent / "roads", tmp_path / "roads")
+    text = (SCENARIOS / "DisconnectTrailerAction.xosc").read_text(encoding="utf-8")
+    begin, end = text.index('<Trailer name="Trailer">') + len('<Trailer name="Trailer">'), text.index("</Trailer>")
+    second = f'<ScenarioObject name="Second">{text[begin:end]}</ScenarioObject></Entities>'
+    action = '<TrailerAction><ConnectTrailerAction trailerRef="Second"/></TrailerAction></PrivateAction>'
+    text = text.replace("</Entities>", second)
+    if released:
+        text = text.replace("</Event>", f'<Action name="more"><PrivateAction>{action}</Action></Event>', 1)
+    else:
+        text = text.replace("<DisconnectTrailerAction/>", '<ConnectTrailerAction trailerRef="Second"/>')
+    path = tmp_path / "scenarios" / "second.xosc"
+    path.parent.mkdir()
+    path.write_text(text, encoding="utf-8")
+    if released:
+        runner.prepare(path)
+    else:
+        with pytest.raises(InvalidFile, match="'Car' tows 'Trailer' already"):
+            runner.prepare(path)

@@ -121,12 +121,11 @@ def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]
     boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
     known = values(maneuver) | {passive(maneuver): round(maneuver.speed, 3)}
     ahead = known[GAP] - (known[own] - known[mine]) * maneuver.delay + boxes
-    reached = travel_s(network, here, side * ahead, network.straightest)
-    if reached is None or reached[2]:
+    there, aligned, beyond = travel_s(network, here, side * ahead, network.straightest)
+    if beyond:
         raise Unsupported("the road is too short for the speeds before the manoeuvre")
     ds = f"${{{side} * (${GAP} - (${own} - ${mine}) * ${BEGIN} + {boxes})}}"
     lanes = side * (-1 if maneuver.left else 1) if maneuver.kind == "cut_in" else 0
-    there, aligned, _ = reached
     if network.road(there.road_id).lane_beside(there.s, there.lane_id, lanes if aligned else -lanes) is None:
         raise Unsupported("there is no lane beside the ego's where the other one would have to begin")
     return [maneuvers.teleport(maneuvers.relative_lane_position(EGO, lanes, ds)), maneuvers.speed(f"${own}")]
