@@ -26,6 +26,10 @@ _RESERVE = 0.8
 """Share of the braking limit that the gap controller plans with; the rest makes up for its lag."""
 _SAMPLES = 1000
 """Intervals for the mean of a speed that changes its sign."""
+_GENTLE = 0.5
+"""Lateral acceleration of the way back into a lane, m/s²: that of a lane offset that names none"""
+_SLANT = 6.0
+"""Least length of that way, in widths that it goes aside"""
 
 
 def _linear(p: float) -> float:
@@ -192,3 +196,38 @@ def _safe_closing(gap: float, brake: float, slope: float) -> float:
         return slope * gap
     knee = brake / slope
     return math.copysign(math.sqrt(2.0 * brake * far - knee * knee), gap)
+
+
+class Easing:
+    """The way of an entity, whose lane has ended beside another, to its place in that one: a cubic, smooth at both ends.
+
+    Lateral values are to the left of where the entity faces, m.
+
+    Args:
+        place: its offset in lanes.
+        left: where it is in the new lane.
+        slope: how far it goes to the left for each metre, against the new lane; kept where that leads to its place.
+        speed: m/s.
+    """
+
+    __slots__ = ("_aside", "_length", "_way", "left", "place", "slope")
+
+    def __init__(self, place: float, left: float, slope: float, speed: float) -> None:
+        self.place, self.left = place, left
+        self._aside, self._way = left - place, 0.0
+        self._length = max(abs(speed) * math.sqrt(6.0 * abs(self._aside) / _GENTLE), _SLANT * abs(self._aside))
+        steepest = -3.0 * self._aside / self._length  # beyond it the cubic would go past the place
+        self.slope = max(min(slope, max(steepest, 0.0)), min(steepest, 0.0))
+
+    @property
+    def done(self) -> bool:
+        """Whether it is there."""
+        return self._way >= self._length
+
+    def advance(self, distance: float) -> float:
+        """Where it is when it has gone on (m, ≥ 0)."""
+        self._way = min(self._way + distance, self._length)
+        part = self._way / self._length
+        rest = (1.0 - part) ** 2
+        self.left = self.place + self._aside * (1.0 + 2.0 * part) * rest + self.slope * self._way * rest
+        return self.left

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from runner.motion.dynamics import Easing
 from runner.motion.surface import slant
 from xodr.model import RoadPoint
 
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
 _SHARPEST = 1e-3
 """Lower limit of the way per s on the inner side of a curve, beyond whose centre the lane can't be followed."""
+
+
+_MOVED = 1e-6
+"""Distance (m) sideways that is no rounding"""
 
 
 class LaneMotion:
@@ -36,11 +41,15 @@ class LaneMotion:
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move along the lane; the entity's `target_offset`, where set, is reached at the end of the step.
 
-        A lane change is driven at the given speed along its slanting path; a lane offset moves sideways on top.
+        A lane change is driven at the given speed along its slanting path; a lane offset moves sideways on top. Where no action
+        moves it sideways, it comes back to its place in the lane from a lane that has ended.
         """
         road, section, t = entity.road, entity.section, entity.t
         assert road is not None and section is not None
         distance, turn = speed * dt, 0.0
+        steered = entity.controls.target_offset is not None
+        if entity.controls.easing is not None:
+            self._ease(entity, entity.controls.easing, abs(distance))
         if entity.controls.target_offset is not None:
             distance, turn = self._sidestep(entity, distance)
         lane = section.lanes[entity.lane]
@@ -56,7 +65,17 @@ class LaneMotion:
             entity.t = (center(s) if constant is None else constant) + entity.offset
             self._pose(entity, turn)
             return speed
-        return self._cross(entity, distance, turn, dt)
+        return self._cross(entity, distance, turn, dt, steered)
+
+    def _ease(self, entity: Entity, easing: Easing, distance: float) -> None:
+        """Ask for the next offset on the way back into the lane, unless something else has moved it, or is to."""
+        controls = entity.controls
+        if controls.target_offset is not None or abs(entity.offset * entity.direction - easing.left) > _MOVED:
+            controls.easing = None
+            return
+        controls.target_offset, controls.path_compensated = easing.advance(distance) * entity.direction, True
+        if easing.done:
+            controls.easing = None
 
     def _sidestep(self, entity: Entity, distance: float) -> tuple[float, float]:
         """Take the offset asked for: the distance that is left to go along the lane, and the angle of the way to it (rad)."""
@@ -71,7 +90,7 @@ class LaneMotion:
         turn = math.asin(max(-1.0, min(left / distance, 1.0))) if distance and left else 0.0
         return math.copysign(math.sqrt(rest), distance) if rest > 0.0 else 0.0, turn
 
-    def _cross(self, entity: Entity, distance: float, turn: float, dt: float) -> float:
+    def _cross(self, entity: Entity, distance: float, turn: float, dt: float, steered: bool) -> float:
         """Leave the lane section, over section and road borders, or stop at the end of the road."""
         assert entity.road is not None
         backwards = distance < 0.0
@@ -80,11 +99,17 @@ class LaneMotion:
         if entity.controls.route is not None:
             point = self._on_route(point, entity.road, entity.controls.route, forward)
         choose = entity.controls.route.choose if entity.controls.route is not None else None
+        drift, aside = _drift(entity), point.offset * entity.direction
         reached, forward, left = self.network.travel(point, abs(distance), forward, choose)
         entity.road = self.network.road(reached.road_id)
         entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
         entity.section = entity.road.section(entity.s)
         entity.direction = 1 if forward != backwards else -1
+        if not steered and abs(reached.offset * entity.direction - aside) > _MOVED:
+            place = entity.controls.easing.place if entity.controls.easing is not None else aside
+            slope = _drift(entity) - drift if backwards else drift - _drift(entity)
+            easing = entity.controls.easing = Easing(place, reached.offset * entity.direction, slope, distance / dt)
+            turn = math.atan(math.copysign(1.0, distance) * easing.slope)
         if entity.controls.route is not None:
             entity.controls.route.enter(reached.road_id, forward)
         self._pose(entity, turn)
@@ -127,3 +152,10 @@ class LaneMotion:
             relative = self.network.relative(here, there)
             distance = entity.direction * relative.ds if relative is not None else None
         return -distance if distance is not None and entity.speed < 0.0 else distance
+
+
+def _drift(entity: Entity) -> float:
+    """How far (m) the centre of an entity's lane goes to +t with each metre of s."""
+    assert entity.section is not None
+    center = entity.section.lanes[entity.lane].center
+    return center.slope(entity.s) if center.constant is None else 0.0

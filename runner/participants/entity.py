@@ -13,6 +13,7 @@ from runner.participants.declaration import Declaration
 from runner.participants.state import EntityState
 
 if TYPE_CHECKING:
+    from runner.motion.dynamics import Easing
     from runner.motion.placement import Placement
     from xodr.model import LaneLink, RoadPoint
 
@@ -84,6 +85,8 @@ class Controls:
     """speed that the scenario asks for at the end of this step, m/s"""
     target_offset: float | None = None
     """lane offset that the running lateral action asks for at the end of this step, m"""
+    easing: Easing | None = None
+    """its way back into the lane, from beside it"""
     path_compensated: bool = True
     """whether lateral motion is taken out of the distance travelled (lane change) or added to it (lane offset)"""
     controllers: dict[str, Mapping[str, str]] = field(default_factory=dict)

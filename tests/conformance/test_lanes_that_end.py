@@ -1,4 +1,4 @@
-"""Lanes that narrow to nothing: who drives on one goes on beside, along the road."""
+"""Lanes that narrow to nothing: who drives on one goes on in the lane beside, along the road."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ CLOSING = {"right": ("1", "-2", 100.0, -1, 150.0, -3.5), "left": ("1", "1", 150.
 """Road, lane and s of the start; the lane beside; where the first one ends: s on road 1, and t there"""
 
 
-def driven(tmp_path: Path, road: str, lane: str, s: float) -> runner.RunResult:
-    """A run at 20 m/s on the roads with tapers."""
+def driven(tmp_path: Path, road: str, lane: str, s: float, speed: float = 20.0) -> runner.RunResult:
+    """A run of 180 m on the roads with tapers."""
     start = (
         '<LanePosition roadId="1" laneId="-1" s="900" offset="0"/>',
         f'<LanePosition roadId="{road}" laneId="{lane}" s="{s}" offset="0"/>',
     )
-    path = changed(SCENARIOS / "EndOfRoadCondition.xosc", tmp_path, start)
+    path = changed(
+        SCENARIOS / "EndOfRoadCondition.xosc", tmp_path, start, ('TargetSpeed value="20"', f'TargetSpeed value="{speed}"')
+    )
     roads = str(SCENARIOS.parent / "roads" / "tapers.xodr")
-    return runner.run(path, parameters={"Road": roads}, sut=None, timestep=0.01, world="kinematic", max_time=9.0)
+    return runner.run(path, parameters={"Road": roads}, sut=None, timestep=0.01, world="kinematic", max_time=180.0 / speed)
 
 
 @pytest.mark.parametrize("side", CLOSING)
@@ -35,7 +37,17 @@ def test_an_entity_on_a_lane_that_narrows_to_nothing_follows_the_road_on_the_lan
     assert steps[moving] == pytest.approx(0.2, abs=1e-3), "at its speed, without a jump"
     past = (columns["road_id"] == "1") & ((columns["s"] > end) if side == "right" else (columns["s"] < end))
     assert set(columns["lane_id"][past]) == {beside}
-    assert columns["t"][past].astype(float) == pytest.approx(t, abs=1e-5)
+    offsets = columns["lane_offset"][past].astype(float)
+    assert columns["t"][past].astype(float)[0] == pytest.approx(t, abs=0.02), "from where the lane has ended"
+    assert (np.diff(np.abs(offsets)) <= 1e-9).all() and abs(offsets[-1]) < 1.2, "into the lane"
+    kinks = np.abs(np.diff(np.unwrap(columns["h"][past].astype(float))))
+    assert kinks[:100].max() < 2e-3, "without turning at once"
+
+
+@pytest.mark.parametrize("side", CLOSING)
+def test_it_ends_on_the_centre_of_the_lane_beside(side: str, tmp_path: Path) -> None:
+    columns = track(driven(tmp_path, *CLOSING[side][:3], speed=4.0), "Ego")
+    assert columns["lane_offset"].astype(float)[-1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_it_comes_to_the_end_of_the_road_not_of_the_lane(tmp_path: Path) -> None:
