@@ -7,7 +7,7 @@ Gaps are those of the bounding boxes; how they are measured is said in `runner.m
 
 Sources: time to collision, Hayward (1972); time headway and deceleration rate to avoid a crash as in Mahmud et al.,
 "Application of proximal surrogate indicators for safety evaluation" (2017); post-encroachment time, Allen, Shin and
-Cooper (1978); RSS as in `runner.measures.rss`.
+Cooper (1978); RSS as in `runner.measures.rss`; the probabilistic risk field as in `runner.measures.risk_field`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from runner.measures import rss
 from runner.measures.impact import Impact, first_impact
-from runner.measures.relations import Motion, View, boxes_overlap, relation
+from runner.measures.relations import Motion, View, boxes_overlap, common, relation
+from runner.measures.risk_field import risk_field
 from runner.participants.boxes import reach
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -205,6 +206,21 @@ class Criticality:
         return min(found, default=None)
 
     @cached_property
+    def _field(self) -> dict[str, Extreme]:
+        """The greatest collision probability and strength of the risk field of anyone, by the names of `summary`."""
+        ego, others = self._motions
+        found: dict[str, Extreme] = {}
+        for other in others:
+            rows, theirs = common(ego.time, other.time)
+            field = risk_field(ego.at(rows), other.at(theirs))
+            for name, values in (("max_collision_probability", field.probability), ("max_risk_field", field.risk)):
+                if rows.size:
+                    row = int(values.argmax())
+                    each = Extreme(float(values[row]), float(ego.time[rows[row]]), other.name)
+                    found[name] = max(found.get(name, each), each, key=lambda extreme: extreme.value)
+        return found
+
+    @cached_property
     def impact(self) -> Impact | None:
         """The first contact with anyone; None without one."""
         return first_impact(*self._motions)
@@ -252,6 +268,8 @@ class Criticality:
             "max_drac": _extreme(self.drac, self.lead, self.time, np.argmax),
             "min_distance": _extreme(self.distance, self.nearest, self.time, np.argmin),
             "pet": self.pet,
+            "max_collision_probability": self._field.get("max_collision_probability"),
+            "max_risk_field": self._field.get("max_risk_field"),
         }
         risks = {f"rss_risk_{_column(name)}": self.risk(name) for name in self.violation}
         return {name: extreme._asdict() if extreme else None for name, extreme in extremes.items()} | risks

@@ -13,7 +13,8 @@ from runner.measures.rss import PARAMETERS
 from schemas.errors import UsageError
 
 _RISKS = tuple(f"rss_risk_{name.replace('-', '_')}" for name in PARAMETERS)
-_EXTREMES = {"min_ttc": "s", "min_thw": "s", "max_drac": "m/s²", "min_distance": "m", "pet": "s"}
+_FIELD = {"max_collision_probability": "", "max_risk_field": "kJ"}
+_EXTREMES = {"min_ttc": "s", "min_thw": "s", "max_drac": "m/s²", "min_distance": "m", "pet": "s", **_FIELD}
 UNITS = _EXTREMES | dict.fromkeys(_RISKS, "") | {"end_time": "s"}
 """Measures of a run by name, and their units; see `runner.measures.criticality` and `RunResult`."""
 EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""}

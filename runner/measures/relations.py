@@ -152,7 +152,7 @@ def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatA
 
 def relation(ego: Motion, other: Motion) -> Relation:
     """Where another participant is as the ego sees it, at the instants at which both are there, on the same level."""
-    rows, theirs = _common(ego.time, other.time)
+    rows, theirs = common(ego.time, other.time)
     a, b = ego.at(rows), other.at(theirs)
     distance = box_distance(a, b)
     level = vertical_gap(a, b) <= _STEEPEST * distance
@@ -167,7 +167,7 @@ def relation(ego: Motion, other: Motion) -> Relation:
     return Relation(rows, distance, view)
 
 
-def _common(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
+def common(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
     """Rows of both with equal time (to the microsecond)."""
     _, mine, theirs = np.intersect1d(np.round(a * 1e6), np.round(b * 1e6), return_indices=True)
     return mine, theirs

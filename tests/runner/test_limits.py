@@ -98,7 +98,8 @@ def test_the_command_fails_and_says_why_everywhere(xosc_run: Command, tmp_path: 
     assert xosc_run(path, "--fail-if", "min_distanc<5")[::2] == (
         2,
         "xosc-run: --fail-if 'min_distanc<5': a measure with a limit is expected, such as min_ttc<1 (of min_ttc, min_thw, "
-        "max_drac, min_distance, pet, rss_risk_ad_rss, rss_risk_r157, end_time), or one of off-road, road-end, timeout, rss\n",
+        "max_drac, min_distance, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, rss_risk_r157, end_time), or "
+        "one of off-road, road-end, timeout, rss\n",
     )
 
 

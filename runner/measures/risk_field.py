@@ -1,0 +1,97 @@
+"""The probabilistic driving risk field: how likely somebody is to be hit within seconds, and with how much energy.
+
+Everyone else's motion relative to the ego is foretold with accelerations that are normally distributed and last for the whole of
+a look-ahead time: at time τ the other one's middle is at Δ + Δv τ + ½ a τ². The probability that the boxes overlap then is that
+of both their distances, ahead and aside, being shorter than half their sizes together; the greatest over τ counts. Risk is that
+probability times the energy that a crash at the present relative velocity would cost the ego, ½ m β² |Δv|² with β the other
+one's share of both masses.
+
+F. A. Mullakkal-Babu, M. Wang, X. He, B. van Arem, R. Happee, Probabilistic field approach for motorway driving risk assessment,
+Transportation Research Part C 118, 2020. The field there is of one future instant, or of several; here of the worst one within
+`FieldParameters.ahead`. Unlike RSS distances it grows with every risk, and says nothing of who would be to blame.
+
+Frame: the ego's, x ahead and y to the left. In bends others are foretold to go straight on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from runner.measures.relations import Motion, boxes_overlap, seen_by
+from xodr.array_types import FloatArray
+
+
+@dataclass(frozen=True)
+class FieldParameters:
+    """What is taken to be known of others.
+
+    Attributes:
+        along, across: standard deviations of accelerations ahead and aside, m/s².
+        ahead, step: longest look-ahead time, and time between those that are looked at, s.
+        mass: of the ego, kg. share: of the other one's mass in both.
+    """
+
+    along: float = 1.5
+    across: float = 0.3
+    ahead: float = 3.0
+    step: float = 0.1
+    mass: float = 1500.0
+    share: float = 0.5
+
+    @property
+    def times(self) -> FloatArray:
+        """Look-ahead times (k,), s."""
+        return np.arange(1, round(self.ahead / self.step) + 1, dtype=np.float64) * self.step
+
+
+DEFAULTS = FieldParameters()
+"""Cars of equal mass in traffic that mostly keeps its speed and lane."""
+
+
+class Field(NamedTuple):
+    """Strength of the field of one other participant, at each instant.
+
+    Attributes:
+        probability: of a collision within the look-ahead time (n,), 0 to 1; 1 where the boxes touch.
+        risk: expected energy of the crash (n,), kJ.
+    """
+
+    probability: FloatArray
+    risk: FloatArray
+
+
+def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULTS) -> Field:
+    """The field of another participant where the ego is, row by row.
+
+    Args:
+        ego, other: at the same instants.
+    """
+    x, y, cos, sin = seen_by(ego, other)
+    vx, vy = other.speed * cos - ego.speed, other.speed * sin
+    a, b = ego.box, other.box
+    half = (
+        (a.length + b.length * np.abs(cos) + b.width * np.abs(sin)) / 2,
+        (a.width + b.length * np.abs(sin) + b.width * np.abs(cos)) / 2,
+    )
+    probability = np.zeros(len(x))
+    for time in parameters.times:
+        spread = 0.5 * time * time
+        hit = _inside(x + vx * time, half[0], parameters.along * spread)
+        hit *= _inside(y + vy * time, half[1], parameters.across * spread)
+        probability = np.maximum(probability, hit)
+    probability = np.where(boxes_overlap(ego, other), 1.0, probability)
+    energy = 0.5 * parameters.mass * parameters.share**2 * (vx**2 + vy**2) / 1000.0
+    return Field(probability, probability * energy)
+
+
+def _inside(mean: FloatArray, half: FloatArray, deviation: float) -> FloatArray:
+    """Probability that a normal variable is between −half and half (n,)."""
+    from scipy.special import ndtr
+
+    scale = max(deviation, math.ulp(1.0))
+    found: FloatArray = ndtr((half - mean) / scale) - ndtr((-half - mean) / scale)
+    return found
