@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition import datasets
-from recognition.catalogue import pipeline
+from recognition.catalogue import pipeline, stages
 from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
@@ -32,7 +32,7 @@ def main() -> None:
     arguments.add_argument("--world", default="sumo", help="sumo, or kinematic: without a simulator")
     arguments.add_argument("--limit", type=float, default=0.3, help="distance (m) that counts as faithful")
     options = arguments.parse_args()
-    settings = pipeline.CatalogueSettings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
+    settings = stages.CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         made = pipeline.build(options.paths, out, settings, pipeline.ByRules(), lambda sources, _: sources)

@@ -13,7 +13,8 @@ from schemas.commands.options import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from recognition.catalogue.pipeline import CatalogueSettings, Progress, Recogniser, Summary
+    from recognition.catalogue.pipeline import Progress, Recogniser, Summary
+    from recognition.catalogue.stages import CatalogueSettings
     from recognition.datasets import Source
     from xosc.versions import Version as Standard
 
@@ -28,6 +29,11 @@ Labels = Annotated[
     ),
 ]
 Model = Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
+Ray = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here."),
+]
 Signalised = Annotated[bool, typer.Option("--signalised", help="Let the rules count junctions with traffic lights as well.")]
 
 
@@ -41,6 +47,8 @@ def catalogue(
         Path | None, out_folder("Folder for the model as it is afterwards, to label more recordings by.")
     ] = None,
     signalised: Signalised = False,
+    jobs: Jobs = 1,
+    ray: Ray = None,
     standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")] = False,
     quiet: Quiet = False,
@@ -50,8 +58,10 @@ def catalogue(
 
     A folder for each class: scenarios that replay what was recorded, the same as parametrised manoeuvres, the OpenSCENARIO
     catalogues that they use, and OpenLABEL tags; beside them the roads and an index. Files that a person has edited stay.
-    A model that is kept knows the classes that it discovered, by the names that they have in the catalogue.
+    A model that is kept knows the classes that it discovered, by the names that they have in the catalogue. Bytes are the same
+    for any number of processes, and after an interruption the same command reads only recordings that were not read yet.
     """
+    from recognition.catalogue.beside import Workers
     from recognition.catalogue.pipeline import build
     from recognition.catalogue.recognisers.model import ByModel
 
@@ -59,7 +69,7 @@ def catalogue(
     if keep_model and not isinstance(recogniser, ByModel):
         raise UsageError("--keep-model is for a model that labels; rules learn nothing")
     with interruptible(NAME):
-        summary = build(paths, out, settings, recogniser, _progress(quiet))
+        summary = build(paths, out, settings, recogniser, _progress(quiet), Workers(jobs, ray))
         if keep_model and isinstance(recogniser, ByModel):
             recogniser.keep(keep_model)
         code = _report(summary, verbose, quiet)
@@ -97,8 +107,8 @@ def label(
 
 
 def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings:
-    from recognition.catalogue.pipeline import CatalogueSettings
-    from recognition.catalogue.writing.catalogue import CatalogueConfig
+    from recognition.catalogue.stages import CatalogueSettings
+    from recognition.catalogue.writing.chapter import CatalogueConfig
     from recognition.labels import Rules
 
     major, minor = map(int, standard.split("."))

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 
 import xosc
 from recognition import datasets
-from recognition.catalogue.pipeline import CatalogueSettings, Progress, Recogniser, look
+from recognition.catalogue.pipeline import Progress, Recogniser
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Finding, Moment
-from recognition.catalogue.writing.catalogue import AUTHOR
+from recognition.catalogue.stages import CatalogueSettings, looked
+from recognition.catalogue.writing.chapter import AUTHOR
 from recognition.catalogue.writing.store import digests, write_unless_edited
 from recognition.datasets import Source
 from recognition.datasets.formats import runs
@@ -53,7 +54,7 @@ def label_runs(
     if not sources:
         raise InvalidFile("there are no results of xosc-run --out here", path=folder)
     for source in progress(sources, "recognising"):
-        look(source, recogniser, settings.rules)
+        recogniser.look(source.name, *looked(source, settings.rules))
     found = {source.name: findings.joined(recogniser.moments(source.name), settings.gap) for source in sources}
     by_scenario: dict[Path, list[Source]] = {}
     for source in sources:

@@ -1,51 +1,31 @@
-"""From recordings to a catalogue: read, recognise, write."""
+"""From recordings to a catalogue: read, recognise, write; see `recognition.catalogue.stages`."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from recognition import datasets
-from recognition.catalogue import usable
-from recognition.catalogue.episodes import Around, of_findings, of_vehicles
+from recognition.catalogue import stages
+from recognition.catalogue.beside import Workers, results
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Moment, by_rules
 from recognition.catalogue.shelf import Shelf
-from recognition.catalogue.writing.catalogue import Catalogue, CatalogueConfig
+from recognition.catalogue.stages import CatalogueSettings, Place, Seen, Told
+from recognition.catalogue.writing.catalogue import Catalogue
 from recognition.catalogue.writing.index import recordings_of
-from recognition.datasets import Source, cache_roads
-from recognition.labels import Event, Rules, label
-from recognition.sites import Site, site_of
+from recognition.datasets import Source
+from recognition.labels import Event
+from recognition.sites import Site
 from runner.recording import Recording
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.errors import ToolchainError, UsageError
 
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
 """The model that comes with the package"""
-EVENTS, VEHICLES = "events", "vehicles"
-
-
-@dataclass(frozen=True)
-class CatalogueSettings:
-    """What is recognised and written.
-
-    Attributes:
-        scenes: what a scenario is made for: every event, or every usable vehicle.
-        rules: thresholds of the labelling rules.
-        needs: what makes a vehicle usable.
-        around: time before and after an event that belongs to its scenario.
-        gap: greatest time between two windows of one event, s.
-        config: how the catalogue is written.
-    """
-
-    scenes: str = EVENTS
-    rules: Rules = field(default_factory=Rules)
-    needs: usable.Usable = field(default_factory=usable.Usable)
-    around: Around = field(default_factory=Around)
-    gap: float = 1.0
-    config: CatalogueConfig = field(default_factory=CatalogueConfig)
+_SHELF = ".recordings"
+"""Folder for what was read, in that of the catalogue, until this is finished"""
 
 
 class Recogniser(Protocol):
@@ -104,25 +84,34 @@ Progress = Callable[[Sequence[Source], str], Iterable[Source]]
 """Goes through sources while showing how far it is, under a word for what is being done"""
 
 
-def build(paths: Sequence[Path], out: Path, settings: CatalogueSettings, recogniser: Recogniser, progress: Progress) -> Summary:
-    """Make a catalogue of the recordings in files and folders.
+def build(
+    paths: Sequence[Path],
+    out: Path,
+    settings: CatalogueSettings,
+    recogniser: Recogniser,
+    progress: Progress,
+    workers: Workers = Workers(),  # noqa: B008 - immutable
+) -> Summary:
+    """Make a catalogue of the recordings in files and folders, with the same bytes whoever works.
 
-    A recording that can't be read does not keep the others from their place in the catalogue.
+    A recording that can't be read does not keep the others from their place in the catalogue. Recordings that were read before
+    an interruption are not read again by the next call.
+
+    Args:
+        workers: who reads, labels and writes the recordings.
 
     Raises:
         InvalidFile: there is no recording of a known format in a path.
         UsageError: the folder can't be written or has the catalogue of other recordings, or two recordings have one name.
     """
-    sources = [source for path in paths for source in datasets.open(path).sources]
+    stages.opened.cache_clear()  # another call in this process may be of other files with the same names
+    sources = stages.opened(tuple(paths))
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
-    with Shelf() as shelf:
-        work = _Work(settings, recogniser, Catalogue(out, settings.config, recogniser.sorted_by), shelf)
-        for source in progress(sources, "recognising"):
-            work.try_to(work.look, source)
-        for source in progress([source for source in sources if source.name not in work.failures], "writing"):
-            work.try_to(work.write, source)
-        return work.close()
+    work = _Work(tuple(paths), out, settings, recogniser, workers)
+    work.read(sources, progress)
+    work.write([source for source in sources if source.name in work.seen], progress)
+    return work.close()
 
 
 def _refuse_twins(sources: Sequence[Source]) -> None:
@@ -145,57 +134,44 @@ def _refuse_others(out: Path, names: set[str]) -> None:
         )
 
 
-def look(source: Source, recogniser: Recogniser, rules: Rules) -> tuple[Recording, Site]:
-    """Read a recording, label it by the rules, and have a recogniser look at it; the recording, placed on roads, and its site.
-
-    Raises:
-        InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
-    """
-    recording = source.load()
-    site = site_of(source, recording, cache_roads())
-    recogniser.look(source.name, recording, site, label(recording, site, source.name, rules))
-    return recording, site
-
-
 class _Work:
     """One catalogue in the making."""
 
-    def __init__(self, settings: CatalogueSettings, recogniser: Recogniser, catalogue: Catalogue, shelf: Shelf) -> None:
-        self.failures: dict[str, ToolchainError] = {}
-        self._settings, self._recogniser, self._catalogue = settings, recogniser, catalogue
-        self._shelf, self._sites = shelf, dict[str, Site]()
+    def __init__(
+        self, paths: tuple[Path, ...], out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers
+    ) -> None:
+        self.seen: dict[str, Seen] = {}
+        self._paths, self._out, self._settings, self._workers = paths, out, settings, workers
+        self._recogniser = recogniser
+        self._catalogue = Catalogue(out, settings.config, recogniser.sorted_by)
+        self._shelf = Shelf(out / _SHELF)
+        self._failures: dict[str, ToolchainError] = {}
 
-    def try_to(self, do: Callable[[Source], None], source: Source) -> None:
-        """Do something with a source; what is wrong with it is kept for the end."""
-        try:
-            do(source)
-        except (InvalidFile, Unsupported, UsageError) as error:
-            error.path = error.path or str(source.path)
-            self.failures[source.name] = error
+    def read(self, sources: Sequence[Source], progress: Progress) -> None:
+        """Read and label the recordings, and have the recogniser look at them in their order."""
+        found = results(partial(stages.read, self._settings.rules), [self._place(one) for one in sources], self._workers)
+        for source, seen in zip(progress(sources, "recognising"), found, strict=True):
+            if isinstance(seen, ToolchainError):
+                self._failures[source.name] = seen
+                continue
+            self._recogniser.look(source.name, self._shelf.get(source).recording, seen.site(), seen.events)
+            self.seen[source.name] = seen
 
-    def look(self, source: Source) -> None:
-        """Read and label a recording."""
-        recording, self._sites[source.name] = look(source, self._recogniser, self._settings.rules)
-        self._shelf.put(source.name, recording)
-
-    def write(self, source: Source) -> None:
-        """Write the scenarios of a recording."""
-        settings, site = self._settings, self._sites[source.name]
-        recording = self._shelf.take(source.name)
-        self._catalogue.tell(source)
-        found = findings.joined(self._recogniser.moments(source.name), settings.gap)
-        if settings.scenes == EVENTS:
-            self._catalogue.add(source, recording, site, of_findings(source.name, found, settings.around), [])
-            return
-        names, exclusions = usable.vehicles(recording, site.network, settings.needs)
-        episodes = of_vehicles(source.name, [recording.tracks[name] for name in names], found)
-        self._catalogue.add(source, recording, site, episodes, exclusions)
+    def write(self, sources: Sequence[Source], progress: Progress) -> None:
+        """Write the scenarios of the recordings."""
+        work = partial(stages.write, self._out, self._settings, self._recogniser.sorted_by)
+        done = results(work, [self._told(source) for source in sources], self._workers)
+        for source, one in zip(progress(sources, "writing"), done, strict=True):
+            self._catalogue.take(source, one.written, one.exclusions)
+            if one.error is not None:
+                self._failures[source.name] = one.error
 
     def close(self) -> Summary:
         """Finish the catalogue."""
         catalogue = self._catalogue
         rows = catalogue.rows
-        removed = catalogue.close(failures={name: str(error) for name, error in self.failures.items()})
+        removed = catalogue.close(failures={name: str(error) for name, error in self._failures.items()})
+        self._shelf.clear()
         return Summary(
             Counter(row["class"] for row in rows),
             Counter(row["passage"] for row in rows if row["passage"]),
@@ -203,5 +179,14 @@ class _Work:
             [row["file"] for row in rows if row["collision_time"] == 0.0],
             catalogue.store.edited,
             removed,
-            self.failures,
+            self._failures,
         )
+
+    def _place(self, source: Source) -> Place:
+        return Place(self._paths, source.name, self._out / _SHELF)
+
+    def _told(self, source: Source) -> Told:
+        """A recording as it is to be written; its road is written, and the index tells of it."""
+        seen = self.seen[source.name]
+        self._catalogue.tell(source, seen.report)
+        return Told(self._place(source), seen, self._recogniser.moments(source.name), self._catalogue.road(seen.road))

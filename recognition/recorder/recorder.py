@@ -88,6 +88,18 @@ def record(
     return found
 
 
+def record_one(site: Site, out: Path, length: float, seed: int = 0) -> Path:
+    """Record traffic at a site of any kind for so long (s), into a folder `out` / its name; the track file.
+
+    Raises:
+        UsageError: the folder is not empty or can't be written.
+        ToolchainError: SUMO fails.
+    """
+    task = _Task(site, 0, length, np.random.SeedSequence((seed, *site.name.encode())), out / site.name)
+    _prepare([task], out)
+    return _record(task)
+
+
 def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int, known: Mapping[str, Site]) -> None:
     if not scale > 0.0 or not math.isfinite(scale):
         raise UsageError(f"scale={scale!r} must be above 0")

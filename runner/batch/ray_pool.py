@@ -59,7 +59,7 @@ class RayPool:
         done: Callable[[Outcome], None] | None = None,
     ) -> None:
         self._died, self._done = died, done
-        self._ray, self._ours = _connect(address, processes)
+        self._ray, self._ours = connect(address, processes)
         self._task = self._ray.remote(num_cpus=1, max_retries=_REPEATS)(_work).options(name="xosc-run")
         self._shared = self._ray.put(work)
         self._most = _AHEAD * max(1, int(self._ray.cluster_resources().get("CPU", 1)))
@@ -134,8 +134,15 @@ def _work(work: Callable[[Job], Outcome], folder: str, job: Job) -> Outcome:
     return work(job)
 
 
-def _connect(address: str, processes: int) -> tuple[Any, bool]:
-    """The module ray, connected to a cluster, and whether that is our own doing."""
+def connect(address: str, processes: int) -> tuple[Any, bool]:
+    """The module ray, connected to a cluster, and whether that is our own doing.
+
+    Args:
+        address, processes: as of `RayPool`.
+
+    Raises:
+        UsageError, ToolchainError: as by `RayPool`.
+    """
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers
     ray = optional("ray")
     if ray.is_initialized():

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from generation.loop.settings import Bar
 from generation.loop.stages.findings import Measured, Recognised
-from recognition.catalogue.pipeline import ByRules, CatalogueSettings, build
+from recognition.catalogue.pipeline import ByRules, build
+from recognition.catalogue.stages import CatalogueSettings
 from recognition.catalogue.writing.index import rows_of
 from recognition.datasets import Source, cache_roads
 from recognition.maneuvers.units import Samples, extract_from

@@ -1,86 +1,21 @@
-"""Writing catalogues: for each class a folder with scenarios and the OpenSCENARIO catalogues that they refer to, roads, index."""
+"""Writing catalogues: what the recordings have in common, and the index of all their scenarios."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from datetime import datetime
-from pathlib import Path, PurePosixPath
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any
 
-from recognition.catalogue.episodes import Episode, plain
-from recognition.catalogue.scenes import replay
-from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.scenes.scenes import EGO, Part, Scene, SceneCutter, Scope
-from recognition.catalogue.writing import annotation, index
+from recognition.catalogue.episodes import plain
+from recognition.catalogue.writing import index
+from recognition.catalogue.writing.chapter import CatalogueConfig, Entries, Written, write_catalog
 from recognition.catalogue.writing.store import Store
-from recognition.datasets import Exclusion, Source
-from recognition.maneuvers.events import Maneuvers, Span
-from recognition.maneuvers.scenario import document as variation
-from recognition.maneuvers.scenario.document import CONTROLLER
-from recognition.maneuvers.scenario.start import paths
-from recognition.sites import Site
-from runner.recording import Recording, Track
-from schemas.errors import Unsupported
+from recognition.datasets import Exclusion, Report, Source
 from schemas.storage import digest
-from xosc import maneuvers, tags
-from xosc.document import Document, to_bytes
-from xosc.files import Header
-from xosc.versions import Version
-
-AUTHOR = "xosc-recognize"
-DATE = datetime(2000, 1, 1)
-"""Date in every file: the recordings tell none, and the same catalogue has to have the same bytes."""
-
-_FOLDERS = {
-    "Vehicle": "vehicles",
-    "Pedestrian": "pedestrians",
-    "MiscObject": "objects",
-    "Controller": "controllers",
-    "Maneuver": "maneuvers",
-    "Trajectory": "trajectories",
-    "Route": "routes",
-}
-_PROPERTIES = (1, 2)
-"""First version of the standard with Properties in the FileHeader"""
-
-
-@dataclass(frozen=True)
-class CatalogueConfig:
-    """How a catalogue is written.
-
-    Attributes:
-        scope: what belongs to a scene.
-        version: of OpenSCENARIO.
-    """
-
-    scope: Scope = field(default_factory=Scope)
-    version: Version = (1, 3)
-
-
-class _Place(NamedTuple):
-    """Where the entries of a catalogue go: the class's folder, the kind, and what distinguishes catalogues of that kind."""
-
-    folder: str
-    kind: str
-    part: str
-
-    @property
-    def directory(self) -> str:
-        """Relative to the class's folder."""
-        return str(PurePosixPath("catalogs", _FOLDERS[self.kind], self.part))
-
-
-class _Entry(NamedTuple):
-    """An entry of a catalogue, as scenariogeneration has it."""
-
-    place: _Place
-    name: str
-    built: Any
 
 
 class Catalogue:
-    """A catalogue being written into a folder.
+    """A catalogue being put together in a folder: roads first, then what `Chapter` has written of each recording, in any number.
 
     Args:
         root: the folder.
@@ -95,177 +30,44 @@ class Catalogue:
         self.rows: list[dict[str, Any]] = []
         self.exclusions: list[dict[str, Any]] = []
         self._recordings: list[dict[str, Any]] = []
-        self._config, self._sorted_by = config, sorted_by
-        self._entries: dict[_Place, dict[str, Any]] = {}
+        self._version, self._sorted_by = config.version, sorted_by
+        self._entries: Entries = {}
         self._roads: dict[str, str] = {}
 
-    def add(
-        self, source: Source, recording: Recording, site: Site, episodes: Iterable[Episode], exclusions: Iterable[Exclusion]
-    ) -> None:
-        """Write the scenarios of a recording, which has its road coordinates."""
-        road = self._road(site)
-        stage, recorded = SceneCutter(recording, self._config.scope), Maneuvers(recording, site)
-        for episode in episodes:
-            self._write(_Context(source, site, road, episode, stage.cut(episode.ego, episode.start, episode.end), recorded))
-            self._write_catalogs([place for place in self._entries if place.kind == "Trajectory"])
-        self._write_catalogs([place for place in self._entries if place.part])
-        for exclusion in exclusions:
-            self.exclusions.append({"recording": source.name, **exclusion._asdict()})
-
-    def tell(self, source: Source) -> None:
-        """Have the index tell of a recording and what reading it found."""
-        assert source.report is not None, "the recording has been read"
-        report = {"rows": source.report.rows, "tracks": source.report.tracks, "missing_rows": source.report.missing}
-        excluded = [exclusion._asdict() for exclusion in source.report.exclusions]
-        recording = {"name": source.name, "data_set": source.format, "site": source.site, **report}
-        self._recordings.append({**recording, "excluded_rows": excluded, "remarks": source.report.remarks})
-
-    def _road(self, site: Site) -> str:
-        """Write a site's road, once; its name in the catalogue."""
-        content = site.path.read_bytes()
+    def road(self, path: Path) -> str:
+        """Write the road of a site, once for each content; its name in the catalogue."""
+        content = path.read_bytes()
         key = digest(content)
         if key not in self._roads:
-            name = f"roads/{plain(site.path.stem)}.xodr"
-            self._roads[key] = name if name not in self._roads.values() else f"roads/{plain(site.path.stem)}-{key}.xodr"
+            name = f"roads/{plain(path.stem)}.xodr"
+            self._roads[key] = name if name not in self._roads.values() else f"roads/{plain(path.stem)}-{key}.xodr"
             self.store.write(self._roads[key], content)
         return self._roads[key]
 
+    def tell(self, source: Source, report: Report) -> None:
+        """Have the index tell of a recording and what reading it found."""
+        told = {"rows": report.rows, "tracks": report.tracks, "missing_rows": report.missing}
+        excluded = [exclusion._asdict() for exclusion in report.exclusions]
+        recording = {"name": source.name, "data_set": source.format, "site": source.site, **told}
+        self._recordings.append({**recording, "excluded_rows": excluded, "remarks": report.remarks})
+
+    def take(self, source: Source, written: Written, exclusions: Iterable[Exclusion]) -> None:
+        """Take in what has been written of a recording, and which vehicles are no egos."""
+        self.rows += written.rows
+        self.exclusions += ({"recording": source.name, **exclusion._asdict()} for exclusion in exclusions)
+        self.store.take(written.files, written.edited)
+        for place, entries in written.entries.items():
+            own = self._entries.setdefault(place, {})
+            for name, built in entries.items():
+                own.setdefault(name, built)
+
     def close(self, **more: Any) -> list[str]:
         """Write the OpenSCENARIO catalogues and the index; the files of earlier runs that were removed."""
-        self._write_catalogs(self._entries.keys())
+        for place in sorted(self._entries):
+            write_catalog(self.store, place, self._entries.pop(place), self._version)
         rows = sorted(self.rows, key=lambda row: row["file"])
         more = {"sorted_by": self._sorted_by, "recordings": self._recordings, "exclusions": self.exclusions, **more}
         self.store.write(index.FILE, index.as_json(rows, more))
         self.store.write("index.csv", index.as_csv(rows))
         self.store.write("index.parquet", index.as_parquet(rows))
         return self.store.close()
-
-    def _write_catalogs(self, places: Iterable[_Place]) -> None:
-        """Write catalogues that nothing more will be entered in, and forget them."""
-        for place in sorted(places):
-            entries = self._entries.pop(place)
-            name = f"{place.folder}/{place.directory}/{_FOLDERS[place.kind]}.xosc"
-            header = Header(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
-            ordered = [entries[key] for key in sorted(entries)]
-            document = maneuvers.catalog(self.store.root / name, header, f"{place.kind}Catalog", ordered, self._config.version)
-            self.store.write(name, to_bytes(document))
-
-    def _enter(self, entries: Iterable[_Entry]) -> None:
-        for each in entries:
-            self._entries.setdefault(each.place, {}).setdefault(each.name, each.built)
-
-    def _write(self, context: _Context) -> None:
-        episode, scene = context.episode, context.scene
-        facts = _facts(context, self._sorted_by)
-        tagged = annotation.tags(episode.name, episode.title, scene, facts)
-        described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.source.name}"
-        properties = tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
-        header = Header(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, properties)
-        row = facts | {
-            "file": self._put(self._replay(context, header)),
-            "maneuver": None,
-            "no_maneuver": None,
-            "road": context.road,
-        }
-        try:
-            row["maneuver"] = self._put(self._variation(context, header))
-        except Unsupported as reason:
-            row["no_maneuver"] = reason.message
-        row["openlabel"] = f"{episode.folder}/{episode.name}.openlabel.json"
-        self.store.write(row["openlabel"], tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR))
-        self.rows.append(row)
-
-    def _put(self, document: Document) -> str:
-        name = document.path.relative_to(self.store.root).as_posix()
-        self.store.write(name, to_bytes(document))
-        return name
-
-    def _replay(self, context: _Context, header: Header) -> Document:
-        episode, scene = context.episode, context.scene
-        participants = {part.name: entry(part.track) for part in scene.parts}
-        entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants.values()]
-        entries += [context.entry("Trajectory", path.name, path, episode.name) for path in replay.trajectories(scene)]
-        self._enter(entries)
-        path = self.store.root / episode.folder / f"{episode.name}.xosc"
-        road, catalogs, version = f"../{context.road}", _directories(entries), self._config.version
-        return replay.scenario(path, header, scene, road=road, entries=participants, catalogs=catalogs, version=version)
-
-    def _variation(self, context: _Context, header: Header) -> Document:
-        episode, network, finding = context.episode, context.site.network, context.episode.finding
-        if finding is None or episode.passage is not None:
-            raise Unsupported("this is the scene of a whole vehicle, not of one manoeuvre")
-        partner, span = finding.moment.partner, Span(finding.start, finding.moment.time, finding.end)
-        measured = context.maneuvers.of(episode.label, episode.ego, partner, span)
-        participants = [entry(track) for track in (measured.ego, measured.other) if track is not None]
-        entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants]
-        other = context.name_of(measured.other)
-        built, followed = variation.catalogue_entries(measured), paths(measured, network, episode.name, other)
-        entries += [context.entry("Maneuver", each.name, each) for each in built]
-        entries += [context.entry("Controller", CONTROLLER.name, CONTROLLER)]
-        entries += [context.entry("Route", route.name, route, context.recorded) for route in followed.routes.values()]
-        entries += [context.entry("Trajectory", path.name, path, episode.name) for path in followed.trajectories.values()]
-        path = self.store.root / episode.folder / f"{episode.name}_maneuver.xosc"
-        stage = variation.Stage(path, f"../{context.road}", _directories(entries))
-        document = variation.scenario(stage, header, measured, network, other, followed, self._config.version)
-        self._enter(entries)
-        return document
-
-
-def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
-    """The folders of catalogues by their kind, relative to the scenario."""
-    return {each.place.kind: each.place.directory for each in entries}
-
-
-class _Context(NamedTuple):
-    """A scenario being written, and where it comes from."""
-
-    source: Source
-    site: Site
-    road: str
-    episode: Episode
-    scene: Scene
-    maneuvers: Maneuvers
-
-    @property
-    def recorded(self) -> str:
-        """What distinguishes catalogues of this recording."""
-        return plain(self.source.name)
-
-    def entry(self, kind: str, name: str, built: Any, part: str = "") -> _Entry:
-        """An entry of a catalogue of the scenario's class."""
-        return _Entry(_Place(self.episode.folder, kind, part), name, built)
-
-    def name_of(self, track: Track | None) -> str:
-        """Name in the scenario of a track that takes part in it."""
-        parts: tuple[Part, ...] = self.scene.parts
-        return next((part.name for part in parts if part.track is track and part.name != EGO), "Other")
-
-
-def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
-    """The scenario's row of the index, but for its files."""
-    source, episode, scene = context.source, context.episode, context.scene
-    moment = episode.finding.moment if episode.finding is not None else None
-    rule = moment.rule.title if moment is not None and moment.rule else None
-    measured = {name: None if value is None else round(value, 3) for name, value in annotation.measures(scene).items()}
-    return {
-        "class": episode.title,
-        "state": episode.state,
-        "sorted_by": sorted_by,
-        "confidence": moment.confidence if moment is not None else None,
-        "rule_class": rule,
-        "model_class": moment.model if moment is not None else None,
-        "nearest_class": moment.nearest if moment is not None else None,
-        "labels_agree": moment.labels_agree if moment is not None else None,
-        "passage": episode.passage,
-        "data_set": source.format,
-        "site": source.site,
-        "recording": source.name,
-        "vehicle": episode.ego,
-        "partner": moment.partner if moment is not None else None,
-        "time": round(moment.time, 3) if moment is not None else None,
-        "start": round(scene.start, 3),
-        "end": round(scene.end, 3),
-        "participants": len(scene.parts),
-        "tags": dict(sorted(moment.tags.items())) if moment is not None else {},
-        **measured,
-    }

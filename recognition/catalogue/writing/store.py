@@ -37,6 +37,16 @@ class Store:
         with writing("this", root):
             root.mkdir(parents=True, exist_ok=True)
 
+    @property
+    def written(self) -> dict[str, str]:
+        """Digests of the files written, by name."""
+        return self._now
+
+    def take(self, files: dict[str, str], edited: list[str]) -> None:
+        """Take in what another store of the same folder has written and left alone."""
+        self._now |= files
+        self.edited += edited
+
     def write(self, name: str, content: bytes) -> bool:
         """Write a file, named relative to the root; False where there is one that a person has edited."""
         if not write_unless_edited(self.root / name, content, self._before.get(name)):

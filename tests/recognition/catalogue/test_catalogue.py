@@ -13,13 +13,14 @@ import pytest
 
 import runner
 import xosc
-from recognition.catalogue import pipeline
-from recognition.catalogue.pipeline import ByRules, CatalogueSettings, Summary
+from recognition.catalogue import pipeline, stages
+from recognition.catalogue.pipeline import ByRules, Summary
 from recognition.catalogue.scenes.scenes import SceneCutter, Scope
+from recognition.catalogue.stages import CatalogueSettings
 from recognition.catalogue.usable import Usable, passage, vehicles
 from recognition.catalogue.writing import index
 from recognition.catalogue.writing.annotation import measures
-from recognition.catalogue.writing.catalogue import CatalogueConfig
+from recognition.catalogue.writing.chapter import CatalogueConfig
 from recognition.datasets import open as open_recordings
 from runner.recording import Recording
 from schemas import check_many
@@ -149,7 +150,7 @@ def test_a_persons_own_file_is_not_overwritten(recordings: Path, made: Path, tmp
 def test_files_that_are_no_longer_part_of_it_go_unless_edited(recordings: Path, catalogue: Path) -> None:
     kept, *others = [row["file"] for row in rows(catalogue)]
     (catalogue / kept).write_text("mine")
-    summary = build(recordings, catalogue, scenes=pipeline.VEHICLES)
+    summary = build(recordings, catalogue, scenes=stages.VEHICLES)
     assert kept in summary.edited and set(others) <= set(summary.removed)
     assert (catalogue / kept).read_text() == "mine" and not any((catalogue / name).exists() for name in others)
     assert {path.parent.name for path in catalogue.glob("*/*.xosc")} == {"vehicles", Path(kept).parent.name}
@@ -200,7 +201,7 @@ def test_recordings_of_one_name_are_refused(recordings: Path, tmp_path: Path) ->
 
 
 def test_every_usable_vehicle_has_a_scene_and_the_others_a_reason(recordings: Path, tmp_path: Path) -> None:
-    summary = build(recordings, tmp_path, scenes=pipeline.VEHICLES)
+    summary = build(recordings, tmp_path, scenes=stages.VEHICLES)
     told = rows(tmp_path)
     assert {row["vehicle"] for row in told} == {"1", "2", "3", "4", "5", "6"}
     assert [(each["what"], each["reason"]) for each in summary.exclusions] == [("7", "moves within 2.0 m only")]

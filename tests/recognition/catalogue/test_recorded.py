@@ -9,15 +9,16 @@ from pathlib import Path
 import pytest
 
 from recognition import datasets
-from recognition.catalogue import pipeline
-from recognition.catalogue.pipeline import ByRules, CatalogueSettings, Summary
+from recognition.catalogue import pipeline, stages
+from recognition.catalogue.pipeline import ByRules, Summary
+from recognition.catalogue.stages import CatalogueSettings
 from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
 from schemas.commands.files import expand
 
 TRACKS = "taf_bw/recorded_trackfiles"
-SETTINGS = CatalogueSettings(scenes=pipeline.VEHICLES, rules=Rules(signalised=True))
+SETTINGS = CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
 
 
 def build(path: Path, out: Path) -> Summary:

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 import xosc
-from recognition.catalogue.pipeline import ByRules, CatalogueSettings, build
+from recognition.catalogue.pipeline import ByRules, build
 from recognition.catalogue.recognisers.findings import Moment
 from recognition.catalogue.scenes.scenes import Scope
-from recognition.catalogue.writing.catalogue import CatalogueConfig
+from recognition.catalogue.stages import CatalogueSettings
+from recognition.catalogue.writing.chapter import CatalogueConfig
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
 from recognition.maneuvers.parameters import PARAMETERS

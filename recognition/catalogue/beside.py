@@ -1,0 +1,66 @@
+"""Work on recordings in several processes, or on a Ray cluster, with results in order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from typing import NamedTuple, TypeVar
+
+from runner.batch.pool import executor
+from schemas.errors import ToolchainError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+class Workers(NamedTuple):
+    """Who works: so many processes of this machine, or a Ray cluster at an address (see `runner.batch.ray_pool`)."""
+
+    jobs: int = 1
+    ray: str | None = None
+
+
+def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers) -> Iterator[Result]:
+    """The result of each task, in their order.
+
+    Args:
+        work: does a task; a function of a module, or a `functools.partial` of one, as it goes to other processes.
+
+    Raises:
+        UsageError: Ray is not installed, or there is no such cluster.
+        ToolchainError: a process died.
+    """
+    if workers.ray is not None:
+        yield from _on_ray(work, tasks, workers.ray, workers.jobs)
+    elif workers.jobs == 1 or len(tasks) < 2:
+        yield from map(work, tasks)
+    else:
+        with executor(min(workers.jobs, len(tasks))) as pool:
+            try:
+                yield from pool.map(work, tasks)
+            except BrokenProcessPool:
+                raise ToolchainError("a process died, perhaps for want of memory; go on with fewer --jobs") from None
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int) -> Iterator[Result]:
+    from runner.batch.ray_pool import connect
+
+    ray, ours = connect(address, jobs)
+    try:
+        remote = ray.remote(num_cpus=1)(_in_folder)
+        for reference in [remote.remote(os.getcwd(), work, task) for task in tasks]:
+            yield ray.get(reference)
+    except ray.exceptions.RayError as error:
+        raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
+    finally:
+        if ours:
+            ray.shutdown()
+
+
+def _in_folder(folder: str, work: Callable[[Task], Result], task: Task) -> Result:
+    """Do a task where its relative paths lead to the same files."""
+    os.chdir(folder)
+    return work(task)
