@@ -9,6 +9,7 @@ from typing import Any
 
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
 from generation.loop.stages.findings import EdgeCase, LoopResult, Ran, Round, Run, Searched
+from generation.pages import PARTS_CSS, PARTS_JS
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
 from runner.replay.names import REPORT
@@ -17,9 +18,9 @@ from runner.replay.page import page, write_page
 PAGE = "index.html"
 """Name of the page in the output folder"""
 _FOLDER = Path(__file__).parent
-_STYLES = "base.css", "report.css", str(_FOLDER / "loop.css")
+_STYLES = "base.css", "report.css", PARTS_CSS, str(_FOLDER / "loop.css")
 _PARTS = "common", "flow", "recognised", "generated", "space", "main"
-_SCRIPTS = "dom.js", "axes.js", *(str(_FOLDER / f"{part}.js") for part in _PARTS)
+_SCRIPTS = "dom.js", "axes.js", PARTS_JS, *(str(_FOLDER / f"{part}.js") for part in _PARTS)
 _MEASURES = ("min_ttc", "min_thw", "min_distance", "pet")
 _NOT_PLOTTED = ("cases", "failed", "failures", "failed_runs")
 """What a page's search has in another form, or not at all"""
