@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -24,26 +24,29 @@ if TYPE_CHECKING:
     from generation.outcomes.outcomes import Outcomes
     from generation.pipeline import Generated, SearchSettings
     from generation.recorded import Recorded as Units
+    from generation.report.regression import Fate
     from generation.search.space import Space
 
 NAME = "xosc-generate"
 _LISTED = 3
 """Files that are named on the screen"""
 _EPILOG = (
-    "Exit codes: 0 edge cases are written, 1 there is none, 2 wrong usage, 3 invalid file, 4 valid file that asks for "
-    "something the runner does not do, 5 internal error."
+    "Exit codes: 0 edge cases are written, 1 there is none (with --against: 0 no failure is new or still there, 1 one is), "
+    "2 wrong usage, 3 invalid file, 4 valid file that asks for something the runner does not do, 5 internal error."
 )
 
 app = new_app()
 
 
 class Search(NamedTuple):
-    """A scenario to search, what gives the recorded parameters of its space, the folder for its files, and the settings."""
+    """A scenario to search, what gives the recorded parameters of its space, the folder for its files, the settings, and the
+    folder of another version's search."""
 
     scenario: Path
     recorded: Callable[[Space], Units]
     out: Path
     settings: SearchSettings
+    against: Path | None
 
 
 @app.command(epilog=_EPILOG)
@@ -72,6 +75,18 @@ def xosc_generate(
         bool, typer.Option("--violations", help="Write violations of RSS distances as edge cases too, after the failures.")
     ] = False,
     concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
+    against: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Replay the failures in the folder of a search of another version of the system."),
+    ] = None,
+    fail_if: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fail-if",
+            metavar="FATE",
+            help="With --against, what ends with exit code 1: new, still-there (repeatable).  [default: both]",
+        ),
+    ] = None,
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Estimate how often traffic makes the system fail, by at most 600 more runs.")
     ] = False,
@@ -88,7 +103,10 @@ def xosc_generate(
     """Search for edge cases of a logical scenario: collisions that traffic may cause and a careful driver prevents.
 
     Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
-    parameters as a stochastic variation file, and copies of all that they need to run.
+    parameters as a stochastic variation file, copies of all that they need to run, and report.html, a page about all of it.
+
+    --against compares with a search of another version of the system: its failures are replayed, and are fixed or still there;
+    failures found now that are unlike them are new.
     """
     from generation.declared import Ask
     from generation.outcomes.cases import Choice
@@ -102,12 +120,26 @@ def xosc_generate(
     if method == ADVERSARY:
         with interruptible(NAME):
             raise typer.Exit(0 if adversary(source, out, settings, ask, quiet) else 1)
+    fates = _fates(fail_if, against)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
-        found = [_found(each, quiet, source.is_dir()) for each in _searches(source, ask, out, settings)]
-    raise typer.Exit(0 if any(found) else 1)
+        found = [_found(each, fates, quiet, source.is_dir()) for each in _searches(source, ask, out, settings, against)]
+    raise typer.Exit(0 if (any(found) if against is None else all(found)) else 1)
 
 
-def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings) -> Iterator[Search]:
+def _fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
+    """What `--fail-if` names."""
+    from generation.report.regression import Fate
+
+    if texts and against is None:
+        raise UsageError("--fail-if is about failures of another version: --against says where these are")
+    offered = {str(fate): fate for fate in (Fate.NEW, Fate.STILL_THERE)}
+    for text in texts or ():
+        if text not in offered:
+            raise UsageError(f"--fail-if {text!r}: one of {', '.join(offered)} is expected")
+    return tuple(offered[text] for text in texts or offered)
+
+
+def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None) -> Iterator[Search]:
     from generation.recorded import of_catalogue
 
     if not source.exists():
@@ -115,7 +147,7 @@ def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings) -> It
     if not source.is_dir():
         asked = ask.of(source)
         what = replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
-        yield Search(asked.scenario, asked.recorded, out, what)
+        yield Search(asked.scenario, asked.recorded, out, what, against)
         return
     if ask.recordings is not None or ask.kind is not None or ask.maps:
         raise UsageError("a catalogue brings its recorded parameters along: --recorded, --kind, --map are for single scenarios")
@@ -123,25 +155,38 @@ def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings) -> It
     if not catalogue:
         raise UsageError("no scenario with parameters to search is in this folder or those in it", path=source)
     for each in catalogue:
-        yield Search(each.path, each.on, out / each.path.parent.name, replace(settings, pinned=ask.pinned, free=tuple(ask.free)))
+        what, name = replace(settings, pinned=ask.pinned, free=tuple(ask.free)), each.path.parent.name
+        yield Search(each.path, each.on, out / name, what, against / name if against is not None else None)
 
 
-def _found(search: Search, quiet: bool, catalogue: bool) -> bool:
-    """Search one scenario; whether there are edge cases. In a catalogue the next one follows where one can't be searched."""
+def _found(search: Search, fates: Sequence[Fate], quiet: bool, catalogue: bool) -> bool:
+    """Search one scenario; whether there are edge cases, or with `--against`, whether no failure has one of the fates.
+
+    In a catalogue the next one follows where one can't be searched.
+    """
     from generation.pipeline import generate
+    from generation.report.regression import Before, regression
+    from generation.report.report import write_report
 
-    settings = search.settings
+    settings, scenario, compared = search.settings, search.scenario, None
     try:
-        with progress_bar(search.scenario.stem, settings.budget, quiet) as progress:
-            generated = generate(search.scenario, search.recorded, search.out, settings, progress)
+        before = Before.of(search.against, scenario) if search.against is not None else None
+        with progress_bar(scenario.stem, settings.budget, quiet) as progress:
+            generated = generate(scenario, search.recorded, search.out, settings, progress)
+        if before is not None:
+            compared = regression(before, scenario, generated, settings)
+        page = write_report(scenario, generated, settings, search.out, compared)
     except UsageError as error:
         if not catalogue:
             raise
         print(f"{NAME}: {error}", file=sys.stderr)
         return False
     if not quiet:
-        print("\n".join(_report(search.scenario, generated, settings)))
-    return bool(generated.files)
+        print("\n".join(_report(scenario, generated, settings)))
+        if compared is not None:
+            print(f"  {compared}")
+        print(f"  {page} shows all of it")
+    return bool(generated.files) if compared is None else not compared.fails(*fates)
 
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
@@ -184,7 +229,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
 def _prior(generated: Generated) -> str:
     if generated.gate.replayed is None:
         return "prior as stated, independent of recordings in part or in whole"
-    return f"prior from {generated.recorded} recorded manoeuvres"
+    return f"prior from {len(generated.recorded.theta)} recorded manoeuvres"
 
 
 def _first_error(outcomes: Outcomes) -> str:

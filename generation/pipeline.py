@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from generation.density.base import Density
 from generation.density.gate import Gate, measured
 from generation.density.marginals import Marginal
@@ -16,7 +18,8 @@ from generation.estimation.rates import driving
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator
 from generation.outcomes.inputs import inputs
-from generation.outcomes.outcomes import Episodes
+from generation.outcomes.outcomes import Episodes, joined
+from generation.outcomes.references import Drivers
 from generation.recorded import Recorded
 from generation.search.memory import Memory
 from generation.search.method import DEFAULT as METHOD
@@ -83,8 +86,10 @@ class Generated:
 
     Attributes:
         space: what was searched, and what was pinned.
-        recorded: how many recorded manoeuvres the density was fitted on.
+        recorded: the recorded manoeuvres that the density was fitted on, inside the limits.
+        prior: what traffic does.
         history: all episodes.
+        episodes: all runs that are kept: of this search and of those before, draws of the density, runs of the estimate.
         cases: the edge cases.
         files: what was written; empty where there are no edge cases.
         gate: what the density was measured by.
@@ -93,8 +98,10 @@ class Generated:
     """
 
     space: Space
-    recorded: int
+    recorded: Recorded
+    prior: Prior
     history: History
+    episodes: Episodes
     cases: Cases
     files: list[Path]
     gate: Gate
@@ -136,23 +143,41 @@ def generate(
     real = source.within(space)
     realism, prior = _realism(real, settings.density, scenario), source.prior(space, settings.density)
     with _evaluator(scenario, space, settings) as evaluator:
-        draws = Memory(evaluator, _runs_file(scenario, space, out, settings, "draws"))
+        draws, memory, more = (
+            Memory(evaluator, _runs_file(scenario, space, out, settings, kind)) for kind in ("draws", "runs", "estimate")
+        )
         gate = _gate(scenario, source, space, out, settings, prior, draws)
-        memory = Memory(evaluator, _runs_file(scenario, space, out, settings, "runs"))
         evaluate = counted(memory, progress)
         reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
         problem = Problem(space, evaluate, reward, real.theta, found, prior, _twin(scenario, space, settings))
         history = search(problem, settings.budget, settings.seed)
         judged = prior.judged if gate.refusal is None else prior.unjudged
-        theta, outcomes = memory.everything
-        every = Episodes(theta, outcomes, reward(theta, outcomes)) if len(theta) else history
+        kept = _rewarded(memory, reward)
+        every = kept if len(kept.theta) else history
         cases = choose(space, every, judged, evaluator, settings.choice, found, problem.twin)
-        rate = _estimate(scenario, problem, source, evaluator, every, out, settings) if settings.estimate else None
+        rate = _estimate(problem, source, more, evaluator, every, settings) if settings.estimate else None
+    if rate is not None:
+        of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
+        write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
     written = Written(out, scenario.stem)
     written.withdraw()
     files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
     written.note()
-    return Generated(space, len(real.theta), history, cases, files, gate, memory.reused, rate)
+    episodes = _joined([every, *(_rewarded(each, reward) for each in (draws, more))])
+    return Generated(space, real, prior, history, episodes, cases, files, gate, memory.reused, rate)
+
+
+def _rewarded(memory: Memory, reward: Reward) -> Episodes:
+    """All runs that are remembered."""
+    theta, outcomes = memory.everything
+    return Episodes(theta, outcomes, reward(theta, outcomes) if len(theta) else np.empty(0))
+
+
+def _joined(parts: Sequence[Episodes]) -> Episodes:
+    """Several runs after each other, without those parts that have none."""
+    kept = [each for each in parts if len(each.theta)] or parts[:1]
+    theta, outcomes, rewards = zip(*kept, strict=True)
+    return Episodes(np.concatenate(theta), joined(outcomes), np.concatenate(rewards))
 
 
 def _gate(
@@ -170,26 +195,19 @@ def _gate(
 
 
 def _estimate(
-    scenario: Path,
-    problem: Problem,
-    recorded: Recorded,
-    evaluator: Evaluator,
-    episodes: Episodes,
-    out: Path,
-    settings: SearchSettings,
+    problem: Problem, recorded: Recorded, run: Evaluate, drivers: Drivers, episodes: Episodes, settings: SearchSettings
 ) -> Estimate:
-    """How often the system fails, written into the folder as well."""
+    """How often the system fails."""
     assert problem.prior is not None
-    run = Memory(evaluator, _runs_file(scenario, problem.space, out, settings, "estimate"))
     failures = episodes.theta[episodes.outcomes.collision]
     chosen = EstimateSettings(min(RUNS, settings.budget), settings.seed)
-    found = estimate(problem.prior, run, evaluator, failures, problem.twin, chosen)
-    found = found._replace(driving=driving(recorded, problem.space, problem.prior))
-    write_object(
-        {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(problem.space.pinned), **found.as_json()},
-        out / f"{scenario.stem}_estimate.json",
-    )
-    return found
+    found = estimate(problem.prior, run, drivers, failures, problem.twin, chosen)
+    return found._replace(driving=driving(recorded, problem.space, problem.prior))
+
+
+def estimate_file(scenario: Path) -> str:
+    """Name of the file, in a search's folder, that says how often the system fails."""
+    return f"{scenario.stem}_estimate.json"
 
 
 def _realism(real: Recorded, name: str, scenario: Path) -> Realism:
@@ -226,9 +244,13 @@ def _evaluator(scenario: Path, space: Space, settings: SearchSettings) -> Evalua
     return Evaluator(scenario, space, run=settings.run, rss=settings.rss, processes=settings.processes)
 
 
-def _write(scenario: Path, space: Space, out: Path, settings: SearchSettings, cases: Cases, density: Density) -> list[Path]:
+def evidence(settings: SearchSettings) -> Evidence:
+    """What holds for all files of a search."""
     run = settings.run
-    evidence = Evidence(system_name(run.sut), settings.method, settings.rss, settings.seed, settings.budget, run.timestep)
-    writer = Writer(scenario, space, out)
-    files = [writer.cases(cases, evidence), writer.density(density, settings.seed)]
-    return files + (writer.concrete(cases, evidence) if settings.concrete else [])
+    return Evidence(system_name(run.sut), settings.method, settings.rss, settings.seed, settings.budget, run.timestep)
+
+
+def _write(scenario: Path, space: Space, out: Path, settings: SearchSettings, cases: Cases, density: Density) -> list[Path]:
+    of, writer = evidence(settings), Writer(scenario, space, out)
+    files = [writer.cases(cases, of), writer.density(density, settings.seed)]
+    return files + (writer.concrete(cases, of) if settings.concrete else [])

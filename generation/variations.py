@@ -5,7 +5,7 @@ All files lie in one folder with copies of the scenario, its catalogues and its 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -40,6 +40,8 @@ AUTHOR = "xosc-toolchain"
 _BINS = 20
 _DRAWS = 20_000
 """Draws from the density whose histograms are written"""
+_WRITTEN = "{}_edge_case*", "{}_density.xosc", "{}_*_failure*", "report.html"
+"""Patterns of the files that a search writes, by the name of its scenario"""
 _RUNS = 100
 """Test runs that a stochastic file asks for"""
 
@@ -104,14 +106,19 @@ class Writer:
         document = self._variation(definition, description)
         return self._write(f"{self._stem}_edge_cases", document, [*tags, *evidence.tags(self._space.pinned)])
 
-    def concrete(self, cases: Cases, evidence: Evidence) -> list[Path]:
-        """A scenario of each case in which all values are worked out, numbered from 0 as the sets of the variation file are."""
+    def concrete(self, cases: Cases, evidence: Evidence, names: Sequence[str] = ()) -> list[Path]:
+        """A scenario of each case in which all values are worked out, numbered from 0 as the sets of the variation file are.
+
+        Args:
+            names: what the files are called after the scenario, in the place of numbers.
+        """
         scenario, values = xosc.load(self._folder.path / f"{self._stem}.xosc"), cases.tags()
         written = []
         for number, row in enumerate(cases.theta):
+            name = names[number] if names else f"edge_case_{number:06d}"
             tags = [Tag(name, column[number]) for name, column in values.items()] + evidence.tags(self._space.pinned)
             document = concrete(scenario, self._values(row))
-            written.append(self._write(f"{self._stem}_edge_case_{number:06d}", document, tags))
+            written.append(self._write(f"{self._stem}_{name}", document, tags))
         return written
 
     def density(self, density: Density, seed: int) -> Path:
@@ -177,7 +184,7 @@ class Written:
 
     def note(self) -> None:
         """Take note of what is there now."""
-        found = [*self._folder.glob(f"{self._stem}_edge_case*"), *self._folder.glob(f"{self._stem}_density.xosc")]
+        found = [path for pattern in _WRITTEN for path in self._folder.glob(pattern.format(self._stem))]
         if found or self._notes.exists():
             write_object({path.name: digest(path.read_bytes()) for path in sorted(found)}, self._notes)
 

@@ -60,6 +60,13 @@ class Cases:
     def __len__(self) -> int:
         return len(self.rewards)
 
+    def take(self, rows: BoolArray | IntArray) -> Cases:
+        """Some of them, by a mask (n,) or by indices."""
+        drivers = {name: each.take(rows) for name, each in self.drivers.items()}
+        return Cases(
+            self.theta[rows], self.outcomes.take(rows), self.rewards[rows], self.log_likelihood[rows], drivers, self.agreed
+        )
+
     @property
     def careful(self) -> Outcomes:
         """What came of the careful and competent driver of UN R157."""

@@ -1,0 +1,83 @@
+"""What a report says first, in sentences: what fails, how often, how hard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
+from generation.estimation.probability import Probability
+from generation.estimation.rates import PER_DISTANCE, PER_HOUR, Rate
+from generation.pipeline import Generated
+
+_SMALLEST = 1e-4
+"""Numbers below this are written with a power of ten"""
+
+
+def headline(title: str, sut: str, generated: Generated) -> list[str]:
+    """Sentences about a search of a scenario with that title."""
+    found, estimate = _found(title, sut, generated), generated.estimate
+    refusal = generated.gate.refusal
+    refused = [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
+    if estimate is None:
+        return [found, *refused, "How often traffic makes it fail was not estimated; --estimate does that."]
+    return [*_often(title, sut, estimate), *refused, found]
+
+
+def _found(title: str, sut: str, generated: Generated) -> str:
+    outcomes = generated.episodes.outcomes
+    failures, cases = int((outcomes.executed & outcomes.collision).sum()), int(generated.cases.outcomes.collision.sum())
+    ran = int(outcomes.executed.sum())
+    if not failures:
+        return f"{sut} has no collision in {ran:,} runs of {title}."
+    return (
+        f"{sut} collides in {failures:,} of {ran:,} sought or drawn runs of {title}; {cases} failures unlike each other "
+        "are foreseeable and prevented by a careful driver."
+    )
+
+
+def _often(title: str, sut: str, estimate: Estimate) -> Iterator[str]:
+    failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
+    yield f"When traffic makes the manoeuvre of {title}, {sut} collides with a probability of {chance(failure)}."
+    if rates:
+        yield f"That is {rate(rates[PER_HOUR])} collisions per hour of driving and {rate(rates[PER_DISTANCE])} per 1,000 km."
+    if not failure.stable and failure.value > 0.0:
+        yield f"The interval is unstable: it is of {failure.effective:.0f} effective failures."
+    yield f"Collisions that a careful driver prevents have a probability of {chance(estimate.probabilities[PREVENTABLE])}."
+    bands = {name: each.value for name, each in estimate.probabilities.items() if name not in (FAILURE, PREVENTABLE)}
+    if sum(bands.values()) > 0.0:
+        shares = ((name.removeprefix("impact "), 100.0 * each / sum(bands.values())) for name, each in bands.items())
+        yield f"Of the collisions are {', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
+
+
+def chance(found: Probability) -> str:
+    """A probability with its interval, in percent."""
+    low, high = found.interval
+    if found.value <= 0.0:
+        return f"at most {percent(high)} (no draw fails)"
+    return f"{percent(found.value)} (95 % interval {percent(low)} to {percent(high)})"
+
+
+def rate(found: Rate) -> str:
+    """A rate with its interval."""
+    low, high = found.interval
+    return f"{figure(found.value)} ({figure(low)} to {figure(high)})" if found.value > 0.0 else f"at most {figure(high)}"
+
+
+def percent(share: float) -> str:
+    """A share in percent, two significant digits."""
+    return f"{figure(100.0 * share)} %"
+
+
+def figure(value: float) -> str:
+    """A number with two significant digits."""
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 10.0:
+        return f"{value:,.0f}"
+    if abs(value) < _SMALLEST:
+        digits, power = f"{value:.1e}".split("e")
+        return f"{digits}·10{str(int(power)).translate(_RAISED)}"
+    return f"{value:#.2g}".rstrip(".")
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -1,0 +1,33 @@
+// What all parts of a search's report share: its data, numbers as text, elements of SVG.
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const WHICH = { likeliest_failure: "likeliest failure", nearest_failure: "failure nearest to a recording" };
+const FATES = {
+  new: ["failed", "new"],
+  "still-there": ["failed", "still there"],
+  unknown: ["unknown", "run failed"],
+  fixed: ["passed", "fixed"],
+};
+const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+
+/** A number with few digits; with a power of ten where it is small. */
+const figure = (value, digits = 2) => {
+  if (!value || Math.abs(value) >= 1e-4) return String(Number(value.toPrecision(digits)));
+  const [left, power] = value.toExponential(digits - 1).split("e");
+  return `${left}·10${[...power].map(c => RAISED[c]).join("")}`;
+};
+const withUnit = (text, unit) => (unit ? `${text} ${unit}` : text);
+const label = index => {
+  const { name, unit } = data.measures[index];
+  return unit ? `${name} (${unit})` : name;
+};
+const panel = (title, ...parts) => el("section", { class: "panel" }, el("h2", null, title), ...parts);
+const note = (...parts) => el("p", { class: "muted note" }, ...parts);
+
+/** An element of SVG with attributes and children. */
+function svg(tag, attributes, ...children) {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes || {})) node.setAttribute(name, value);
+  node.append(...children);
+  return node;
+}

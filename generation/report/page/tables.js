@@ -1,0 +1,180 @@
+// How often it fails, counterexamples, drivers by case, another version of the system, how all of it was found.
+
+const cell = (text, kind = "number") => el("td", { class: kind }, text);
+const spanned = ([value, low, high], scale = 1) => {
+  const [at, from, to] = [value, low, high].map(each => figure(each * scale));
+  return value > 0 ? `${at} [${from}, ${to}]` : `at most ${to}`;
+};
+
+function often() {
+  const found = data.estimate;
+  if (!found) return null;
+  const rated = found.events.some(each => each.rates.length);
+  const columns = [
+    ["event", null],
+    ["P(event | manoeuvre), % [95 %]", "number"],
+    ...(rated
+      ? [
+          ["per hour of driving", "number"],
+          ["per 1,000 km", "number"],
+        ]
+      : []),
+    ["effective failures", "number"],
+  ];
+  const rows = found.events.map(each =>
+    el(
+      "tr",
+      null,
+      el("th", { scope: "row" }, each.name),
+      cell(spanned(each.chance, 100)),
+      ...each.rates.map(rate => cell(spanned(rate))),
+      cell(each.stable || !each.chance[0] ? String(each.effective) : `${each.effective}: unstable`),
+    ),
+  );
+  const where = found.known
+    ? `around ${many(found.known, "known failure")}`
+    : "of what traffic does, as too few failures are known";
+  return panel(
+    "How often",
+    table("How often", columns, rows),
+    note(
+      `${many(found.runs, "run")} ${where}` + (found.failed ? `; ${found.failed} more failed, and count for nothing` : "") + ". ",
+      rated ? `Rates are of ${found.driving}, and hold for such traffic.` : `No rates: ${found.driving}.`,
+    ),
+  );
+}
+
+function counterexample(each, index) {
+  const outcome = each.collision
+    ? `${each.striking ? "hits the other one" : "is hit"} with its ${each.side || "side"} at ${figure(each.impact, 3)} m/s`
+    : "no collision";
+  const kinds = [
+    badge(each.foreseeable ? "failed" : "plain", each.foreseeable ? "foreseeable" : "not foreseeable"),
+    badge(each.preventable ? "failed" : "plain", each.preventable ? "preventable" : "not prevented"),
+    badge(each.reproduced ? "passed" : "error", each.reproduced ? "reproduced by its file" : "not reproduced by its file"),
+  ];
+  const unit = each.recorded;
+  const columns = [
+    ["parameter", null],
+    ["value", "number"],
+    ...(unit ? [["nearest recorded unit", "number"]] : []),
+  ];
+  const rows = each.values.map(({ name, unit: of, value, recorded }) =>
+    el(
+      "tr",
+      null,
+      el("th", { scope: "row" }, name),
+      cell(withUnit(figure(value, 4), of)),
+      ...(unit ? [cell(withUnit(figure(recorded, 4), of))] : []),
+    ),
+  );
+  const title = each.names.map(name => WHICH[name]).join(" and ");
+  return el(
+    "article",
+    null,
+    el("h3", null, el("i", { class: `mark mark-${index}` }), title[0].toUpperCase() + title.slice(1)),
+    el("p", null, `The ego ${outcome}. `, ...kinds.flatMap(kind => [kind, " "])),
+    el("p", { class: "actions" }, play(each.play, title), " ", el("a", { href: link(each.file) }, each.file)),
+    table(title, columns, rows),
+    unit ? note(`Recorded in ${unit.recording}, ${figure(100 * unit.distance)} % of the ranges away.`) : null,
+  );
+}
+
+function examples() {
+  const found = data.counterexamples;
+  if (!found.length) return null;
+  return panel("Counterexamples", el("div", { class: "examples" }, ...found.map(counterexample)));
+}
+
+function drivers() {
+  const { cases } = data;
+  if (!cases.length) return panel("Edge cases", el("p", null, "No failure is foreseeable and prevented by a careful driver."));
+  const columns = [
+    ["case", "number"],
+    ["impact (m/s)", "number"],
+    ...data.measures.map((_, i) => [label(i), "number"]),
+    ["log-likelihood", "number"],
+    ["risk", "number"],
+    ...data.drivers.map(name => [name, "driver"]),
+  ];
+  const survived = data.drivers.map((_, i) => cases.filter(each => each.drivers[i] === "survives").length);
+  const totals = el(
+    "tr",
+    { class: "totals" },
+    el("th", { scope: "row", colspan: columns.length - data.drivers.length }, `survived, of ${cases.length}`),
+    ...survived.map(count => cell(String(count), "driver")),
+  );
+  const row = each =>
+    el(
+      "tr",
+      null,
+      el("th", { scope: "row", class: "number" }, String(each.number), ...(each.new ? [" ", badge("failed", "new")] : [])),
+      cell(each.collision ? figure(each.impact, 3) : "none"),
+      ...each.measures.map(value => cell(figure(value, 3))),
+      cell(figure(each.likelihood, 3)),
+      cell(figure(each.risk)),
+      ...each.drivers.map(end => el("td", { class: `driver ${end}` }, { survives: "✓", collides: "✕", unknown: "?" }[end])),
+    );
+  return panel(
+    "Reference drivers by case",
+    note(
+      `✓ survives, ✕ collides, ? the run failed. A case is preventable where ${data.judges.join(" or ")} survives; ` +
+        "full braking from the manoeuvre's start is the bound of what braking can do. ",
+      data.agreed ? `The others are played on the twin, which gives all ${data.agreed} verdicts of these two as runs do. ` : "",
+      "Numbers are those of the sets in ",
+      el("a", { href: link(data.file) }, data.file),
+      `; xosc-run ${data.file} --only NUMBER plays one.`,
+    ),
+    table("Reference drivers by case", columns, [totals, ...cases.map(row)]),
+  );
+}
+
+function against() {
+  const found = data.against;
+  if (!found) return null;
+  const counts = Object.entries(FATES)
+    .filter(([fate]) => fate !== "unknown" || found.counts[fate])
+    .flatMap(([fate, [kind, text]]) => [badge(kind, `${found.counts[fate]} ${text}`), " "]);
+  const columns = [
+    ["failure of before", "number"],
+    ["now", null],
+    ["impact (m/s)", "number"],
+    ...found.names.map(name => [name, "number"]),
+  ];
+  const rows = found.failures.map(each =>
+    el(
+      "tr",
+      null,
+      el("th", { scope: "row", class: "number" }, String(each.number)),
+      el("td", null, badge(...FATES[each.fate])),
+      cell(each.impact ? figure(each.impact, 3) : "none"),
+      ...found.names.map(name => cell(figure(Number(each.values[name]), 4))),
+    ),
+  );
+  const now = data.estimate?.events[0].chance;
+  const change =
+    found.chance && now
+      ? note(`Collisions before: ${spanned(found.chance, 100)} % of manoeuvres, now: ${spanned(now, 100)} %.`)
+      : null;
+  return panel(
+    `Against ${found.sut || "another version"} (${found.folder})`,
+    el("p", null, ...counts),
+    change,
+    note(
+      "Failures of before are replayed on this version. One is fixed where it is survived and nothing found now is like it; " +
+        "new are failures unlike all of before: these may be older than they look, where the search before did not come by.",
+    ),
+    rows.length ? table("Failures of before", columns, rows) : el("p", null, "The search before had no failures."),
+  );
+}
+
+function method() {
+  const told = Object.entries(data.settings).flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)]);
+  const [measured, refusal] = data.gate;
+  return panel(
+    "How it was found",
+    el("p", null, `Gate of the density: ${measured}. `, badge(...(refusal ? ["failed", "refused"] : ["passed", "passes"]))),
+    refusal ? el("p", null, `So it is no judge of what is foreseeable: ${refusal}.`) : null,
+    el("dl", null, ...told),
+  );
+}

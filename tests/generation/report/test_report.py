@@ -1,0 +1,115 @@
+"""The page of a search, its files, and its sentences."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runner
+import schemas
+from generation.estimation.probability import Probability
+from generation.report.headline import chance, figure, headline
+from generation.report.regression import Before, regression
+from generation.report.report import write_report
+from runner.settings import RunSettings
+from tests.generation.report.searches import CUT_IN, EASY, HARD, WEAK, searched, settings, written
+from tests.runner.chromium import Browser
+
+SUT = "cas:brake=2"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report with all that can be in one."""
+    generated = searched(SUT, np.array([HARD, WEAK, EASY]), drawn=200)
+    folder = written(generated, SUT, tmp_path_factory.mktemp("found"))
+    compared = regression(Before.of(folder, CUT_IN), CUT_IN, generated, settings(SUT))
+    assert write_report(CUT_IN, generated, settings(SUT), folder, compared) == folder / "report.html"
+    return folder
+
+
+def data(folder: Path) -> dict:
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    return json.loads(found[1])
+
+
+def test_counterexamples_are_files_that_fail_when_they_are_run(folder: Path) -> None:
+    found = data(folder)["counterexamples"]
+    assert [each["names"][0] for each in found] == ["likeliest_failure", "nearest_failure"][: len(found)]
+    for each in found:
+        assert each["reproduced"]
+        assert not schemas.check(folder / each["file"])
+        result = runner.run(folder / each["file"], sut=SUT, world="kinematic", timestep=0.1)
+        assert not result.verdict.passed
+        assert (folder / each["play"]).is_file()
+
+
+def test_drivers_are_those_of_the_cases(folder: Path) -> None:
+    found = data(folder)
+    assert found["drivers"][-1] == "full braking"
+    assert found["cases"][0]["drivers"].count("survives") < len(found["drivers"])
+    assert {end for each in found["cases"] for end in each["drivers"]} == {"survives", "collides"}
+
+
+def test_slices_show_runs_that_took_place(folder: Path) -> None:
+    found = data(folder)
+    assert found["runs"]["total"] == 203 == len(found["runs"]["values"])
+    assert 20 <= sum(found["runs"]["fails"]) <= 183
+    assert len(found["region"]["slices"]) == 3
+    assert 0.5 < found["region"]["accuracy"] <= 1.0
+
+
+def test_the_same_search_gives_the_same_page(folder: Path) -> None:
+    before = (folder / "report.html").read_bytes()
+    generated = searched(SUT, np.array([HARD, WEAK, EASY]), drawn=200)
+    compared = regression(Before.of(folder, CUT_IN), CUT_IN, generated, settings(SUT))
+    write_report(CUT_IN, generated, settings(SUT), folder, compared)
+    assert (folder / "report.html").read_bytes() == before
+
+
+def test_a_search_without_failures_says_so(tmp_path: Path) -> None:
+    generated = searched("cas:sensor_range=150", np.array([EASY]))
+    write_report(CUT_IN, generated, settings("cas"), tmp_path)
+    found = data(tmp_path)
+    assert (found["counterexamples"], found["cases"], found["file"]) == ([], [], None)
+    assert "0 runs fail" in found["region"]["reason"]
+    assert found["headline"][-1] == "cas has no collision in 1 runs of cut_in_highway."
+
+
+def test_the_headline_tells_probability_rates_and_bands() -> None:
+    first, second, *rest = headline("cut_in_highway", "cas", searched(SUT, np.array([HARD])))
+    assert first.startswith("When traffic makes the manoeuvre of cut_in_highway, cas collides with a probability of 0.20 % (95 %")
+    assert "collisions per hour of driving" in second and "per 1,000 km" in second
+    assert any(each == "Of the collisions are 100 % at 0 to 5 m/s." for each in rest)
+
+
+def test_numbers_are_short() -> None:
+    assert [figure(each) for each in (0.0, 0.2, 1234.5, 0.00123, 1.23e-6)] == ["0", "0.20", "1,234", "0.0012", "1.2·10⁻⁶"]
+    assert chance(Probability(0.0, 0.0, 0.0, 0.004)) == "at most 0.40 % (no draw fails)"
+
+
+def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
+    with Browser(tmp_path) as browser:
+        for width, dark in ((1280, False), (390, True)):
+            browser.open(folder / "report.html", width=width, dark=dark)
+            titles = browser.run("[...document.querySelectorAll('h2')].map(each => each.textContent)")
+            assert [each.partition(" ")[0] for each in titles] == [
+                "How",
+                "Against",
+                "Where",
+                "Counterexamples",
+                "Reference",
+                "How",
+            ]
+            assert browser.run("document.querySelectorAll('figure svg circle').length") == 3 * 203
+            assert browser.run("document.querySelectorAll('polyline.boundary').length") > 0
+            assert browser.run("document.documentElement.scrollWidth") <= width
+        assert browser.errors == []
+        assert all(each.startswith(("file:", "about:")) for each in browser.requests)
+    assert RunSettings().world == "sumo"
