@@ -88,7 +88,8 @@ class _Search:
         """Search."""
         screen, new = self._screen, list[int]()
         if screen.twin is not None:  # begin with what traffic does
-            self._try(self._prior.sample(self._settings.first, self._generator))
+            drawn = self._prior.sample(self._settings.first, self._generator)
+            self._try(drawn[screen.worth(drawn)])
         while screen.left and len(new) != self._settings.generations and not (screen.twin and self._stagnates(new)):
             new.append(self._generation())
             if screen.waiting >= min(BATCH, screen.left):
