@@ -29,7 +29,8 @@ def sets() -> list[tuple[str, ...]]:
     """Each emitter alone, all but one, all, and those that are used."""
     alone = [(name,) for name in EMITTERS]
     but_one = [tuple(each for each in EMITTERS if each != name) for name in EMITTERS]
-    return list(dict.fromkeys([*alone, *but_one, EMITTERS, QualitySettings().emitters]))
+    every = [*alone, *but_one, EMITTERS, tuple(QualitySettings().emitters)]
+    return list({frozenset(each): each for each in every}.values())
 
 
 def emitters(posed: Posed, proposals: int, seeds: Sequence[int]) -> Table:
