@@ -38,7 +38,10 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_help_lists_every_experiment(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(monkeypatch, "--help") == 0
     text = capsys.readouterr().out
-    assert all(name in text for name in ("methods", "failures", "twin", "systems", "densities", "reconstruction", "rounds"))
+    assert all(
+        name in text
+        for name in ("methods", "failures", "tune", "ablation", "twin", "systems", "densities", "reconstruction", "rounds")
+    )
 
 
 def test_methods_are_compared_and_their_cases_run_with_other_systems(

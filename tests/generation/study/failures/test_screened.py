@@ -14,6 +14,7 @@ from generation.search.diversity import distinctive
 from generation.search.problem import Calls, History, Problem
 from generation.search.reward import Realism, Reward
 from generation.search.space import Space
+from generation.study.failures.ablation import BOUNDS, EMITTERS, sets
 from generation.study.failures.screened import LEAST, screened
 from generation.study.failures.study import with_settings
 from generation.study.failures.tuning import TRIALS
@@ -73,3 +74,12 @@ def test_every_trial_is_of_settings_that_its_method_has() -> None:
 def test_settings_that_a_method_does_not_have_are_refused(name: str, unknown: str) -> None:
     with pytest.raises(UsageError, match=unknown):
         with_settings(name, {unknown: 1})
+
+
+def test_ablations_leave_out_each_emitter_once_and_repeat_no_set() -> None:
+    tried = sets()
+    assert {(name,) for name in EMITTERS} <= set(tried)
+    assert {frozenset(EMITTERS) - {name} for name in EMITTERS} <= {frozenset(each) for each in tried}
+    assert len({frozenset(each) for each in tried}) == len(tried)
+    for settings in BOUNDS.values():
+        with_settings("mcsg", settings)
