@@ -35,7 +35,7 @@ def sets() -> list[tuple[str, ...]]:
 
 def emitters(posed: Posed, proposals: int, seeds: Sequence[int]) -> Table:
     """Failures on the twin that archives with these emitters find with as many proposals."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for chosen in sets():
         batch = QualitySettings.batch * len(QualitySettings().emitters) // len(chosen)
         settings = QualitySettings(chosen, batch)
@@ -49,7 +49,7 @@ def emitters(posed: Posed, proposals: int, seeds: Sequence[int]) -> Table:
 
 def bounds(posed: Posed, proposals: int, seeds: Sequence[int]) -> Table:
     """Failures on the twin that MCSG finds with other bounds of its stages."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for title, settings in BOUNDS.items():
         method = screened(with_settings("mcsg", {"batch": _BATCH, **settings}), proposals)
         found = [len(method(posed.problem, _PLENTY, seed).theta) for seed in seeds]
