@@ -327,9 +327,16 @@ def _actors(group: Node, context: ScenarioContext) -> tuple[list[list[Entity]], 
     node = group.need("Actors")
     references = [context.entities(reference) for reference in node.children("EntityRef")]
     select_triggering = bool(node.bool("selectTriggeringEntities", False))
-    if not any(references) and not select_triggering and next(group.iter("PrivateAction"), None) is not None:
+    selects = select_triggering and _is_triggered_by_entities(group)
+    if not any(references) and not selects and next(group.iter("PrivateAction"), None) is not None:
         context.repair(node, ACTORS, f"{_named(group)}: its private actions have no actor; they do nothing")
     return references, select_triggering
+
+
+def _is_triggered_by_entities(group: Node) -> bool:
+    """Whether a condition by entity is part of what starts a maneuver group's act or events."""
+    triggers = group.parent.iter("StartTrigger") if group.parent is not None else ()
+    return any(next(trigger.iter("TriggeringEntities"), None) is not None for trigger in triggers)
 
 
 def _named(node: Node) -> str:

@@ -10,12 +10,9 @@ _NOT_OWN_NAMES = {"TrafficSignalStateAction", "TrafficSignalCondition", "UserDef
 _ENTITIES = {"Entities", "Catalog"}  # see unique_entities
 
 
-@rule("asam.net:xosc:1.2.0:reference_control.unique_element_names_on_same_level", level="warning")
+@rule("asam.net:xosc:1.2.0:reference_control.unique_element_names_on_same_level")
 def check(document: Document) -> Iterator[Finding]:
-    """Element names shall be unique among the elements that one element directly encloses.
-
-    A warning: such names matter only to references, and references that become ambiguous have rules of their own.
-    """
+    """Element names shall be unique among the elements that one element directly encloses."""
     seen: dict[tuple[object, str], object] = {}
     for element, _, name in document.values("name"):
         parent = element.getparent()

@@ -9,5 +9,15 @@ from schemas.checks.registry import Finding, rule
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_variable_reference", kinds=("scenario",), since=(1, 2))
 def check(document: Document) -> Iterator[Finding]:
-    """A variableRef must name a VariableDeclaration of the scenario."""
-    return unresolved(document, "variable", document.names("VariableDeclaration"), "variableRef")
+    """A variableRef must name something that the scenario declares."""
+    declared = document.names("VariableDeclaration"), document.names("ParameterDeclaration")
+    return unresolved(document, "variable", frozenset().union(*declared), "variableRef")
+
+
+@rule("xosc.toolchain:xosc:1.2.0:reference_control.variable_is_no_parameter", kinds=("scenario",), since=(1, 2))
+def check_parameters(document: Document) -> Iterator[Finding]:
+    """A variableRef must not name a parameter: parameters keep their values while a scenario runs."""
+    parameters = frozenset(document.names("ParameterDeclaration")) - frozenset(document.names("VariableDeclaration"))
+    for element, attribute, name in document.values("variableRef"):
+        if name in parameters:
+            yield Finding(element, f"{attribute}: {name!r} is a parameter, declare it as a variable to change it")

@@ -21,6 +21,10 @@ def run(*arguments: object) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
+NOWHERE = '<RouteCatalog><Directory path="nowhere"/></RouteCatalog></CatalogLocations>'
+"""earns a warning"""
+
+
 def test_sound_folder_is_accepted(project):
     code, output = run(project.folder)
     assert code == 0
@@ -28,7 +32,7 @@ def test_sound_folder_is_accepted(project):
 
 
 def test_errors_exit_with_1_and_warnings_only_when_strict(project):
-    project.edit("scenario", ('<Condition name="standing"', '<Condition name="done"'))
+    project.edit("scenario", ("</CatalogLocations>", NOWHERE))
     assert run(project.folder)[0] == 0
     assert run(project.folder, "--strict")[0] == 1
     project.edit("scenario", ('<Private entityRef="Target">', '<Private entityRef="Nobody">'))
@@ -38,7 +42,7 @@ def test_errors_exit_with_1_and_warnings_only_when_strict(project):
 
 
 def test_severity_hides_lesser_levels(project):
-    project.edit("scenario", ('<Condition name="standing"', '<Condition name="done"'))
+    project.edit("scenario", ("</CatalogLocations>", NOWHERE))
     assert "warning: " in run(project.folder)[1]
     assert "warning: " not in run(project.folder, "--severity", "error")[1]
 

@@ -172,6 +172,20 @@ FAULTS = [
         "<Actors",
     ),
     Fault(
+        OWN + "1.2.0:reference_control.variable_is_no_parameter",
+        "scenario",
+        'variableRef="count"',
+        'variableRef="twice"',
+        'variableRef="twice"',
+    ),
+    Fault(
+        OWN + "1.0.0:reference_control.entities_have_names_of_their_own",
+        "scenario",
+        'ScenarioObject name="Target"',
+        'ScenarioObject  name="Ego"',
+        "ScenarioObject  ",
+    ),
+    Fault(
         ASAM + "1.2.0:data_type.non_negative_transition_time_in_light_state_action",
         "scenario",
         'transitionTime="0.5"',
