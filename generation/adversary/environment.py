@@ -11,10 +11,14 @@ from generation.adversary.actions import DECISIONS, INTERVAL, STATE
 from generation.adversary.course import Course, Scene, replayed
 from generation.adversary.driving import Driving
 from generation.outcomes.references import JUDGES
+from runner.measures.risk_field import risk_field
+from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 OBSERVED = len(STATE) + 3
 """Numbers that the policy sees: the state, the ego's acceleration, the time, and what likelihood is left to spend"""
+OBJECTIVES = ("distance", "risk-field")
+"""What shapes the reward: how near the boxes are, or how probable a collision is (`runner.measures.risk_field`)"""
 _NEAR = 5.0
 """Distance (m) at which nearness counts 1/e"""
 _SPENT, _BRAKING = 10.0, 5.0
@@ -71,10 +75,19 @@ class Environment:
     Args:
         scene: where and with whom. driving: of recorded drivers. sut: the system under test. dt: time step, s.
         discount: of what comes later, for the shape of the reward.
+        objective: one of `OBJECTIVES`, which shapes it.
+
+    Raises:
+        UsageError: there is no such objective.
     """
 
-    def __init__(self, scene: Scene, driving: Driving, sut: Any, dt: float, discount: float) -> None:
+    def __init__(
+        self, scene: Scene, driving: Driving, sut: Any, dt: float, discount: float, objective: str = OBJECTIVES[0]
+    ) -> None:
+        if objective not in OBJECTIVES:
+            raise UsageError(f"there is no objective {objective!r}; objectives: {', '.join(OBJECTIVES)}")
         self._scene, self._driving, self._sut, self._dt, self._discount = scene, driving, sut, dt, discount
+        self._near = _probability if objective == "risk-field" else _nearness
         self._steps = round(INTERVAL / dt)
 
     def play(self, starts: FloatArray, policy: Any) -> tuple[Episodes, Transitions]:
@@ -84,11 +97,11 @@ class Environment:
             policy: gives actions (n, 2), −1 to 1, for what is observed (n, `OBSERVED`).
         """
         driver = _Adversary(self._scene, self._driving, Course(self._scene, self._sut, starts, self._dt), self._steps)
-        seen, done, near, density, contacts = [driver.observed()], [], [driver.nearness], [], [driver.course.contact]
+        seen, done, near, density, contacts = [driver.observed()], [], [self._near(driver.course)], [], [driver.course.contact]
         for _ in range(DECISIONS):
             done.append(driver.act(policy(seen[-1])))
             seen.append(driver.observed())
-            near.append(driver.nearness)
+            near.append(self._near(driver.course))
             density.append(driver.density)
             contacts.append(driver.course.contact)
         episodes = self._judged(starts, driver, np.array(density))
@@ -122,6 +135,16 @@ class Environment:
         return Transitions(seen[:-1][before], done[before], reward[before], seen[1:][before], over[before])
 
 
+def _nearness(course: Course) -> FloatArray:
+    """1 in contact, less the further the boxes are (n,)."""
+    return np.exp(-course.near / _NEAR)
+
+
+def _probability(course: Course) -> FloatArray:
+    """Probability of a collision by the risk field (n,)."""
+    return risk_field(course.ego.motion(), course.actor.motion()).probability
+
+
 class _Adversary:
     """An actor under way: accelerations that change evenly between decisions."""
 
@@ -133,11 +156,6 @@ class _Adversary:
         self.density = np.zeros(n)
         self.ways = [np.stack([course.actor.x, course.actor.y], axis=1)]
         self._turn = np.array([1.0, scene.side])
-
-    @property
-    def nearness(self) -> FloatArray:
-        """1 in contact, less the further the boxes are (n,)."""
-        return np.exp(-self.course.near / _NEAR)
 
     @property
     def state(self) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 from generation.adversary.actions import ACTION, DECISIONS, INTERVAL
 from generation.adversary.course import Scene
 from generation.adversary.driving import Driving
-from generation.adversary.environment import OBSERVED, Environment, Episodes
+from generation.adversary.environment import OBJECTIVES, OBSERVED, Environment, Episodes
 from generation.adversary.td3 import TD3, TD3Settings
 from generation.search.diversity import diverse
 from recognition.training.seeding import seeded
@@ -37,6 +37,7 @@ class AdversarySettings:
         warm_up: rounds in which actions are drawn evenly.
         learns: whether the policy learns; otherwise all actions are drawn evenly.
         apart: least distance of two failures, as a share of the ranges of what describes them, root mean square.
+        objective: shapes the reward (`generation.adversary.environment.OBJECTIVES`).
         td3: of the networks.
     """
 
@@ -46,6 +47,7 @@ class AdversarySettings:
     warm_up: int = 4
     learns: bool = True
     apart: float = 0.05
+    objective: str = OBJECTIVES[0]
     td3: TD3Settings = field(default_factory=TD3Settings)
 
 
@@ -84,7 +86,7 @@ def search(
     """
     generator, found, rounds = np.random.default_rng(seed), [], []
     with seeded(seed):
-        environment = Environment(scene, driving, sut, dt, settings.td3.discount)
+        environment = Environment(scene, driving, sut, dt, settings.td3.discount, settings.objective)
         policy = TD3(OBSERVED, len(ACTION), generator, settings.td3)
         for number in range(settings.rounds):
             drawn = number < settings.warm_up or not settings.learns
