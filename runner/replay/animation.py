@@ -103,7 +103,7 @@ class _View:
     def __init__(self, result: RunResult) -> None:
         self._result = result
         recording = result.recording
-        self._area = area = extent(recording)
+        self._area = area = extent(recording.tracks.values())
         self._shapes = _shapes(result, area.wider(_WIDTH))
         edges = [(*shape.points.min(axis=0), *shape.points.max(axis=0)) for shape in self._shapes]
         self._edges = np.array(edges).reshape(-1, 4)

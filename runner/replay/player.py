@@ -13,7 +13,7 @@ from runner.replay.scene.scene import scene
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
 
-_STYLES = ("base.css", "play/replay.css")
+_STYLES = ("base.css", "play/colours.css", "play/replay.css")
 _PARTS = ("data", "drawing", "pair", "view", "charts", "timeline", "account", "controls", "player")
 _SCRIPTS = ("dom.js", *(f"play/{part}.js" for part in _PARTS))
 

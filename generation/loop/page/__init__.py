@@ -12,15 +12,20 @@ from generation.loop.stages.findings import EdgeCase, LoopResult, Ran, Round, Ru
 from generation.pages import PARTS_CSS, PARTS_JS
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
+from runner.outputs.stored import load_run
 from runner.replay.names import REPORT
 from runner.replay.page import page, write_page
+from runner.replay.scene.preview import preview
 
 PAGE = "index.html"
 """Name of the page in the output folder"""
 _FOLDER = Path(__file__).parent
-_STYLES = "base.css", "report.css", PARTS_CSS, str(_FOLDER / "loop.css")
-_PARTS = "common", "flow", "recognised", "generated", "space", "main"
-_SCRIPTS = "dom.js", "axes.js", PARTS_JS, *(str(_FOLDER / f"{part}.js") for part in _PARTS)
+_STYLES = "base.css", "report.css", "play/colours.css", PARTS_CSS, str(_FOLDER / "loop.css")
+_PLAYED = *(f"play/{part}.js" for part in ("data", "drawing", "pair", "preview")), PARTS_JS
+_PARTS = "common", "avoided", "flow", "recognised", "generated", "space", "main"
+_SCRIPTS = "dom.js", "axes.js", *_PLAYED, *(str(_FOLDER / f"{part}.js") for part in _PARTS)
+_MOVING = 12
+"""Avoidable collisions that are shown as moving pictures"""
 _MEASURES = ("min_ttc", "min_thw", "min_distance", "pet")
 _NOT_PLOTTED = ("cases", "failed", "failures", "failed_runs")
 """What a page's search has in another form, or not at all"""
@@ -39,6 +44,8 @@ def write(found: LoopResult, out: Path) -> Path:
 def _data(found: LoopResult, out: Path) -> Json:
     """What the page is made from."""
     rows = rows_of(out / CATALOGUE) if found.recordings else []
+    searches = [_search(search, of) for of in found.rounds for search in of.searches]
+    _add_previews([case for search in searches for case in search["cases"]], out)
     return {
         "title": out.resolve().name,
         "settings": found.settings,
@@ -46,7 +53,7 @@ def _data(found: LoopResult, out: Path) -> Json:
         "unread": found.recognised.failures,
         "classes": _classes(rows, found),
         "catalogue": f"{CATALOGUE}/index.csv" if rows else None,
-        "searches": [_search(search, of) for of in found.rounds for search in of.searches],
+        "searches": searches,
         "refused": [asdict(each) for each in found.refused],
         "scenarios": [_run(run, name) for name, runs in found.scenarios.files.items() for run in runs],
         "reports": list(_reports(found)),
@@ -104,6 +111,7 @@ def _case(case: EdgeCase, of: Round) -> Json:
         "verdict": case.verdict,
         "careful": case.careful,
         "avoidable": case.avoidable,
+        "preview": None,
         "likelihood": case.likelihood,
         "risk": case.risk,
         "state": run.state if run else None,
@@ -111,6 +119,13 @@ def _case(case: EdgeCase, of: Round) -> Json:
         "recognised": [{"title": each.title, "file": f"round_{of.number}/{RECOGNISED}/{each.file}"} for each in labels],
         "files": {"scenario": case.file, **({"road": case.road} if case.road else {}), "tags": tags},
     }
+
+
+def _add_previews(cases: list[Json], out: Path) -> None:
+    """Add moving pictures of the first collisions that a careful driver would have avoided."""
+    shown = [case for case in cases if case["avoidable"] and case["play"]]
+    for case in shown[:_MOVING]:
+        case["preview"] = preview(load_run((out / case["play"].partition("#")[0]).parent))
 
 
 def _run(run: Run, name: str) -> Json:

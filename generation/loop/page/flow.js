@@ -26,21 +26,17 @@ function flow() {
     ),
   );
   steps.push(step("Collisions", total(done, "collisions"), `${total(done, "new")} of them unlike each other`));
+  const collisions = cases.filter(each => each.verdict === "collision").length,
+    problems = data.checked.problems.length;
   steps.push(
     step(
       "Edge cases written",
       cases.length,
-      `${cases.filter(each => each.verdict === "collision").length} collisions, ` +
-        `${cases.filter(each => each.avoidable).length} of them a careful driver avoids`,
+      `${collisions} collisions; ${many(data.checked.files, "file")} checked, ` +
+        (problems ? many(problems, "problem") : "all valid"),
     ),
   );
-  steps.push(
-    step(
-      "Files checked",
-      data.checked.files,
-      data.checked.problems.length ? many(data.checked.problems.length, "problem") : "all valid",
-    ),
-  );
+  steps.push(step("A careful driver avoids", cases.filter(each => each.avoidable).length, "of these collisions"));
   const back = rounds
     .slice(1)
     .map((searches, i) =>

@@ -50,6 +50,10 @@ class Area(NamedTuple):
         """The same with a margin (m) all around."""
         return Area(self.west - margin, self.south - margin, self.east + margin, self.north + margin)
 
+    def meets(self, other: Area) -> bool:
+        """Whether two rectangles have something in common."""
+        return self.west <= other.east and other.west <= self.east and self.south <= other.north and other.south <= self.north
+
 
 class Marks(NamedTuple):
     """How marks look: `pattern` solid, broken, dots or unmarked (a border without marks), colour, width in m."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from runner.interpreter.result import RunResult
     from runner.measures.criticality import Criticality
-    from runner.recording import Recording, Track
+    from runner.recording import Track
     from xodr.network import RoadNetwork
 
 LENGTH_STEP, ANGLE_STEP, SPEED_STEP = 0.01, 0.002, 0.01
@@ -37,13 +37,13 @@ _GREATEST = 1000.0
 
 def scene(results: Sequence[RunResult]) -> dict[str, Any]:
     """One run, or two to be compared: roads that both are on are there once."""
-    area = union(extent(result.recording) for result in results)
+    area = union(extent(result.recording.tracks.values()) for result in results)
     origin = (round((area.west + area.east) / 2), round((area.south + area.north) / 2))
     networks = {network.path: network for result in results if (network := result.recording.network) is not None}
     places = {path: index for index, path in enumerate(networks)}
     return {
-        "steps": {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP, "braking": GREATEST},
-        "roads": [_road(network, area.wider(_SURROUNDINGS), origin) for network in networks.values()],
+        "steps": steps(),
+        "roads": [road_of(network, area.wider(_SURROUNDINGS), origin) for network in networks.values()],
         "runs": [
             _run(result, origin) | {"road": places[network.path] if (network := result.recording.network) is not None else None}
             for result in results
@@ -51,9 +51,14 @@ def scene(results: Sequence[RunResult]) -> dict[str, Any]:
     }
 
 
-def extent(recording: Recording) -> Area:
+def steps() -> dict[str, float]:
+    """What numbers are rounded to, and the deceleration (m/s²) beyond which nobody brakes."""
+    return {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP, "braking": GREATEST}
+
+
+def extent(tracks: Iterable[Track]) -> Area:
     """The rectangle that all ways lie in; around the origin where nobody was there."""
-    columns = [track.columns for track in recording.tracks.values() if len(track.columns["time"])]
+    columns = [track.columns for track in tracks if len(track.columns["time"])]
     if not columns:
         return Area(0.0, 0.0, 0.0, 0.0)
     x, y = (np.concatenate([each[axis] for each in columns]) for axis in ("x", "y"))
@@ -66,7 +71,8 @@ def union(areas: Iterable[Area]) -> Area:
     return Area(min(west), min(south), max(east), max(north))
 
 
-def _road(network: RoadNetwork, area: Area, origin: tuple[int, int]) -> dict[str, Any]:
+def road_of(network: RoadNetwork, area: Area, origin: tuple[int, int]) -> dict[str, Any]:
+    """The roads within an area, counted from an origin."""
     return {
         "surfaces": [
             {"look": look, "lines": pack_lines([ring - origin for ring in rings], LENGTH_STEP)}
@@ -103,7 +109,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         "parameters": result.parameters,
         "settings": {name: str(value) for name, value in result.settings.items()},
         "sample": stride * dt,
-        "tracks": [_track(track, dt, stride, origin) for track in result.recording.tracks.values()],
+        "tracks": [track_of(track, dt, stride, origin) for track in result.recording.tracks.values()],
         "rows": [
             [row.level, row.label, row.subject, row.bars, row.who]
             for row in timeline.rows(result.events, result.actors, result.recording.tracks)
@@ -133,7 +139,8 @@ def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, St
 # participants -------------------------------------------------------------------------------
 
 
-def _track(track: Track, dt: float, stride: int, origin: tuple[int, int]) -> dict[str, Any]:
+def track_of(track: Track, dt: float, stride: int, origin: tuple[int, int]) -> dict[str, Any]:
+    """A participant at every so many steps of a time (s), counted from an origin."""
     columns, box = track.columns, track.box
     heading = np.unwrap(columns["h"])
     return {

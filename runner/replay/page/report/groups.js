@@ -37,7 +37,7 @@ function matrix(runs, { across, down }) {
   const head = el(
     "tr",
     null,
-    el("th", { scope: "col" }, down ? `${down.name} ↓  ${across.name} →` : across.name),
+    el("th", { scope: "col" }, ...(down ? [`${across.name} →`, el("br"), `${down.name} ↓`] : [across.name])),
     ...across.values.map(x => el("th", { scope: "col" }, String(short(x)))),
   );
   return el(
@@ -63,10 +63,12 @@ function filled(runs, where) {
   const bad = runs.filter(run => run.state !== "passed"),
     first = bad[0] ?? runs[0],
     kind = bad.length ? (bad.length < runs.length ? "mixed" : first.state) : "passed";
-  const text = bad.length ? (runs.length > 1 ? `✕ ${bad.length}/${runs.length}` : "✕") : shown(cells.column, first);
+  const text = bad.length ? (runs.length > 1 ? `✕ ${bad.length}/${runs.length}` : "✕") : shown(cells.column, first, 3);
   const label = `${where}: ${bad.length ? `${bad.length} of ${runs.length} failed, ${reason(first)}` : "passed"}`;
-  const inner = first.replay ? ["a", { href: link(first), "aria-label": label }] : ["span", { role: "img", "aria-label": label }];
-  return el("td", { class: kind, title: label }, el(...inner, text));
+  const inner = first.replay
+    ? el("a", { href: link(first), "aria-label": label }, text)
+    : el("span", { role: "img", "aria-label": label }, text);
+  return el("td", { class: kind, title: label }, inner);
 }
 
 function failures(runs) {
@@ -88,9 +90,12 @@ function group(name, runs, open) {
     el(
       "summary",
       null,
-      el("span", { class: `count ${bad ? "failed" : "passed"}` }, bad ? `${bad} of ${runs.length}` : String(runs.length)),
+      el(
+        "span",
+        { class: `count ${bad ? "failed" : "passed"}` },
+        bad ? `${bad} of ${runs.length} failed` : `${runs.length} passed`,
+      ),
       el("h3", null, name),
-      el("span", { class: "muted" }, bad ? "failed" : "passed"),
     ),
     square ? matrix(runs, square) : null,
     bad && (!square || runs.length === 1) ? failures(runs) : null,

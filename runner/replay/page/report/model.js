@@ -20,10 +20,11 @@ const columns = [
 for (const column of columns) column.numbers = data.runs.filter(run => typeof column.of(run) === "number").length;
 const numeric = columns.filter(column => column.numbers).sort((a, b) => !a.parameter - !b.parameter || b.numbers - a.numbers);
 
-/** A run's value in a column as text. */
-function shown(column, run) {
+/** A run's value in a column as text, with so many significant digits. */
+function shown(column, run, digits = 4) {
   const value = column.of(run);
-  return column.beyond && typeof value === "number" && value > column.most ? column.beyond : String(short(value));
+  if (typeof value !== "number") return String(short(value));
+  return column.beyond && value > column.most ? column.beyond : String(short(Number(value.toPrecision(digits))));
 }
 
 /** Why a run ended as it did. */
