@@ -14,13 +14,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from runner.participants.boxes import box_corners
 from xodr.lookup.sampling import lane_borders
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
+    from runner.measures.impact import Impact
     from runner.recording import Recording, Track
 
 _EGO, _OTHERS = "#c62828", ("#1565c0", "#2e7d32", "#ef6c00", "#6a1b9a", "#00838f", "#5d4037")
@@ -30,25 +34,53 @@ _FLATTEST = 7.0
 """Greatest ratio of width to height of the view from above; longer ways are not to scale across."""
 _FADING = 6
 """Boxes drawn along each way, evenly spaced in time, from pale to full colour."""
+_NAMED = 8
+"""Participants that are named in the view and in the legend; of more, those nearest to the ego come first"""
+_SAID = 3
+"""Participants that are named in a view of more"""
 
 
 def write_picture(result: RunResult, path: Path) -> None:
     """Write a PNG: view from above, speeds over time, distance and time to collision of the ego over time."""
-    tracks = list(result.recording.tracks.values())
+    tracks = [track for track in result.recording.tracks.values() if len(track.columns["time"])]
     others = iter(_OTHERS * (len(tracks) // len(_OTHERS) + 1))
     colours = {track.name: _EGO if track.name == result.ego else next(others) for track in tracks}
-    figure = Figure(figsize=(11, 7), layout="constrained")
+    impact = result.criticality.impact if result.criticality is not None else None
+    named = _named(result, tracks)
+    figure = Figure(figsize=(11, 7.4), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=(1.2, 1.0))
-    _from_above(figure.add_subplot(grid[0, :]), result.recording, colours)
-    _speeds(figure.add_subplot(grid[1, 0]), tracks, colours)
-    _criticality(figure.add_subplot(grid[1, 1]), result)
+    above = figure.add_subplot(grid[0, :])
+    _from_above(above, result.recording, tracks, colours)
+    said = named if len(tracks) <= _NAMED else named[:_SAID]
+    _say(above, [track for track in tracks if track.name in said], impact)
+    _speeds(figure.add_subplot(grid[1, 0]), tracks, colours, impact)
+    _criticality(figure.add_subplot(grid[1, 1]), result, impact)
+    if named:
+        rest = len(tracks) - len(named)
+        lines = [Line2D([], [], color=colours[name], label=name) for name in named]
+        more = [Line2D([], [], linestyle="", label=f"and {rest} more")] if rest else []
+        figure.legend(handles=[*lines, *more], fontsize=8, loc="outside lower center", ncols=_NAMED + 1)
     outcome = "passed" if result.verdict.passed else "failed: " + "; ".join(result.verdict.reasons)
-    figure.suptitle(f"{result.scenario.stem}, {result.end_time:.2f} s, system under test {result.sut}, {outcome}", fontsize=11)
+    title = f"{result.scenario.stem}, {result.end_time:.2f} s, system under test {result.sut}, {outcome}"
+    figure.suptitle(_plain(title), fontsize=11, wrap=True)
     figure.savefig(path, dpi=110, metadata={"Software": None})
 
 
-def _from_above(axes: Axes, recording: Recording, colours: dict[str, str]) -> None:
-    tracks = [track for track in recording.tracks.values() if len(track.columns["time"])]
+def _named(result: RunResult, tracks: list[Track]) -> list[str]:
+    """Names of those that matter: the ego, whom it came nearest to, then all others."""
+    measures = result.criticality
+    nearest = [] if measures is None else [extreme["other"] for extreme in measures.summary.values() if isinstance(extreme, dict)]
+    there = {track.name for track in tracks}
+    names = dict.fromkeys([*([result.ego] if result.ego else []), *nearest, *(track.name for track in tracks)])
+    return [name for name in names if name in there][:_NAMED]
+
+
+def _plain(text: str) -> str:
+    """Text that matplotlib takes for no formula."""
+    return text.replace("$", r"\$")
+
+
+def _from_above(axes: Axes, recording: Recording, tracks: list[Track], colours: dict[str, str]) -> None:
     x = np.concatenate([track.columns["x"] for track in tracks]) if tracks else np.zeros(1)
     y = np.concatenate([track.columns["y"] for track in tracks]) if tracks else np.zeros(1)
     axes.set_xlim(x.min() - _MARGIN, x.max() + _MARGIN)
@@ -63,28 +95,55 @@ def _from_above(axes: Axes, recording: Recording, colours: dict[str, str]) -> No
     axes.set_aspect("equal" if to_scale else "auto")
     axes.set_xlabel("x / m")
     axes.set_ylabel("y / m" if to_scale else "y / m (stretched)")
-    if tracks:
-        axes.legend(fontsize=8, loc="upper right", ncols=min(len(tracks), 6))
+    length = max(metres for metres in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if metres == 1 or metres < width / 4)
+    told = f"{length} m" if to_scale else f"{length} m along x"
+    bar = AnchoredSizeBar(
+        axes.transData, length, told, "lower right", pad=0.1, sep=3, frameon=False,
+        bbox_to_anchor=(1.0, 1.0), bbox_transform=axes.transAxes, fontproperties=FontProperties(size=8), label_top=True,
+    )  # fmt: skip
+    axes.add_artist(bar)
+
+
+def _say(axes: Axes, tracks: list[Track], impact: Impact | None) -> None:
+    """Names and speeds where participants are at the contact, else at their end; and the contact."""
+    for number, track in enumerate(tracks):
+        columns = track.columns
+        row = min(int(np.searchsorted(columns["time"], impact.time - 1e-6)), len(columns["time"]) - 1) if impact else -1
+        text = f"{track.name} {columns['speed'][row]:.1f} m/s"
+        place = float(columns["x"][row]), float(columns["y"][row])
+        above = 16 if number % 2 == 0 else -22
+        axes.annotate(
+            _plain(text), place, (0, above), textcoords="offset points", ha="center", fontsize=8, annotation_clip=False,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+            arrowprops={"arrowstyle": "-", "color": "#616161", "linewidth": 0.6},
+        )  # fmt: skip
+    if impact is not None:
+        title = f"speeds at the contact with {impact.other}, {impact.time:.2f} s, {impact.speed:.1f} m/s relative"
+        axes.set_title(_plain(title), fontsize=9, loc="left", color=_EGO)
+    elif tracks:
+        axes.set_title("speeds at the end", fontsize=9, loc="left")
 
 
 def _way(axes: Axes, track: Track, colour: str) -> None:
     columns = track.columns
-    axes.plot(columns["x"], columns["y"], color=colour, linewidth=1.2, label=track.name)
+    axes.plot(columns["x"], columns["y"], color=colour, linewidth=1.2)
     shown = sorted(set(np.linspace(0, len(columns["time"]) - 1, _FADING).astype(int).tolist()))
     for number, i in enumerate(shown, 1):
         corners = box_corners(float(columns["x"][i]), float(columns["y"][i]), float(columns["h"][i]), track.box)
         axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=colour, linewidth=0.6, alpha=number / len(shown)))
 
 
-def _speeds(axes: Axes, tracks: list[Track], colours: dict[str, str]) -> None:
+def _speeds(axes: Axes, tracks: list[Track], colours: dict[str, str], impact: Impact | None) -> None:
     for track in tracks:
-        axes.plot(track.columns["time"], track.columns["speed"], color=colours[track.name], label=track.name)
+        axes.plot(track.columns["time"], track.columns["speed"], color=colours[track.name])
+    if impact is not None:
+        axes.axvline(impact.time, color=_EGO, linestyle=":", linewidth=1.0)
     axes.set_xlabel("time / s")
     axes.set_ylabel("speed / (m/s)")
     axes.grid(alpha=0.3)
 
 
-def _criticality(axes: Axes, result: RunResult) -> None:
+def _criticality(axes: Axes, result: RunResult, impact: Impact | None) -> None:
     measures = result.criticality
     if measures is None:
         axes.text(0.5, 0.5, "no ego, or nobody else", ha="center", va="center", transform=axes.transAxes)
@@ -98,8 +157,10 @@ def _criticality(axes: Axes, result: RunResult) -> None:
         time, 0, 1, where=table["rss_violation_ad_rss"], transform=axes.get_xaxis_transform(), color=_EGO, alpha=0.12,
         linewidth=0, label="RSS distance violated (ad-rss)",
     )  # fmt: skip
+    if impact is not None:
+        axes.axvline(impact.time, color=_EGO, linestyle=":", linewidth=1.0, label="contact")
     axes.set_ylim(0.0, 50.0)
     axes.set_xlabel("time / s")
     axes.set_title("ego and whoever is nearest or ahead", fontsize=9)
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, loc="upper right")
+    axes.legend(fontsize=8, loc="best")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 NAME = "xosc-replay"
 _EPILOG = "Exit codes: 0 written, 2 wrong usage, 3 results that are damaged or lack a file, 5 internal error."
-_SUFFIXES = (".html", ".png", ".gif")
+_SUFFIXES = (".html", ".png", ".gif", ".mp4")
 _MOST = 2
 """Runs that a replay shows side by side"""
 
@@ -33,7 +33,8 @@ def xosc_replay(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="File to write: .html, .png or .gif.  [default: replay.html in RUN; report.html in a batch]"
+            metavar="FILE",
+            help="File to write: .html, .png, .gif, or .mp4 by ffmpeg.  [default: replay.html in RUN; report.html in a batch]",
         ),
     ] = None,
     road: Annotated[Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file, where it has moved.")] = None,
@@ -84,6 +85,10 @@ def _write(results: list[RunResult], path: Path, folders: list[Path]) -> Path:
         from runner.replay.animation import write_animation
 
         write_animation(results, path)
+    elif path.suffix.lower() == ".mp4":
+        from runner.replay.animation import write_film
+
+        write_film(results, path)
     else:
         from runner.replay.player import write_replay
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import runner
 from runner.interpreter.result import RunResult
@@ -13,8 +15,10 @@ from runner.measures.braking import FULL, Conflict
 from runner.measures.relations import Motion
 from runner.outputs.report import summary
 from runner.participants.declaration import BoundingBox
+from runner.replay.frames import frames
 from runner.replay.scene.account import account
 from runner.replay.scene.partner import main_partner, partners, stretches
+from runner.replay.scene.preview import preview
 from tests.runner.files import car, place, scenario, speed_action, story
 
 BOX = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)
@@ -116,3 +120,31 @@ def test_the_partner_is_whom_the_contact_is_with_or_who_is_near(tmp_path: Path) 
 def test_stretches_are_where_names_change() -> None:
     assert stretches(np.arange(6) * 0.1, ["", "", "A", "A", "A", "B"], 0.1, 1) == [(0, ""), (2, "A"), (5, "B")]
     assert stretches(np.arange(6) * 0.1, ["", "", "A", "A", "A", "B"], 0.1, 2) == [(0, ""), (1, "A")]
+
+
+def test_a_preview_is_the_seconds_around_the_worst_moment(tmp_path: Path) -> None:
+    found = preview(run(tmp_path, 45.0, None))
+    assert found is not None
+    assert (found["from"], found["to"]) == (0.0, pytest.approx(3.0))
+    assert found["pair"] == ["Ego", "B"]
+    assert found["told"].startswith("Ego hit B with its front at 2.00 s")
+    assert [track["name"] for track in found["tracks"]] == ["Ego", "B"]
+    assert len(json.dumps(found)) < 20_000
+
+
+def test_there_is_no_preview_of_one_who_met_nobody(tmp_path: Path) -> None:
+    path = scenario(tmp_path, "alone", entities=[car("Ego")], init=place("Ego", 100, 20), stories=" ", stop=0.5)
+    assert preview(runner.run(path, sut=None, world="kinematic")) is None
+
+
+def frame(result: RunResult, time: float) -> Image.Image:
+    return next(frames([result], [time, time + 0.1]))
+
+
+def test_frames_tell_the_contact_in_the_strip_above_the_road(tmp_path: Path) -> None:
+    """Red is used for contacts only."""
+    result = run(tmp_path, 45.0, None)
+    red = (196, 33, 33)
+    before, after = (frame(result, time).getcolors(1 << 20) or [] for time in (1.0, 2.2))
+    assert red not in [colour for _, colour in before]
+    assert red in [colour for _, colour in after]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,29 @@ def test_an_animation_is_played_in_real_time(command: Command, batch: Path, run:
     assert first.tobytes() != one.convert("RGB").tobytes()
 
 
+def test_a_film_is_made_where_ffmpeg_is_and_refused_in_one_line_where_it_is_not(
+    command: Command, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if shutil.which("ffmpeg") is not None:
+        for name in ("one.mp4", "two.mp4"):
+            assert command("xosc-replay", run, "--out", tmp_path / name)[0] == 0
+        assert (tmp_path / "one.mp4").read_bytes() == (tmp_path / "two.mp4").read_bytes()
+        assert b"ftyp" in (tmp_path / "one.mp4").read_bytes()[:32]
+    monkeypatch.setenv("PATH", str(tmp_path))
+    code, _, error = command("xosc-replay", run, "--out", tmp_path / "three.mp4")
+    assert code == 2
+    assert "needs ffmpeg" in error
+    assert "Traceback" not in error
+
+
+def test_batches_are_compared_by_name_only_as_batches(command: Command, batch: Path, run: Path) -> None:
+    assert command("xosc-replay", batch, "--against", batch)[0] == 0
+    assert '"against":{"title":"out"' in (batch / "report.html").read_text()
+    code, _, error = command("xosc-replay", run, "--against", batch)
+    assert code == 2
+    assert "--against compares whole batches" in error
+
+
 def test_a_batch_becomes_a_report_with_a_replay_of_each_run(command: Command, batch: Path) -> None:
     assert command("xosc-replay", batch)[1] == f"{batch / 'report.html'}\n"
     assert len(list(batch.glob("*/replay.html"))) == 3
@@ -89,7 +113,7 @@ def test_wrong_usage_is_refused(command: Command, batch: Path, run: Path, tmp_pa
     for arguments, complaint in (
         ([run, run, run], "one run or two, not 3"),
         ([run, run], "name the --out file"),
-        ([run, "--out", tmp_path / "a.mp4"], "a replay ends in .html, .png, .gif"),
+        ([run, "--out", tmp_path / "a.webm"], "a replay ends in .html, .png, .gif"),
         ([batch, "--out", tmp_path / "a.html"], "whole batch"),
         ([run, "--out", "/dev/null/a.html"], "/dev/null"),
     ):
