@@ -57,7 +57,7 @@ def write_picture(result: RunResult, path: Path) -> None:
     _criticality(figure.add_subplot(grid[1, 1]), result, impact)
     if named:
         rest = len(tracks) - len(named)
-        lines = [Line2D([], [], color=colours[name], label=name) for name in named]
+        lines = [Line2D([], [], color=colours[name], label=_plain(name)) for name in named]
         more = [Line2D([], [], linestyle="", label=f"and {rest} more")] if rest else []
         figure.legend(handles=[*lines, *more], fontsize=8, loc="outside lower center", ncols=_NAMED + 1)
     outcome = "passed" if result.verdict.passed else "failed: " + "; ".join(result.verdict.reasons)

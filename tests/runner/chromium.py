@@ -26,6 +26,8 @@ _FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",
     "--remote-debugging-pipe",
 )
+_CONTROLS = {"button", "link", "searchbox", "textbox", "slider", "combobox", "checkbox", "image", "img", "DisclosureTriangle"}
+"""Roles in the tree that screen readers see"""
 
 
 def chromium() -> str:
@@ -137,6 +139,13 @@ class Browser:
     def text(self, selector: str) -> str:
         """Text of the first element that a selector finds."""
         return str(self.run(f"document.querySelector({json.dumps(selector)}).textContent"))
+
+    def unnamed(self) -> list[str]:
+        """Roles of the controls that a screen reader has no name for."""
+        nodes = self.call("Accessibility.getFullAXTree")["nodes"]
+        shown = [node for node in nodes if not node.get("ignored") and node.get("role", {}).get("value") in _CONTROLS]
+        assert shown, "there are controls"
+        return [node["role"]["value"] for node in shown if not node.get("name", {}).get("value", "").strip()]
 
     def press(self, key: str, *, shift: bool = False) -> None:
         """Press and release a key."""

@@ -267,11 +267,24 @@ def test_dark_and_light_differ_where_the_road_is(browser: Browser, one: Path, tm
     assert ImageChops.difference(*pictures).getbbox() is not None
 
 
-def test_every_control_has_a_name(browser: Browser, one: Path) -> None:
+def test_every_control_has_a_name(browser: Browser, one: Path, results: list[RunResult], tmp_path: Path) -> None:
     browser.open(one)
-    named = "e.getAttribute('aria-label') || e.textContent.trim() || e.closest('label')"
-    unnamed = browser.run(f"[...document.querySelectorAll('button, select, input, canvas')].filter(e => !({named})).length")
-    assert unnamed == 0
+    assert browser.unnamed() == []
+    write_replay(results, tmp_path / "two.html")
+    browser.open(tmp_path / "two.html")
+    assert browser.unnamed() == []
+
+
+def test_the_map_stays_in_sight_beside_what_is_read(browser: Browser, one: Path) -> None:
+    for width in (1400, 400):
+        browser.open(one, width=width)
+        browser.run("window.scrollTo(0, 1e6)")
+        browser.settle()
+        stage, controls = browser.run(
+            "['.stage', '.controls'].map(s => document.querySelector(s).getBoundingClientRect()).map(r => [r.top, r.bottom])"
+        )
+        assert stage[0] >= 0.0
+        assert controls[1] <= 900.0
 
 
 def test_a_run_without_ego_road_or_anybody_can_be_played(browser: Browser, tmp_path: Path) -> None:

@@ -138,6 +138,24 @@ def test_nothing_sticks_out_at_any_width(browser: Browser, batch: Path, width: i
     assert browser.run("document.querySelectorAll('.histograms canvas').length") >= 4
 
 
+def test_every_control_has_a_name(browser: Browser, batch: Path) -> None:
+    browser.open(batch / "report.html")
+    assert browser.unnamed() == []
+
+
+def test_the_scatter_shows_runs_where_they_are_and_names_its_axes(browser: Browser, batch: Path) -> None:
+    """Runs in one place are one mark with their number; nobody is moved aside."""
+    browser.open(batch / "report.html", width=1280)
+    browser.run(
+        "CanvasRenderingContext2D.prototype.fillText = new Proxy(CanvasRenderingContext2D.prototype.fillText,"
+        " { apply(f, self, given) { (window.texts ??= []).push(given[0]); return Reflect.apply(f, self, given); } })"
+    )
+    choose(browser, ".scatter select[aria-label=Up]", "end")
+    texts = browser.run("window.texts")
+    assert "Gap" in texts
+    assert "End (s)" in texts
+
+
 def test_points_of_the_scatter_tell_which_run_they_are(browser: Browser, batch: Path) -> None:
     browser.open(batch / "report.html", width=1280)
     script = """(canvas => { const box = canvas.getBoundingClientRect(), found = new Set();

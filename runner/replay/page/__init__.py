@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 _FOLDER = Path(__file__).parent
 _UNSAFE = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
 """Characters that could end a script element; JSON knows another spelling of each"""
+_COMMENT = re.compile(r"/\*\*.*?\*/", re.DOTALL)
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 
 
@@ -53,4 +55,7 @@ def write_page(path: Path, text: str) -> None:
 
 
 def _joined(files: Sequence[str]) -> str:
-    return "".join((_FOLDER / name).read_text(encoding="utf-8") for name in files)
+    """The files one after the other, without comments and indentation, which no browser needs."""
+    whole = "".join((_FOLDER / name).read_text(encoding="utf-8") for name in files)
+    lines = map(str.strip, _COMMENT.sub("", whole).splitlines())
+    return "".join(f"{line}\n" for line in lines if line and not line.startswith("//"))

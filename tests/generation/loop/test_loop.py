@@ -132,6 +132,15 @@ def test_nothing_sticks_out_of_the_page(out: Path, browser: Browser, width: int,
     assert [address for address in browser.requests if not address.startswith("file:")] == []
 
 
+def test_the_page_begins_with_what_a_careful_driver_would_have_avoided(out: Path, browser: Browser) -> None:
+    avoidable = [case for search in data(out)["searches"] for case in search["cases"] if case["avoidable"] and case["play"]]
+    browser.open(out / PAGE)
+    assert browser.run("document.querySelectorAll('.previews canvas').length") == min(len(avoidable), 12)
+    assert browser.run("document.querySelector('main > section').className") == "panel avoided"
+    assert browser.text(".avoided h2").startswith(f"{len(avoidable)} collision" if avoidable else "No collision")
+    assert browser.unnamed() == []
+
+
 @pytest.mark.parametrize("width", [800, 1200])
 def test_tables_show_all_columns(out: Path, browser: Browser, width: int) -> None:
     browser.open(out / PAGE, width=width)

@@ -156,8 +156,8 @@ const controls = el(
   button("Next event", () => jump(1), null, "▶|"),
   clockText,
   el("span", { class: "spacer" }),
-  el("label", null, el("span", { class: "optional" }, "Speed"), rate),
-  el("label", null, el("span", { class: "optional" }, "Follow"), whom),
+  rate,
+  whom,
   el("label", { class: "optional" }, labels, "Labels"),
 );
 
