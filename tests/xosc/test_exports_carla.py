@@ -124,6 +124,38 @@ def test_lateral_distances_keep_their_side(tmp_path: Path, flag: bool, distance:
     assert float(next(root.iter("LateralDistanceAction")).get("distance")) == float(distance)
 
 
+def test_a_scenario_without_a_description_gets_its_file_as_name(tmp_path: Path) -> None:
+    root = export_changed(tmp_path, ('value="CARLA:Conformance"', 'value=""'))
+    assert next(root.iter("FileHeader")).get("description") == "changed"
+
+
+def test_a_position_at_the_end_of_a_road_is_moved_to_the_last_that_carla_has(tmp_path: Path) -> None:
+    root = export_changed(tmp_path, (HERO, '<LanePosition roadId="1" laneId="-1" s="1000"/>'))
+    assert next(root.iter("LanePosition")).get("s") == "999.99"
+
+
+ROAD = 'id="1" junction="-1"'
+JUNCTION = '<junction id="9" name="" type="direct"/></OpenDRIVE>'
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [("</OpenDRIVE>", JUNCTION, "direct junctions"),
+                                                     (ROAD, 'id="main" junction="-1"', "ids of roads as numbers")])  # fmt: skip
+def test_roads_that_carla_makes_no_map_of_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    road = (DIALECT.parents[1] / "roads" / "signals.xodr").read_text(encoding="utf-8")
+    assert old in road
+    (tmp_path / "changed.xodr").write_text(road.replace(old, new), encoding="utf-8")
+    ids = [('roadId="1"', 'roadId="main"')] if "main" in new else []
+    signals = str(DIALECT.parents[1] / "roads" / "signals.xodr")
+    with pytest.raises(Unsupported, match=message):
+        export_changed(tmp_path, (signals, "changed.xodr"), *ids)
+
+
+def test_a_scenario_without_roads_is_refused(tmp_path: Path) -> None:
+    signals = str(DIALECT.parents[1] / "roads" / "signals.xodr")
+    with pytest.raises(Unsupported, match="needs a map"):
+        export_changed(tmp_path, (f'<LogicFile filepath="{signals}"/>', ""))
+
+
 def test_scenario_runner_reads_the_library_and_starts_everyone_where_we_do(tmp_path: Path) -> None:
     if not (PYTHON and SOURCES):
         pytest.skip("XOSC_CARLA_PYTHON and XOSC_SCENARIO_RUNNER name no scenario_runner")

@@ -23,7 +23,7 @@ from math import isfinite
 from schemas.remarks import Remark
 from xosc.node import TO_RIGHT, Node
 
-_FLAG = "CARLA:"
+FLAG = "CARLA:"
 _RULE = "xosc.toolchain:xosc:1.0.0:carla.conditions"
 _FLAG_RULE = "xosc.toolchain:xosc:1.0.0:carla.coordinate_system"
 _DISTANCE_RULE = "asam.net:xosc:1.1.0:data_type.distances_are_not_negative"
@@ -44,7 +44,7 @@ def is_for_carla(scenario: Node) -> bool:
 
 def _is_flagged(scenario: Node) -> bool:
     header = scenario.find("FileHeader")
-    return header is not None and str(header.get("description", "")).startswith(_FLAG)
+    return header is not None and str(header.get("description", "")).startswith(FLAG)
 
 
 def to_standard(scenario: Node) -> list[Remark]:
@@ -63,8 +63,8 @@ def to_standard(scenario: Node) -> list[Remark]:
         for tag, change in _CHANGES.items():
             for node in list(scenario.iter(tag)):
                 change(node)
-        header.element.set("description", header.get("description").removeprefix(_FLAG))
-        text = f"the description begins with {_FLAG!r}: y points to the right and headings count clockwise, as in CARLA"
+        header.element.set("description", header.get("description").removeprefix(FLAG))
+        text = f"the description begins with {FLAG!r}: y points to the right and headings count clockwise, as in CARLA"
         remarks.append(header.remark(_FLAG_RULE, text))
     for node in scenario.iter("LateralDistanceAction"):
         remarks += _lateral_distance(node, flagged)

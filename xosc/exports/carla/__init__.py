@@ -13,6 +13,7 @@ from xosc.document import Document, load, to_bytes
 from xosc.exports.carla.beginning import begin
 from xosc.exports.carla.changes import change
 from xosc.exports.carla.dialect import IGNORED, REFUSED
+from xosc.exports.carla.town import settle
 from xosc.exports.carla.ways import leave_out, routes, steer, times
 from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.conversion import in_version
@@ -52,7 +53,8 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         refuse(scenario, REFUSED)
         draft.note(*remarks(scenario, IGNORED))
         state = (as_told if settings.locate else as_started)(scenario.node, known)
-        draft.note(*change(scenario, known, state, take_roads(scenario, draft)))
+        network = take_roads(scenario, draft)
+        draft.note(*settle(scenario, network), *change(scenario, known, state, network))
         written = in_version(scenario, (1, 0), draft)
         steer(written)
         draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(written))

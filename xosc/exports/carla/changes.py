@@ -12,6 +12,7 @@ from pathlib import Path
 from lxml import etree
 
 from schemas.xml import parse
+from xosc.dialects.carla import FLAG
 from xosc.document import Document
 from xosc.ego import EGO_NAME
 from xosc.exports.carla.sides import change_sides
@@ -56,6 +57,9 @@ def change(document: Document, known: Mapping[str, Start], state: State, network
     remarks += [_stop(document), _hero(document)]
     for node in document.node.iter("Condition"):
         _delay(node)
+    header = document.node.need("FileHeader")
+    if not header.get("description", "").removeprefix(FLAG):  # scenario_runner takes it as the scenario's name
+        header.element.set("description", header.get("description", "") + document.path.stem)
     for node in document.node.iter("TimeOfDay"):  # scenario_runner reads neither fractions nor time zones
         node.element.set("dateTime", node.get("dateTime")[:_TO_SECONDS])
     return [remark for remark in remarks if remark]
