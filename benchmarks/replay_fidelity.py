@@ -24,6 +24,9 @@ from schemas import check_many
 from schemas.commands.files import expand
 from xodr.array_types import FloatArray
 
+_PHYSICS = 9.5
+"""More than tyres hold on a dry road, m/s²"""
+
 
 def main() -> None:
     """Print what was made, what the checks say, and how far the runs are from the recording."""
@@ -60,8 +63,14 @@ def report(runs: dict[str, fidelity.Replay], limit: float) -> None:
         overall = float(np.sqrt((rows * values**2)[rows > 0].sum() / rows.sum()))
         print(f"{what}, root mean square of the difference: {overall:.3f} {unit}; of a participant {quantiles(values, unit)}")
     print(f"greatest speed {max(one.fastest for one in each):.1f} m/s")
-    print(f"greatest acceleration of a participant: {quantiles([one.hardest for one in each], 'm/s²')}")
+    for category in sorted({one.category for one in each}):
+        hardest = [one.hardest for one in each if one.category == category]
+        print(f"greatest acceleration of a {category}: {quantiles(hardest, 'm/s²')}")
     print(f"greatest turn from step to step: {quantiles([one.turn for one in each], 'rad')}")
+    hard = sorted((one.hardest, name, one) for _, name, one in everyone if one.hardest > _PHYSICS)
+    print(f"{len(hard)} participants accelerate or brake with more than {_PHYSICS} m/s²")
+    for amount, name, one in hard[:-21:-1]:
+        print(f"  {amount:6.2f} m/s²  {name}  {one.participant} at {one.hardest_at:.2f} s")
     encounters(runs)
     far = sorted((one for one in everyone if not one[0] <= limit), key=lambda one: one[:2], reverse=True)
     print(f"{len(far)} participants beyond {limit} m, in {len({name for _, name, _ in far})} runs")

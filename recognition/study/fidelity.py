@@ -29,6 +29,7 @@ class Deviation(NamedTuple):
     greatest, mean: distance over the recorded rows, m. speed, acceleration: root mean square of the difference, m/s and m/s²;
         accelerations from the second row on, as a run has none before its first step.
     rows: how many were compared. fastest, hardest: greatest speed (m/s) and acceleration (m/s²) of the run, by amount.
+    hardest_at: when it accelerates or brakes hardest, s of the scenario's time.
     turn: greatest change of its heading from step to step, rad.
     missing: recorded rows at which the run has none of it; participants that appear at the end of a step are in the run's output
         from the next one on.
@@ -43,6 +44,7 @@ class Deviation(NamedTuple):
     rows: int
     fastest: float
     hardest: float
+    hardest_at: float
     turn: float
     missing: int
 
@@ -136,12 +138,13 @@ def _deviation(part: Track, result: RunResult) -> Deviation:
         int(there.sum()),
         float(np.abs(driven["speed"]).max()),
         float(np.abs(driven["acceleration"]).max()),
+        float(driven["time"][np.abs(driven["acceleration"]).argmax()]),
         float(np.abs(np.diff(np.unwrap(driven["h"]))).max(initial=0.0)),
         int((~there).sum()),
     )
 
 
-_ABSENT = (math.inf, math.inf, math.inf, math.inf, 0, 0.0, 0.0, 0.0)
+_ABSENT = (math.inf, math.inf, math.inf, math.inf, 0, 0.0, 0.0, 0.0, 0.0)
 _COMPARED = ("x", "y", "speed", "acceleration")
 
 

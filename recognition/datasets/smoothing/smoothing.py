@@ -16,12 +16,14 @@ from recognition.datasets.smoothing.observations import Noise, Seen
 from recognition.datasets.source import Cut, Exclusion, Report
 from recognition.datasets.tables.rows import Parted, Rows, parted
 from recognition.datasets.tables.tracks import Columns
-from xodr.array_types import IntArray
+from xodr.array_types import FloatArray, IntArray
 
 RAW = ("x", "y", "h", "speed", "acceleration")
 """Columns that are smoothed; as they were recorded they stay as raw_x, raw_y and so on."""
 _ROWS = 1000
 """Rows that are smoothed at a time, or one track: more are slower, as they leave the processor's cache."""
+_HARD = 0.98
+"""Share of the limits of acceleration and braking from which on a vehicle is named"""
 _LEAST = 0.5
 """Shortest part (s) of a track that was cut that is kept."""
 
@@ -58,7 +60,9 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
     x, y = x[rest.kept], y[rest.kept]
     off, behind = deviation(rest.rows, x, y), behind[rest.kept]
     seen = Seen(rest.rows.starts, rest.rows.time, x, y, columns["h"], columns["speed"], trusted, off, behind, bounds, noise)
-    return Smoothed(rest.rows, who, columns | _states(rest.rows, who, seen, columns))
+    states = _states(rest.rows, who, seen, columns)
+    _tell_hard(report, rest.rows, who, states["acceleration"], bounds)
+    return Smoothed(rest.rows, who, columns | states)
 
 
 def _names(who: Sequence[Participant], origin: IntArray) -> list[str]:
@@ -92,6 +96,19 @@ def _tell(report: Report, rows: Rows, who: Sequence[Participant], broken: Breaks
         report.remarks.append(
             f"{who[index].name}: {astray[index]} rows are away by more than {JUMP} m and come back: interpolated"
         )
+
+
+def _tell_hard(report: Report, rows: Rows, who: Sequence[Participant], acceleration: FloatArray, bounds: Bounds) -> None:
+    """Say which vehicles accelerate or brake at the limit, and when first: their tracks may be wrong there."""
+    hard = (acceleration > _HARD * bounds.acceleration) | (acceleration < -_HARD * bounds.braking)
+    counts = np.add.reduceat(hard, rows.starts[:-1], dtype=np.int64) if len(hard) else np.zeros(0, np.int64)
+    for index in np.flatnonzero(counts).tolist():
+        if who[index].kind == "vehicle":
+            first = rows.starts[index] + int(hard[rows.starts[index] :].argmax())
+            moment = f"{acceleration[first]:.1f} m/s² at {rows.time[first]:.2f} s"
+            report.remarks.append(
+                f"{who[index].name}: {moment}, in {counts[index]} rows at the limit of its kind: its track may be wrong there"
+            )
 
 
 def _states(rows: Rows, who: Sequence[Participant], seen: Seen, columns: Columns) -> Columns:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,14 @@ def test_no_one_moves_beyond_what_is_possible(tmp_path: Path, agent: str, catego
     assert np.abs(np.diff(columns["acceleration"])).max() / 0.1 <= tolerance * limits.jerk
     assert np.abs(np.diff(np.unwrap(columns["h"]))).max() / 0.1 <= tolerance * limits.yaw_rate
     assert np.abs(columns["raw_acceleration"]).max() > 1.2 * limits.acceleration
+
+
+def test_vehicles_at_the_limit_are_told_with_the_time(tmp_path: Path) -> None:
+    hard = 5.0 * TIME + np.where(TIME > 4.0, 3.5 * (TIME - 4.0) ** 2, 0.0)
+    report = recorded(tmp_path, hard, np.zeros(N), np.zeros(N))[1]
+    (told,) = (remark for remark in report.remarks if "limit of its kind" in remark)
+    assert re.match(r"1: 5\.0 m/s² at [2-5]\.\d0 s, in \d+ rows", told)
+    assert not any("limit" in remark for remark in recorded(tmp_path, 8.0 * TIME, np.zeros(N), np.zeros(N))[1].remarks)
 
 
 def test_vehicle_that_reverses_keeps_its_heading(tmp_path: Path) -> None:
