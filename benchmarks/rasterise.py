@@ -52,7 +52,7 @@ def moments(recording: Recording, grid: Grid, count: int, rng: np.random.Generat
     spans = {name: recording.tracks[name].columns["time"][[0, -1]] for name in vehicles}
     names = rng.choice(vehicles, count).tolist()
     drawn = [(name, float(rng.uniform(*spans[name]))) for name in names]
-    return [moment for moment, usable in zip(drawn, covered(recording, drawn, grid), strict=True) if usable]
+    return [moment for moment, usable in zip(drawn, covered(recording, drawn, grid.offsets), strict=True) if usable]
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ def main() -> None:
     found = np.array(encoder.classes)[logits(encoder, test).argmax(axis=1)]
     _confusion(test.labels, found)
     for name, one, other in (
-        ("speed", speed_code(known.grids, grid), speed_code(test.grids, grid)),
+        ("speed", speed_code(known.inputs, grid), speed_code(test.inputs, grid)),
         ("pretrained features", features(bare, known), features(bare, test)),
         ("fine-tuned features", features(encoder, known), codes),
     ):

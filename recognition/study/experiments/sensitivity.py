@@ -12,6 +12,7 @@ from recognition.study.baselines.open_set.voting import VotingMethod
 from recognition.study.experiments.open_set import judged
 from recognition.study.experiments.probe import probe, speed_code
 from recognition.study.protocol.trials import Trial
+from recognition.training.views import View
 from recognition.trfe.samples import UNKNOWN
 
 DELTAS = (0.001, 0.003, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
@@ -42,15 +43,15 @@ def measure_trees(trial: Trial) -> dict[str, Any]:
     return {"points": points}
 
 
-def measure_probe(trial: Trial, grid: Grid) -> dict[str, Any]:
+def measure_probe(trial: Trial, view: View) -> dict[str, Any]:
     """Mean accuracy over the known and new classes of a linear probe: of the encoder's features, and of the ego's speed alone.
 
-    The speed is left out where the grids have no channel for it.
+    The speed is left out where the windows are no grids with a channel for it.
     """
     training = np.concatenate([trial.labelled.rows, trial.stream.rows])
     labels, tested = trial.windows.labels[training], trial.test
     found = {"features": probe(trial.encoded[training], labels, tested.features, tested.labels)}
-    if "speed" in grid.channels:
-        fitted, judged = (speed_code(trial.windows.inputs[rows], grid) for rows in (training, tested.rows))
+    if isinstance(view, Grid) and "speed" in view.channels:
+        fitted, judged = (speed_code(trial.windows.inputs[rows], view) for rows in (training, tested.rows))
         found["speed"] = probe(fitted, labels, judged, tested.labels)
     return found

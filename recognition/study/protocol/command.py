@@ -38,8 +38,8 @@ def protocol(
     preset: Annotated[
         str,
         typer.Option(
-            help="Encoder: cpu, cpu-cells (no convolutions), cpu-rows (grids flattened row by row besides), full, or pca "
-            "(principal components of the grids instead)."
+            help="Encoder: tokens, or of grids cpu, cpu-cells (no convolutions), cpu-rows (grids flattened row by row besides), "
+            "full, or pca (principal components of the grids instead)."
         ),
     ] = "cpu",
     channels: Annotated[
@@ -61,8 +61,9 @@ def protocol(
     from recognition.grids import CHANNELS, Grid
     from recognition.study.protocol import pixels
     from recognition.study.protocol.evaluation import EXPERIMENTS, Evaluation, ProtocolSettings
-    from recognition.study.protocol.presets import PRESETS
+    from recognition.study.protocol.presets import PRESETS, TOKENS
     from recognition.study.protocol.processes import run_beside
+    from recognition.tokens.config import Tokens
 
     _require("scale", [scale], SCALES)
     _require("preset", [preset], (*PRESETS, pixels.PRESET))
@@ -72,7 +73,8 @@ def protocol(
     kinds = [name for name in EXPERIMENTS if not experiments or name in experiments]
     with interruptible("recognition.study protocol", "the same command goes on where it was"):
         grid = Grid(channels=tuple(one for one in CHANNELS if one in channels)) if channels else Grid()
-        settings = ProtocolSettings(events_per_class or SCALES[scale], preset, split_by, grid)
+        view = Tokens() if preset == TOKENS else grid
+        settings = ProtocolSettings(events_per_class or SCALES[scale], preset, split_by, view)
         evaluation = Evaluation(path, out, settings)
         pending = evaluation.pending(seeds, kinds, methods or None)
         _show(run_beside(path, out, settings, pending, jobs), len(pending), quiet)

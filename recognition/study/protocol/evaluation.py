@@ -21,7 +21,9 @@ from recognition.study.protocol.trials import Trial, Trials
 from recognition.training import Unit
 from recognition.training.data import fingerprint, source_of, windows_at
 from recognition.training.splits import Split, split
+from recognition.training.views import View
 from recognition.training.windows import Windows
+from recognition.trfe.samples import BACKGROUND
 
 EXPERIMENTS: dict[str, tuple[str, ...]] = {
     "open-set": tuple(open_set.TITLES),
@@ -32,6 +34,8 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
     "probe": ("encoder",),
 }
 """Kinds of experiments with the names of what each compares."""
+_OF_GRIDS = ("stae-kmeans", "stae-linkage")
+"""Methods that need grids."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +46,13 @@ class ProtocolSettings:
         events_per_class: to which classes are thinned; None takes all.
         preset: of the encoder, or `pca`, see `recognition.study.protocol.pixels`.
         unit: what is never divided between training and test.
-        grid: of the windows.
+        view: what is drawn of each window.
     """
 
     events_per_class: int | None = 400
     preset: str = "cpu"
     unit: Unit = "recording"
-    grid: Grid = field(default_factory=Grid)
+    view: View = field(default_factory=Grid)
 
 
 class Evaluation:
@@ -69,10 +73,10 @@ class Evaluation:
         self.settings, self.store, self.cache = settings, Store(out), out / "cache"
         configuration = {**asdict(settings), "recordings": source_of(path)}
         self.store.check(configuration)
-        self.windows: Windows = windows_at(path, self.cache / "windows", settings.grid, settings.events_per_class)
+        self.windows: Windows = windows_at(path, self.cache / "windows", settings.view, settings.events_per_class)
         self.store.open({**configuration, "windows": fingerprint(self.windows)})
         self._splits: dict[int, Split] = {}
-        self._trials = Trials(self.windows, settings.grid, chosen, self.cache)
+        self._trials = Trials(self.windows, settings.view, chosen, self.cache)
 
     def split(self, seed: int) -> Split:
         """The split of a seed."""
@@ -82,7 +86,8 @@ class Evaluation:
 
     def rounds(self, seed: int) -> list[Round]:
         """The rounds of a seed, over the classes that are in every part of its split."""
-        return rounds(np.unique(self.windows.labels[self.split(seed).test]).tolist())
+        labels = np.unique(self.windows.labels[self.split(seed).test])
+        return rounds(labels[labels != BACKGROUND].tolist())
 
     def trial(self, seed: int, number: int) -> Trial:
         """The trial of a round (from 1) of a seed."""
@@ -102,7 +107,7 @@ class Evaluation:
             for one in self.rounds(seed)
             for kind in kinds
             for name in EXPERIMENTS[kind]
-            if names is None or name in names
+            if (names is None or name in names) and (isinstance(self.settings.view, Grid) or name not in _OF_GRIDS)
         ]
         return [key for key in keys if not self.store.has(key)]
 
@@ -134,5 +139,5 @@ class Evaluation:
             case "sensitivity":
                 values = (sensitivity.measure_delta if key.method == "delta" else sensitivity.measure_trees)(trial)
             case _:
-                values = sensitivity.measure_probe(trial, self.settings.grid)
+                values = sensitivity.measure_probe(trial, self.settings.view)
         return [(key, values)]

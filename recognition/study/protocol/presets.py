@@ -21,6 +21,8 @@ class RowTokens(Architecture):
         return cells.flatten(4).unflatten(4, (rows * columns, -1)).permute(0, 1, 4, 2, 3, 5)
 
 
+TOKENS = "tokens"
+"""Name of the preset of what ships; all others read grids"""
 _CPU = PRODUCT["cpu"]
 assert isinstance(_CPU.architecture, Architecture)
 _CELLS = replace(_CPU.architecture, front="cells")

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.encoder.config import Architecture, Preset, Schedule
-from recognition.grids import Grid
 from recognition.study.baselines.clustering.pool import Pool
 from recognition.study.protocol.pixels import pixel_features
 from recognition.study.protocol.rounds import FIRST, STEP, Round
 from recognition.study.strategies import grow_plain
 from recognition.training.splits import Split
+from recognition.training.views import View
 from recognition.training.windows import Windows
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Preprocessing
@@ -146,12 +146,12 @@ class Trials:
     share its features, with those that it had before fine-tuning beside them.
 
     Attributes:
-        windows: all of them. grid: theirs. cache: the folder.
+        windows: all of them. view: theirs. cache: the folder.
         preset: of the encoder; without one, features are those of `recognition.study.protocol.pixels`.
     """
 
     windows: Windows
-    grid: Grid
+    view: View
     preset: Preset | None
     cache: Path
 
@@ -196,7 +196,7 @@ class Trials:
             rows = np.sort(np.concatenate([split.labelled, split.stream]))
             training = self.windows.select(rows[np.isin(self.windows.labels[rows], round_.known)])
             longer = _long_enough(preset.pretraining, len(training), _PRETRAINING)
-            made = pretrain(training, preset._replace(pretraining=longer), self.grid, seed)
+            made = pretrain(training, preset._replace(pretraining=longer), self.view, seed)
         else:
             before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _before_all(round_)
             known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])

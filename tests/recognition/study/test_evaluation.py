@@ -57,7 +57,7 @@ def encoder(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 def run(windows: Path, out: Path, seeds: int = 1, names: list[str] = NAMES, kinds: list[str] = KINDS) -> Evaluation:
-    evaluation = Evaluation(windows, out, ProtocolSettings(None, grid=GRID))
+    evaluation = Evaluation(windows, out, ProtocolSettings(None, view=GRID))
     for _ in evaluation.run(evaluation.pending(seeds, kinds, names)):
         pass
     write_report(evaluation, out)
@@ -70,7 +70,7 @@ def table(out: Path, name: str) -> list[list[str]]:
 
 
 def test_classes_that_lie_apart_are_recognised_and_found(windows: Path, tmp_path: Path) -> None:
-    evaluation = Evaluation(windows, tmp_path, ProtocolSettings(None, grid=GRID))
+    evaluation = Evaluation(windows, tmp_path, ProtocolSettings(None, view=GRID))
     first = [key for key in evaluation.pending(1, KINDS, NAMES) if key.round == 1]  # a chain is one of all rounds
     for _ in evaluation.run([key for key in first if (key.kind, key.method) != ("open-world", "trfe")]):
         pass
@@ -89,14 +89,14 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
     names, kinds = ["vote-threshold", "random", "kmeans"], ["open-set", "clustering", "sensitivity"]
     run(windows, tmp_path / "whole", 2, names, kinds)
     asked = len(encoder)
-    evaluation = Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, grid=GRID))
+    evaluation = Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, view=GRID))
     pending = evaluation.pending(2, kinds, names)
     making = evaluation.run(pending)
     for _ in range(3):
         next(making)
     making.close()
     assert (
-        len(Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, grid=GRID)).pending(2, kinds, names))
+        len(Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, view=GRID)).pending(2, kinds, names))
         == len(pending) - 3
     )
     run(windows, tmp_path / "parts", 2, names, kinds)
@@ -106,7 +106,7 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
 
 
 def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(windows: Path, tmp_path: Path) -> None:
-    names, settings, written = ["mls", "vote-threshold", "kmeans"], ProtocolSettings(None, grid=GRID), []
+    names, settings, written = ["mls", "vote-threshold", "kmeans"], ProtocolSettings(None, view=GRID), []
     for processes in (1, 2):
         out = tmp_path / str(processes)
         evaluation = Evaluation(windows, out, settings)
@@ -118,7 +118,7 @@ def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(wi
 
 def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Trials, "_encode", lambda *_: os._exit(1))
-    settings = ProtocolSettings(None, grid=GRID)
+    settings = ProtocolSettings(None, view=GRID)
     pending = Evaluation(windows, tmp_path, settings).pending(2, ["open-set"], ["random"])
     with pytest.raises(UsageError, match="--jobs"):
         list(run_beside(windows, tmp_path, settings, pending, 2))
@@ -127,14 +127,14 @@ def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypa
 def test_other_settings_and_other_windows_are_refused_in_the_same_folder(windows: Path, tmp_path: Path) -> None:
     run(windows, tmp_path / "out", names=["random"])
     with pytest.raises(UsageError, match=r"other settings \(events_per_class\)"):
-        Evaluation(windows, tmp_path / "out", ProtocolSettings(50, grid=GRID))
+        Evaluation(windows, tmp_path / "out", ProtocolSettings(50, view=GRID))
     Windows.load(windows).select(slice(0, 400)).save(tmp_path / "fewer")
     with pytest.raises(UsageError, match=r"other settings \(windows\)"):
-        Evaluation(tmp_path / "fewer", tmp_path / "out", ProtocolSettings(None, grid=GRID))
+        Evaluation(tmp_path / "fewer", tmp_path / "out", ProtocolSettings(None, view=GRID))
 
 
 def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="not of the grid"):
+    with pytest.raises(UsageError, match="not of the shape"):
         Evaluation(windows, tmp_path, ProtocolSettings(None))
 
 
