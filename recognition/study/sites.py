@@ -55,7 +55,7 @@ def sites(
     view = trfe.encoders[0].view
     with writing("the report", out):
         out.mkdir(parents=True, exist_ok=True)
-        seen = [site_windows(path, out / "roads", view, Rules(signalised=True)) for path in paths]
+        seen = [site_windows(path, out / "cache", view, Rules(signalised=True)) for path in paths]
         rows = [("model", [agreement(lambda part: trfe.recognise(part.inputs).labels, one) for one in seen])]
         if windows is not None:
             rows += _rows(trfe, Windows.load(windows), view, seen)

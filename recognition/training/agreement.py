@@ -11,12 +11,16 @@ import numpy as np
 from recognition import datasets
 from recognition.labels import Rules
 from recognition.sites import site_of
+from recognition.training.data import is_windows, source_of
 from recognition.training.moments import events_and_background
 from recognition.training.views import View, nothing
 from recognition.training.windows import Windows, windows_of
 from recognition.trfe.samples import BACKGROUND, UNKNOWN
+from recognition.trfe.trfe import TRFE
 from xodr.array_types import BoolArray, IntArray
 
+REJECTED = 0.1
+"""Greatest share of the rules' events on other sites that may be unknown"""
 Recognise = Callable[[Windows], IntArray]
 """Labels (n,) of windows: classes, `BACKGROUND`, or 0 for unknown"""
 
@@ -52,19 +56,47 @@ class Agreement(NamedTuple):
     classes: tuple[tuple[int, int, int], ...]
 
 
-def site_windows(path: Path, roads: Path, view: View, rules: Rules) -> SiteWindows:
+def site_windows(path: Path, cache: Path, view: View, rules: Rules) -> SiteWindows:
     """Windows of all recordings in a folder.
+
+    Args:
+        cache: folder that keeps the windows for the next time, and roads made for them.
 
     Raises:
         InvalidFile: nothing of a known format, or a recording is malformed.
     """
+    kept = cache / f"{path.name}-{source_of(path)}-{type(view).__name__.lower()}"
+    events, regular = kept / "events", kept / "regular"
+    if not is_windows(regular):
+        made = _made(path, cache / "roads", view, rules)
+        made[0].save(events)
+        made[1].save(regular)
+    return SiteWindows(path.name, Windows.load(events), Windows.load(regular))
+
+
+def _made(path: Path, roads: Path, view: View, rules: Rules) -> tuple[Windows, Windows]:
     parts: list[tuple[Windows, Windows]] = []
     for source in datasets.open(path, roads=roads).sources:
         recording = source.load()
         site = site_of(source, recording, roads)
         events, regular = events_and_background(recording, site, source.name, rules)
         parts.append((windows_of(recording, events, view, site), windows_of(recording, regular, view, site)))
-    return SiteWindows(path.name, _joined([part[0] for part in parts], view), _joined([part[1] for part in parts], view))
+    return _joined([part[0] for part in parts], view), _joined([part[1] for part in parts], view)
+
+
+def accept(model: TRFE, windows: Sequence[Windows]) -> None:
+    """Let a model take no more than a tenth of the rules' events on other sites for unknown, where its own δ took more.
+
+    On sites like those that trained it, everything looks more usual than elsewhere: a δ chosen there rejects most of what it gets
+    right on roads that it has not seen.
+
+    Args:
+        windows: of events on sites that neither train nor measure it.
+    """
+    scores = np.concatenate([np.zeros(0), *(model.recognise(one.inputs).score for one in windows)])
+    if len(scores):
+        screening = model.known.screening
+        screening.threshold = max(screening.threshold, float(np.quantile(scores, 1.0 - REJECTED)))
 
 
 def agreement(recognise: Recognise, windows: SiteWindows) -> Agreement:

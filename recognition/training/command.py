@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,6 +17,7 @@ from schemas.storage import keep
 
 if TYPE_CHECKING:
     from recognition.encoder.config import Preset
+    from recognition.encoder.model import Encoder
     from recognition.encoder.training import Progress
     from recognition.training.splits import Split
     from recognition.training.views import View
@@ -38,6 +39,17 @@ def train(
     preset: Annotated[
         str, typer.Option(help="What the encoder reads, its size and training: tokens, or of grids cpu or full.")
     ] = "tokens",
+    encoders: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="A model whose encoders are taken.  [default: they are trained]"),
+    ] = None,
+    develop: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="Recordings of other sites, by which δ is chosen: at most a tenth of events there is unknown.",
+        ),
+    ] = None,
     unseen: Annotated[
         list[Path] | None,
         typer.Option(metavar="DIR", help="Recordings of other sites, on which the model is measured for its card (repeatable)."),
@@ -66,11 +78,12 @@ def train(
     from recognition.grids import Grid
     from recognition.labels import Rules
     from recognition.tokens.config import Tokens
-    from recognition.training.agreement import agreement, site_windows
+    from recognition.training.agreement import accept, agreement, site_windows
     from recognition.training.card import CARD, card_of
     from recognition.training.data import source_of, windows_at
     from recognition.training.splits import split
-    from recognition.trfe.storage import save
+    from recognition.trfe.known import DELTA
+    from recognition.trfe.storage import load, save
 
     chosen = preset_of(preset)
     view = Tokens() if isinstance(chosen.architecture, TokenArchitecture) else Grid()
@@ -81,13 +94,21 @@ def train(
     if not len(parts.labelled):
         raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
-        model = fitted(windows, parts, chosen, view, seed, forest_samples, progress)
-    elsewhere = [site_windows(one, folder / "roads", view, Rules(signalised=True)) for one in unseen or ()]
+        trained = (
+            load(encoders).encoders if encoders else encoders_of(windows.select(parts.labelled), chosen, view, seed, progress)
+        )
+        model = fitted(windows, parts, trained, seed, forest_samples, DELTA if develop else None)
+    rules = Rules(signalised=True)
+    if develop:
+        accept(model, [site_windows(one, folder, view, rules).events for one in develop])
+    elsewhere = [site_windows(one, folder, view, rules) for one in unseen or ()]
     measured = [agreement(lambda windows: model.recognise(windows.inputs).labels, one) for one in elsewhere]
     if measured:
         model.unseen_sites = min(one.agree for one in measured), max(one.wrong + one.nothing for one in measured)
     save(model, out, samples)
-    card = card_of(model, windows, parts, f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}", measured)
+    chosen_by = f", δ by events of {', '.join(one.name for one in develop)}" if develop else ""
+    data = f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}{chosen_by}"
+    card = card_of(model, windows, parts, data, measured)
     keep(card.encode(), out / CARD)
     if not quiet:
         print(card)
@@ -107,23 +128,26 @@ def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
         yield lambda epoch, loss: bar.update(task, advance=1, description=f"epoch {epoch}, loss {loss:.3f}")
 
 
-def fitted(
-    windows: Windows, parts: Split, preset: Preset, view: View, seed: int, most: int | None, progress: Progress | None
-) -> TRFE:
-    """A model with an encoder pretrained on windows of the known classes, then fine-tuned on them with their labels; its trees
-    learn from at most so many of each class."""
-    import numpy as np
-
+def encoders_of(labelled: Windows, preset: Preset, view: View, seed: int, progress: Progress | None) -> tuple[Encoder, Encoder]:
+    """An encoder pretrained on windows of the known classes, and the same fine-tuned on them with their labels."""
     from recognition.encoder.finetuning import finetune
     from recognition.encoder.pretraining import pretrain
     from recognition.encoder.storage import rounded
+
+    encoder = pretrain(labelled, preset, view, seed, progress=progress)
+    tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
+    return rounded(encoder), rounded(tuned)
+
+
+def fitted(windows: Windows, parts: Split, encoders: Sequence[Encoder], seed: int, most: int | None, delta: float | None) -> TRFE:
+    """A model with these encoders, whose trees learn from at most so many windows of each class; without a δ one is chosen."""
+    import numpy as np
+
     from recognition.trfe.config import Config
     from recognition.trfe.samples import drawn_of_each
     from recognition.trfe.trfe import TRFE
 
     labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
-    encoder = pretrain(labelled, preset, view, seed, progress=progress)
-    tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
-    model = TRFE(Config(seed=seed, pretrained=encoder.architecture.dim), (rounded(encoder), rounded(tuned)))
+    model = TRFE(Config(seed=seed, pretrained=encoders[0].architecture.dim, delta=delta), encoders)
     labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
     return model.fit(labelled.inputs, labelled.labels, held.inputs, held.labels)

@@ -34,9 +34,9 @@ def windows_at(path: Path, cache: Path, view: View, most: int | None, *, backgro
         InvalidFile: nothing of a known format.
         UsageError: windows of another shape than the view's, or no event in the recordings.
     """
-    if _is_windows(path):
+    if is_windows(path):
         windows = Windows.load(path)
-    elif _is_windows(cache):
+    elif is_windows(cache):
         windows = Windows.load(cache)
     else:
         windows = _made(path, cache, view, most, background)
@@ -47,7 +47,7 @@ def windows_at(path: Path, cache: Path, view: View, most: int | None, *, backgro
 
 def source_of(path: Path) -> str:
     """Short digest of which recordings a folder holds, by their names and sizes; `windows` for one that holds windows."""
-    if _is_windows(path):
+    if is_windows(path):
         return "windows"
     found = [(source.name, source.path.stat().st_size) for source in datasets.open(path).sources]
     return hashlib.sha256(repr(found).encode()).hexdigest()[:16]
@@ -63,7 +63,8 @@ def fingerprint(windows: Windows) -> str:
     return digest.hexdigest()[:16]
 
 
-def _is_windows(folder: Path) -> bool:
+def is_windows(folder: Path) -> bool:
+    """Whether a folder holds windows."""
     return (folder / "windows.parquet").is_file()
 
 

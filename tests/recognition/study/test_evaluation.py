@@ -139,7 +139,7 @@ def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> N
 
 
 def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=re.escape(f"not of the grid {Grid(channels=('others', 'area')).shape}")):
+    with pytest.raises(UsageError, match=re.escape(f"not of the shape {Grid(channels=('others', 'area')).shape}")):
         protocol(windows, tmp_path, channels=["area", "others"])
 
 
