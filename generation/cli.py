@@ -111,7 +111,10 @@ def xosc_generate(
     from generation.declared import Ask
     from generation.outcomes.cases import Choice
     from generation.pipeline import SearchSettings
+    from generation.search.method import method as search_of
 
+    if method != ADVERSARY:
+        search_of(method)  # a wrong name is better known before recordings are asked for
     settings = SearchSettings(
         RunSettings(sut=sut, timestep=timestep, world=world), method, budget, seed, density, weight, rss, jobs,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,

@@ -14,7 +14,7 @@ from generation.density.model import JUDGE, UNIFORM
 from generation.density.roles import EGO, ROLES, Role
 from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
 from generation.search.space import Space
-from schemas.errors import UsageError
+from schemas.errors import UsageError, nearest
 from xosc.distributions import DeterministicMultiParameterDistribution, ParameterSpace
 
 
@@ -63,6 +63,15 @@ def scenario_of(path: Path) -> Path:
     """The scenario of a variation file; of a scenario, itself."""
     variation = varied(path)
     return path if variation is None else variation.scenario
+
+
+def _refuse_undeclared(scenario: Path, roles: Mapping[str, Role]) -> None:
+    """A role of what the scenario does not declare is better named before anything else is asked for."""
+    holder = xosc.load(scenario).node.find("ParameterDeclarations")
+    declared = [each.get("name") for each in holder.children("ParameterDeclaration")] if holder is not None else []
+    for name in roles:
+        if name not in declared:
+            raise UsageError(f"--map: there is no parameter {name!r}; {nearest(name, declared)}", path=scenario)
 
 
 def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
@@ -160,6 +169,7 @@ class Ask:
         if variation is not None and not (variation.marginals or ranges or free or roles):
             reason = f"it gives each parameter one value, which leaves nothing to search: search {scenario.name} itself"
             raise UsageError(reason, path=path)
+        _refuse_undeclared(scenario, roles)
         stated = {**(variation.marginals if variation is not None else {}), **ranges}
         marginals = {name: each for name, each in stated.items() if name not in self.pinned}
         pinned = {**(variation.pinned if variation is not None else {}), **self.pinned}

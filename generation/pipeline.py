@@ -224,7 +224,7 @@ def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings
     Raises:
         UsageError: the folder can't be made.
     """
-    deciding = (inputs(scenario, settings.run, settings.rss), space.names, sorted(space.pinned.items()))
+    deciding = (inputs(scenario, settings.run, settings.rss, space.pinned), space.names, sorted(space.pinned.items()))
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

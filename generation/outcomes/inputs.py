@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import copy
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import xosc
@@ -15,7 +17,11 @@ from runner.settings import RunSettings
 from runner.sut import find_system, load_system, system_name
 from runner.sut.parameters import parameters_of
 from schemas.catalogs import locate
+from schemas.errors import UsageError
+from schemas.expressions import ExpressionError
 from schemas.storage import digest
+from xosc.node import Node
+from xosc.parameters import Assignment, Scope
 from xosc.roads import find_roads
 
 _OURS = ("schemas", "xosc", "xodr", "runner", "generation.outcomes")
@@ -23,11 +29,12 @@ _OURS = ("schemas", "xosc", "xodr", "runner", "generation.outcomes")
 _LIBRARIES = ("numpy", "libsumo", "eclipse-sumo")
 
 
-def inputs(scenario: Path, run: RunSettings, rss: str) -> dict[str, Any]:
+def inputs(scenario: Path, run: RunSettings, rss: str, pinned: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
     """Digests of files and code, settings and versions, by what they are of.
 
     Args:
         rss: name of the RSS parameter set.
+        pinned: values of parameters that are the same in all runs: a path may be one.
 
     Raises:
         InvalidFile: the scenario, or a file that it refers to, is malformed.
@@ -35,7 +42,7 @@ def inputs(scenario: Path, run: RunSettings, rss: str) -> dict[str, Any]:
     """
     return {
         "scenario": digest(scenario.read_bytes()),
-        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in _referred(scenario, run)},
+        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in _referred(scenario, run, pinned)},
         "system": [system_name(run.sut), parameters_of(load_system(run.sut)), _plugged_in(run)],
         "settings": {name: value for name, value in run.as_json().items() if name != "sut"} | {"rss": rss},
         "toolchain": _code(_OURS),
@@ -43,9 +50,9 @@ def inputs(scenario: Path, run: RunSettings, rss: str) -> dict[str, Any]:
     }
 
 
-def _referred(scenario: Path, run: RunSettings) -> Iterator[Path]:
-    """The road network and the catalogues of a scenario; what a parameter names, or is not there, every run says itself."""
-    root = xosc.load(scenario, strict=run.strict).node
+def _referred(scenario: Path, run: RunSettings, pinned: Mapping[str, str]) -> Iterator[Path]:
+    """The road network and the catalogues of a scenario; where a path has no value, or is nowhere, every run says so itself."""
+    root = _with_paths(xosc.load(scenario, strict=run.strict).node, pinned)
     road = root.find("RoadNetwork", "LogicFile")
     if road is not None and road.get("filepath").strip() and "$" not in road.get("filepath"):
         yield find_roads(road, run.road_path).path
@@ -54,6 +61,19 @@ def _referred(scenario: Path, run: RunSettings) -> Iterator[Path]:
         directory = location.need("Directory")
         with suppress(OSError, ValueError):
             yield from sorted(Path(file) for file in locate(directory.file("path"), scenario).files)
+
+
+def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
+    """A copy of a scenario in which parameters and expressions in the paths of roads and catalogues are worked out."""
+    root = Node(copy.deepcopy(root.element), root.path)
+    holder = root.find("ParameterDeclarations")
+    assigned = {name: Assignment(value, UsageError, True) for name, value in pinned.items()}
+    scope = Scope(holder.children("ParameterDeclaration") if holder is not None else [], assigned=assigned)
+    for name, attribute in (("LogicFile", "filepath"), ("Directory", "path")):
+        for element in root.element.iter(name):
+            with suppress(ExpressionError):
+                element.set(attribute, scope.literal(element.get(attribute, "")))
+    return root
 
 
 def _plugged_in(run: RunSettings) -> str:

@@ -51,6 +51,11 @@ def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
     [
         (("nothing.xosc",), 2, "no such file"),
         ((CUT_IN, "--method", "magic"), 2, "methods: quality"),
+        ((str(SCENARIOS / "r157_cut_in.xosc"), "--method", "magic"), 2, "methods: quality"),
+        ((str(SCENARIOS / "r157_cut_in.xosc"), "--map", "Speed=ego_speed"), 2, "there is no parameter 'Speed'"),
+        ((CUT_IN, "--fail-if", "new"), 2, "--against says where"),
+        ((CUT_IN, "--against", str(SCENARIOS), "--fail-if", "old"), 2, "one of new, still-there"),
+        ((CUT_IN, "--against", str(SCENARIOS)), 2, "no search of cut_in_highway.xosc"),
         ((CUT_IN, "--kind", "parking"), 2, "kinds: braking"),
         ((CUT_IN, "--pin", "Ego_Speed"), 2, "--pin 'Ego_Speed': NAME=VALUE"),
         ((CUT_IN, "--free", "CutIn_Jerk"), 2, "no parameter"),

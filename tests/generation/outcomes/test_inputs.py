@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from importlib import invalidate_caches
 from pathlib import Path
@@ -49,6 +50,25 @@ def test_a_file_that_changes_is_another_input(scenario: Path, file: str) -> None
     path = scenario.parent / file
     path.write_text(path.read_text().replace("xosc-toolchain", "somebody"))
     assert inputs(scenario, RunSettings(), "ad-rss") != before
+
+
+@pytest.mark.parametrize("element", ["LogicFile", "Directory"])
+def test_files_that_a_parameter_names_are_inputs(scenario: Path, element: str) -> None:
+    text, other = scenario.read_text(), "../../xodr/library/other.xodr"
+    attribute, changed = ("filepath", other) if element == "LogicFile" else ("path", "catalogs/vehicles")
+    old = re.search(rf'<{element} {attribute}="([^"]*)"', text)
+    assert old is not None
+    text = text.replace(old[0], f'<{element} {attribute}="$Where"', 1)
+    declared = f'<ParameterDeclarations><ParameterDeclaration name="Where" parameterType="string" value="{old[1]}"/>'
+    scenario.write_text(re.sub(r"<ParameterDeclarations>", declared, text, count=1))
+    before = inputs(scenario, RunSettings(), "ad-rss")
+    named = scenario.parent / (old[1] if element == "LogicFile" else f"{changed}/vehicle_catalog.xosc")
+    if element == "LogicFile":
+        shutil.copy(named, scenario.parent / other)
+    named.write_text(named.read_text().replace("xosc-toolchain", "somebody"))
+    assert inputs(scenario, RunSettings(), "ad-rss") != before, "the file by its default"
+    if element == "LogicFile":
+        assert inputs(scenario, RunSettings(), "ad-rss", {"Where": other}) != inputs(scenario, RunSettings(), "ad-rss")
 
 
 def test_settings_of_runs_and_systems_are_inputs(scenario: Path) -> None:
