@@ -34,8 +34,8 @@ function space() {
       [{ parameters, real }] = searches;
     const { ctx, width, height } = fitted(canvas),
       [u, v] = [Number(x.value), Number(y.value)],
-      xs = [46, width - 10],
-      ys = [height - 22, 8];
+      xs = [62, width - 10],
+      ys = [height - 40, 8];
     const range = i => {
       const { low, high } = parameters[i],
         room = (high - low) * 0.03;
@@ -51,7 +51,7 @@ function space() {
       return place;
     };
     ctx.clearRect(0, 0, width, height);
-    axes(ctx, xs, ys, us, vs, height);
+    axes(ctx, xs, ys, us, vs, height, { across: parameters[u].name, up: parameters[v].name });
     ctx.fillStyle = colour("accent");
     ctx.globalAlpha = 0.3;
     for (const search of searches)

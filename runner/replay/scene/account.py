@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 _BRAKES = -1.0
 """Accelerations below this (m/s²) are braking"""
+_STANDS = 0.1
+"""Speeds below this (m/s) are standing"""
 _ENDS = {"completed": "Its stop trigger ended the run", "timeout": "The time limit ended the run"}
 _KMH = 3.6
 
@@ -81,7 +83,8 @@ def _braking(ego: Track, row: int) -> int | None:
 
 def _began(ego: Track, measures: Criticality, began: int | None, row: int) -> Sentence:
     if began is None:
-        return Sentence(f"{ego.name} did not brake.")
+        stood = abs(float(ego.columns["speed"][row])) < _STANDS
+        return Sentence(f"{ego.name} {'was standing' if stood else 'did not brake'}.")
     time, hardest = float(ego.columns["time"][began]), -float(ego.columns["acceleration"][began : row + 1].min())
     ttc = f", at a time to collision of {measures.ttc.value[began]:.2f} s" if measures.ttc.valid[began] else ""
     return Sentence(f"{ego.name} began to brake at {time:.2f} s{ttc}, with up to {hardest:.1f} m/s².", time)

@@ -131,7 +131,7 @@ class Chart {
 
   drawCurve(ctx, curve, index, colour, x, y) {
     const two = this.curves.filter(Boolean).length > 1;
-    ctx.strokeStyle = ctx.fillStyle = colour(index ? "second" : "accent");
+    ctx.strokeStyle = ctx.fillStyle = colour(index ? "other" : "accent");
     ctx.lineWidth = two && !index ? 5 : 2;
     ctx.globalAlpha = two && !index ? 0.55 : 1;
     const { sample } = this.runs[index];
@@ -155,7 +155,7 @@ class Chart {
   mark(ctx, index, x, y, colour) {
     ctx.font = "700 11px system-ui, sans-serif";
     ctx.textAlign = "center";
-    ctx.fillStyle = colour(index ? "second" : "accent");
+    ctx.fillStyle = colour(index ? "other" : "accent");
     const { height } = ctx.canvas.getBoundingClientRect();
     const aside = index ? 9 : -9;
     ctx.fillText("AB"[index], Math.max(x + aside, LEFT + 6), Math.min(height - 6, Math.max(8, y + aside)));
