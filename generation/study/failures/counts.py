@@ -85,15 +85,16 @@ def table(out: Path, budget: int) -> Table:
     Raises:
         UsageError: it holds results of another budget.
     """
-    found: dict[tuple[str, str, str], list[Counts]] = {}
+    found: dict[tuple[str, str, str], dict[str, Counts]] = {}
     for path in sorted(out.glob("*/*/*.json")):
         values = read_object(path)
         if values.pop("budget") != budget:
             raise UsageError(f"this is of another budget than {budget}: give the same, or another folder", path=path)
-        method = path.stem.rpartition("-")[0]
-        found.setdefault((path.parent.parent.name, path.parent.name, method), []).append(Counts(**values))
+        method, _, seed = path.stem.rpartition("-")
+        found.setdefault((path.parent.parent.name, path.parent.name, method), {})[seed] = Counts(**values)
     rows = [
-        (*key, str(len(each)), *_cells(each, budget)) for key, each in sorted(found.items(), key=lambda item: _order(item[0]))
+        (*key, str(len(each)), *_cells([*each.values()], budget))
+        for key, each in sorted(found.items(), key=lambda item: _order(item[0]))
     ]
     note = (
         "Mean ± standard deviation over seeds; all but runs and played are per 1,000 runs of the budget: a search that ends "
@@ -105,22 +106,18 @@ def table(out: Path, budget: int) -> Table:
     return Table("failures", "Distinct foreseeable and preventable failures", note, (*_KEYS, *_FIGURES), rows)
 
 
-def _ratios(found: Mapping[tuple[str, str, str], Sequence[Counts]]) -> Iterator[str]:
-    """How many times as many distinct failures without nuisances the default method finds as the best of the others, by scenario
-    and system, with a paired t test over seeds."""
-    for scenario, system in dict.fromkeys(key[:2] for key in sorted(found)):
-        others = {key[2]: each for key, each in found.items() if key[:2] == (scenario, system)}
-        own = [one.essential for one in others.pop(DEFAULT, ())]
-        alike = {name: [one.essential for one in each] for name, each in others.items() if len(each) == len(own)}
-        if not alike or len(own) < 2:
+def _ratios(found: Mapping[tuple[str, str, str], Mapping[str, Counts]]) -> Iterator[str]:
+    """How many times as many distinct failures without nuisances the default method finds as each other one, with a paired t test
+    over the seeds that both have."""
+    for (scenario, system, name), each in sorted(found.items(), key=lambda item: _order(item[0])):
+        own = found.get((scenario, system, DEFAULT), {})
+        seeds = sorted(own.keys() & each.keys())
+        if name == DEFAULT or len(seeds) < 2:
             continue
-        best = max(alike, key=lambda name: sum(alike[name]))
-        ratio = f"{sum(own) / sum(alike[best]):.1f} times as many as" if sum(alike[best]) else "and none by"
-        test = ttest_rel(own, alike[best])
-        yield (
-            f" {scenario}, {system}: {DEFAULT} finds {ratio} {best}, the best of the others (paired t test, {len(own)} seeds, "
-            f"p = {test.pvalue:.2g})."
-        )
+        ours, theirs = ([one[seed].essential for seed in seeds] for one in (own, each))
+        ratio = f"{sum(ours) / sum(theirs):.1f} times as many as" if sum(theirs) else "and none by"
+        p = ttest_rel(ours, theirs).pvalue
+        yield f" {scenario}, {system}: {DEFAULT} finds {ratio} {name} (paired t test, {len(seeds)} seeds, p = {p:.2g})."
 
 
 _KEYS = ("scenario", "system", "method", "seeds")
