@@ -17,8 +17,8 @@ from xodr.array_types import BoolArray, FloatArray, IntArray
 
 OBSERVED = len(STATE) + 3
 """Numbers that the policy sees: the state, the ego's acceleration, the time, and what likelihood is left to spend"""
-OBJECTIVES = ("distance", "risk-field")
-"""What shapes the reward: how near the boxes are, or how probable a collision is (`runner.measures.risk_field`)"""
+OBJECTIVES = ("risk-field", "distance")
+"""What shapes the reward: how probable a collision is (`runner.measures.risk_field`), or how near the boxes are"""
 _NEAR = 5.0
 """Distance (m) at which nearness counts 1/e"""
 _SPENT, _BRAKING = 10.0, 5.0

@@ -41,7 +41,7 @@ class AdversarySettings:
         td3: of the networks.
     """
 
-    rounds: int = 60
+    rounds: int = 20
     episodes: int = 128
     updates: int = 200
     warm_up: int = 4

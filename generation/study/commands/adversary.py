@@ -17,7 +17,7 @@ NAME = "python -m generation.study adversary"
 def command(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A scenario with an actor beside the ego.")],
     sut: Sut = DEFAULT_SYSTEM,
-    rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of each search.")] = 60,
+    rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of each search.")] = 20,
     seed: Annotated[int, typer.Option(help="Seed of all searches.")] = 100,
     _verbose: Verbose = False,
     _version: Version = False,
