@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import errno
-import shutil
-import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
@@ -16,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from runner.batch import journal
 from runner.batch.jobs import Job, Outcome, assumed, failure
 from runner.outputs import report
+from runner.outputs.folder import write_run
 from runner.outputs.runs import write_runs
 from runner.settings import RunSettings
 from runner.sut.parameters import SENSOR_RANGE, split
@@ -90,7 +89,7 @@ def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Se
         result = run(job.scenario, own, parameters=job.parameters)
         result.name = job.name
         result.remarks = (*remarks, *result.remarks)
-        measures = _write(result, out / job.name, plot) if out is not None else {}
+        measures = write_run(result, out / job.name, plot) if out is not None else {}
         for act in also:
             act(result)
     except OSError:
@@ -108,38 +107,6 @@ def _reasons(result: RunResult) -> Iterator[str]:
     yield from result.verdict.reasons
     if result.verdict.reasons and SENSOR_RANGE in result.sut_parameters:
         yield f"{split(result.sut)[0]} sees {result.sut_parameters[SENSOR_RANGE]:g} m"
-
-
-def _write(result: RunResult, folder: Path, plot: bool) -> dict[str, Any]:
-    """Write a run's files into its folder, which appears only when it is complete; its criticality measures."""
-    from runner.outputs import trajectories
-
-    draft = Path(tempfile.mkdtemp(prefix=journal.DRAFT, dir=folder.parent))
-    try:
-        values = report.summary(result)
-        trajectories.write_parquet(result, draft / "trajectories.parquet")
-        trajectories.write_csv(result, draft / "trajectories.csv")
-        trajectories.write_criticality(result, draft / "criticality.parquet")
-        report.write_events(result.events, draft / "events.jsonl")
-        report.write_json(values, draft / "result.json")
-        if plot:
-            from runner.outputs.picture import write_picture
-
-            write_picture(result, draft / "picture.png")
-        draft.chmod(0o755)
-        _replace(folder, draft)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
-    return values["criticality"] or {}
-
-
-def _replace(folder: Path, draft: Path) -> None:
-    """Put a folder in the place of one that an interrupted batch left, and of nothing else."""
-    if folder.exists():
-        if not (folder / "result.json").is_file():
-            raise UsageError("this is in the way of a run's results, and is not of a run", path=folder)
-        shutil.rmtree(folder)
-    draft.rename(folder)
 
 
 def run_batch(

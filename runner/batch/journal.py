@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from runner.batch.jobs import Job, Outcome
+from runner.outputs.folder import DRAFT
 from runner.outputs.report import finite
 from schemas.errors import UsageError
 from schemas.storage import check_settings, write_object
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
 _BEGINNING = b'{"job": {"name": '
-DRAFT = ".draft-"
-"""Beginning of the names of folders that are being written."""
 
 
 def enter(out: Path, outcome: Outcome) -> None:

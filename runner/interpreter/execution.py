@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ def run(
     settings: RunSettings | None = None,
     *,
     parameters: Mapping[str, Argument] | None = None,
+    progress: Callable[[float], object] | None = None,
     **changes: Any,
 ) -> RunResult:
     """Run a scenario file to its end.
@@ -30,6 +31,7 @@ def run(
         scenario: an OpenSCENARIO file of kind scenario.
         settings: how to run it; the defaults of `RunSettings` where not given.
         parameters: values of its global parameters.
+        progress: called after each step with the simulation time (s).
         changes: settings by name, as `timestep=0.1, sut="none"`, that replace those of `settings`.
 
     Raises:
@@ -38,7 +40,7 @@ def run(
         Unsupported: the scenario asks for something that the runner does not do.
     """
     chosen = replace(settings or RunSettings(), **changes)
-    return prepare(scenario, parameters, chosen).run(chosen)
+    return prepare(scenario, parameters, chosen).run(chosen, progress=progress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +70,11 @@ class Prepared(Compiled):
         sim.begin()
         return tuple(map(str, sim.remarks.found))
 
-    def run(self, settings: RunSettings | None = None, **changes: Any) -> RunResult:
+    def run(
+        self, settings: RunSettings | None = None, *, progress: Callable[[float], object] | None = None, **changes: Any
+    ) -> RunResult:
         """Run it to its end; arguments and errors as in `runner.run`."""
-        return Session(self, settings or RunSettings(), **changes).finish()
+        return Session(self, settings or RunSettings(), **changes).finish(progress)
 
 
 def prepare(

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
+from importlib import import_module
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +14,7 @@ from runner.criteria.criterion import CriterionResult
 from runner.interpreter.event_log import LogEntry
 
 if TYPE_CHECKING:
+    import pandas as pd
     import pyarrow as pa
 
     from runner.measures.criticality import Criticality
@@ -32,7 +36,7 @@ class Verdict:
     criteria: tuple[CriterionResult, ...] = ()
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class RunResult:
     """One run.
 
@@ -84,3 +88,47 @@ class RunResult:
         from runner.measures.criticality import of_recording
 
         return of_recording(self.recording, self.ego)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """`trajectories` as a data frame; needs pandas."""
+        frame: pd.DataFrame = self.trajectories.to_pandas()
+        return frame
+
+    def save(self, folder: str | PathLike[str]) -> Path:
+        """Write the run as `xosc-run --out` does, and give the folder; an earlier run's results there are replaced.
+
+        Raises:
+            UsageError: something else is in the way.
+        """
+        path = Path(folder)
+        path.absolute().parent.mkdir(parents=True, exist_ok=True)
+        _higher("runner.outputs.folder").write_run(self, path.absolute())
+        return path
+
+    def replay(self, path: str | PathLike[str] | None = None) -> Path:
+        """Write a page that plays the run, and give its path: by default the run's name with `.html`."""
+        page = Path(path or f"{self.name}.html")
+        _higher("runner.replay.player").write_replay([self], page)
+        return page
+
+    def __repr__(self) -> str:
+        verdict = "passed" if self.verdict.passed else f"failed ({'; '.join(self.verdict.reasons)})"
+        return f"<RunResult {self.name}: {verdict}, {self.status} at {self.end_time:.2f} s, sut {self.sut}>"
+
+    def _repr_html_(self) -> str:
+        """As notebooks show it."""
+        rows = {
+            "verdict": "passed" if self.verdict.passed else "failed: " + "; ".join(self.verdict.reasons),
+            "end": f"{self.end_time:.2f} s, {self.status}",
+            "system under test": self.sut,
+            "parameters": ", ".join(f"{name} = {value}" for name, value in self.parameters.items()) or "as declared",
+            "participants": ", ".join(self.recording.tracks),
+            "remarks": str(len(self.remarks)),
+        }
+        cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
+        return f"<table><caption>{escape(self.name)}</caption>{cells}</table>"
+
+
+def _higher(module: str) -> Any:
+    """A module that is made of results, and is imported only where it is used."""
+    return import_module(module)

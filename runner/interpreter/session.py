@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
 from types import TracebackType
@@ -134,11 +134,17 @@ class Session:
         self._advance()
         return self.running
 
-    def finish(self) -> RunResult:
-        """Step until the run ends, close it, and give what it leaves behind."""
+    def finish(self, progress: Callable[[float], object] | None = None) -> RunResult:
+        """Step until the run ends, close it, and give what it leaves behind.
+
+        Args:
+            progress: called after each step with the simulation time (s).
+        """
         try:
             while self.running:
                 self.step()
+                if progress is not None:
+                    progress(self.time)
         finally:
             self.close()
         return self.result()
