@@ -18,6 +18,7 @@ from recognition.training.card import CARD, LIMITS, decision, scope
 from recognition.training.windows import Windows
 from recognition.trfe.screening.evt import EvtScreening
 from recognition.trfe.storage import load
+from recognition.trfe.titles import title_of
 from recognition.trfe.trfe import TRFE
 from tests.recognition import motorway
 
@@ -77,7 +78,7 @@ def test_the_card_of_the_shipped_model_is_its_own() -> None:
     card, model = (SHIPPED / CARD).read_text(), load(SHIPPED)
     assert decision(model) in card and f"δ = {delta(model):.2g}." in card
     assert scope(model) in card and LIMITS in card and "Apache-2.0" in card
-    assert all(f"\n| {Label(label).title} | " in card for label in model.known.classes.tolist())
+    assert all(f"\n| {title_of(label)} | " in card for label in model.known.classes.tolist())
 
 
 def test_windows_that_are_kept_are_of_the_recordings_that_are_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
