@@ -97,7 +97,7 @@ def test_wrong_given_values_are_usage_errors(scenario, given, message):
     [
         (parameter("a", "$b") + parameter("b", "${$c}") + parameter("c", "$a"), "depends on itself: a → b → c → a"),
         (parameter("a", "$a"), "a → a"),
-        (parameter("a", "1", "float"), "'float' is not a type"),
+        (parameter("a", "1", "decimal"), "'decimal' is not a type"),
         (parameter("a$b", "1"), "without '\\$'"),
         (parameter("a", "${1 +}"), "a value is expected"),
         (parameter("a", "$b"), "no parameter 'b'"),
