@@ -20,7 +20,9 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     refused = [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
     if estimate is None:
         return [found, *refused, "How often traffic makes it fail was not estimated; --estimate does that."]
-    return [*_often(title, sut, estimate), *refused, found]
+    made = f"When traffic makes the manoeuvre of {title}"
+    drawn = made if generated.gate.replayed is not None else f"Where {title} has values as stated (nothing is recorded)"
+    return [*_often(drawn, sut, estimate), *refused, found]
 
 
 def _found(title: str, sut: str, generated: Generated) -> str:
@@ -29,15 +31,14 @@ def _found(title: str, sut: str, generated: Generated) -> str:
     ran = int(outcomes.executed.sum())
     if not failures:
         return f"{sut} has no collision in {ran:,} runs of {title}."
-    return (
-        f"{sut} collides in {failures:,} of {ran:,} sought or drawn runs of {title}; {cases} failures unlike each other "
-        "are foreseeable and prevented by a careful driver."
-    )
+    judged = f"{cases} failures unlike each other are" if cases else "no failure is"
+    ran_of = f"{failures:,} of {ran:,} sought or drawn runs of {title}"
+    return f"{sut} collides in {ran_of}; {judged} foreseeable and prevented by a careful driver."
 
 
-def _often(title: str, sut: str, estimate: Estimate) -> Iterator[str]:
+def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
     failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
-    yield f"When traffic makes the manoeuvre of {title}, {sut} collides with a probability of {chance(failure)}."
+    yield f"{drawn}, {sut} collides with a probability of {chance(failure)}."
     if rates:
         yield f"That is {rate(rates[PER_HOUR])} collisions per hour of driving and {rate(rates[PER_DISTANCE])} per 1,000 km."
     if not failure.stable and failure.value > 0.0:
@@ -46,7 +47,7 @@ def _often(title: str, sut: str, estimate: Estimate) -> Iterator[str]:
     bands = {name: each.value for name, each in estimate.probabilities.items() if name not in (FAILURE, PREVENTABLE)}
     if sum(bands.values()) > 0.0:
         shares = ((name.removeprefix("impact "), 100.0 * each / sum(bands.values())) for name, each in bands.items())
-        yield f"Of the collisions are {', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
+        yield f"Impacts of the collisions: {', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
 
 
 def chance(found: Probability) -> str:

@@ -92,7 +92,7 @@ def _data(report: Report, of: Sequence[Measure], out: Path) -> Json:
         "sut": sut,
         "headline": headline(scenario.stem, sut, generated),
         "estimate": _estimate(generated.estimate),
-        "gate": [str(generated.gate), generated.gate.refusal],
+        "gate": [str(generated.gate), generated.gate.replayed is not None, generated.gate.refusal],
         "measures": [{"name": each.name, "unit": each.unit, "range": _rounded(limits(each.values))} for each in of],
         "region": _region(report.region),
         "runs": _runs(generated, of),
@@ -237,12 +237,13 @@ def _against(report: Report, out: Path) -> Json | None:
 
 def _settings(report: Report) -> dict[str, str]:
     settings, generated = report.settings, report.generated
+    units = f"{settings.density}, {len(generated.recorded.theta)} units within the limits"
     pinned = ", ".join(f"{name} = {value}" for name, value in generated.space.pinned.items())
     return {
         "scenario": report.scenario.name,
         "system under test": system_name(settings.run.sut),
         "search": f"{settings.method}, {len(generated.history.outcomes)} runs, seed {settings.seed}",
-        "density": f"{settings.density}, {len(generated.recorded.theta)} units within the limits",
+        "density": units if generated.gate.replayed is not None else "as stated, in whole or in part",
         "searched": ", ".join(generated.space.names),
         "pinned": pinned or "nothing",
         "world": f"{settings.run.world}, time step {settings.run.timestep:g} s",

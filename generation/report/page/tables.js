@@ -33,7 +33,7 @@ function often() {
   );
   const where = found.known
     ? `around ${many(found.known, "known failure")}`
-    : "of what traffic does, as too few failures are known";
+    : "drawn from the density, as too few failures are known";
   return panel(
     "How often",
     table("How often", columns, rows),
@@ -46,7 +46,7 @@ function often() {
 
 function counterexample(each, index) {
   const outcome = each.collision
-    ? `${each.striking ? "hits the other one" : "is hit"} with its ${each.side || "side"} at ${figure(each.impact, 3)} m/s`
+    ? `${each.striking ? "hits the other one with" : "is hit at"} its ${each.side || "side"}, at ${figure(each.impact, 3)} m/s`
     : "no collision";
   const kinds = [
     badge(each.foreseeable ? "failed" : "plain", each.foreseeable ? "foreseeable" : "not foreseeable"),
@@ -170,10 +170,15 @@ function against() {
 
 function method() {
   const told = Object.entries(data.settings).flatMap(([name, value]) => [el("dt", null, name), el("dd", null, value)]);
-  const [measured, refusal] = data.gate;
+  const [measured, recorded, refusal] = data.gate;
   return panel(
     "How it was found",
-    el("p", null, `Gate of the density: ${measured}. `, badge(...(refusal ? ["failed", "refused"] : ["passed", "passes"]))),
+    el(
+      "p",
+      null,
+      `Gate of the density: ${measured}. `,
+      recorded ? badge(...(refusal ? ["failed", "refused"] : ["passed", "passes"])) : null,
+    ),
     refusal ? el("p", null, `So it is no judge of what is foreseeable: ${refusal}.`) : null,
     el("dl", null, ...told),
   );

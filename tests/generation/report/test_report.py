@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +87,14 @@ def test_the_headline_tells_probability_rates_and_bands() -> None:
     first, second, *rest = headline("cut_in_highway", "cas", searched(SUT, np.array([HARD])))
     assert first.startswith("When traffic makes the manoeuvre of cut_in_highway, cas collides with a probability of 0.20 % (95 %")
     assert "collisions per hour of driving" in second and "per 1,000 km" in second
-    assert any(each == "Of the collisions are 100 % at 0 to 5 m/s." for each in rest)
+    assert any(each == "Impacts of the collisions: 100 % at 0 to 5 m/s." for each in rest)
+
+
+def test_what_is_stated_is_not_called_traffic() -> None:
+    found = searched(SUT, np.array([HARD]))
+    stated = replace(found, gate=found.gate._replace(replayed=None))
+    first = headline("ncap", "cas", stated)[0]
+    assert first.startswith("Where ncap has values as stated (nothing is recorded), cas collides")
 
 
 def test_numbers_are_short() -> None:
