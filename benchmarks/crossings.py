@@ -3,7 +3,7 @@
     python benchmarks/crossings.py PATH...
 
 A plain count without thresholds stands against the rules: the lane below a motor vehicle's reference point becomes the one beside
-it, and that holds for a second or to the end of the track. Roundabouts are left out: their lanes overlap.
+it, and that holds for a second or to the end of the track. Junctions and roundabouts are left out: their lanes overlap.
 """
 
 from __future__ import annotations
@@ -75,13 +75,13 @@ def share(found: Counter[tuple[str, bool]], crossed: Counter[tuple[str, bool]], 
 def crossings(scene: Scene) -> Iterator[Crossing]:
     """The borders that egos cross, but those that they cross back at once."""
     steps, back = scene.changes.step, scene.rows(_BACK)
-    ring = scene.has_role(Role.RING, Role.ENTRY, Role.EXIT)
+    overlapping = scene.has_role(Role.RING, Role.ENTRY, Role.EXIT, Role.INSIDE, Role.SIGNALISED)
     ramp = scene.has_role(Role.ON_RAMP, Role.OFF_RAMP, Role.WEAVING)
     main = scene.has_role(Role.MAIN)
-    beside = (np.abs(steps) == 1) & scene.egos[scene.track] & ~ring
+    beside = (np.abs(steps) == 1) & scene.egos[scene.track] & ~overlapping
     for row in np.flatnonzero(beside).tolist():
         about = steps[max(row - back, scene.first[row]) : min(row + back, scene.last[row]) + 1]
-        if np.count_nonzero(about) == 1 and not ring[row - 1]:
+        if np.count_nonzero(about) == 1 and not overlapping[row - 1]:
             kind = "ramps" if ramp[row] != ramp[row - 1] else "motorways" if main[row] else "other roads"
             yield Crossing(scene.names[scene.track[row]], float(scene.time[row]), bool(steps[row] > 0), kind)
 

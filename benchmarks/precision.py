@@ -79,13 +79,16 @@ def _sheet(path: Path, first: int, rows: Sequence[dict[str, Any]], sources: dict
 
     figure = Figure(figsize=(25, 20), layout="constrained")
     panels = figure.subplots(4, 5).ravel()
+    read = {name: _read(sources[name]) for name in {row["recording"] for row in rows}}
     for index, (axes, row) in enumerate(zip(panels, rows, strict=False), first):
-        source = sources[row["recording"]]
-        recording = source.load()
-        site = site_of(source, recording, cache_roads())
-        _panel(axes, row, recording, site.network)
+        _panel(axes, row, *read[row["recording"]])
         axes.set_title(f"{index}: {row['class']}\n{row['recording']} {row['vehicle']} {row['tags']}"[:120], fontsize=7, wrap=True)
     figure.savefig(path, dpi=75)
+
+
+def _read(source: Source) -> tuple[Recording, RoadNetwork]:
+    recording = source.load()
+    return recording, site_of(source, recording, cache_roads()).network
 
 
 def _panel(axes: Axes, row: dict[str, Any], recording: Recording, network: RoadNetwork) -> None:

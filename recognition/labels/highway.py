@@ -75,7 +75,8 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     width, least = scene.site.lanes.width[scene.strip], rules.strict_shift
     whole = _between_through(scene, row) & (shift >= (rules.shift * width[row] if least is None else least)) & scene.complete[row]
     part = changes.partial
-    enough = _between_through(scene, part.row) & (part.shift >= rules.partial_shift * width[part.row]) & (part.left == left)
+    least_part = np.where(scene.has_role(Role.MAIN)[part.row], rules.partial_shift, rules.partial_urban_shift) * width[part.row]
+    enough = _between_through(scene, part.row) & (part.shift >= least_part) & (part.left == left)
     partial = part.row[enough & ~_near(scene, part.row, row[whole])]
     half = scene.rows(0.5 * rules.window)
     centre = np.clip(partial, scene.first[partial] + half, np.maximum(scene.last[partial] - half, 0))
@@ -86,8 +87,8 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
 
 
 def _between_through(scene: Scene, row: IntArray) -> BoolArray:
-    """Whether neither of the lanes that a change leads from and to is a ramp or belongs to a roundabout."""
-    through = scene.has_role(Role.MAIN, Role.URBAN, Role.APPROACH, Role.INSIDE, Role.SIGNALISED)
+    """Whether neither of the lanes that a change leads from and to is a ramp or lies in a junction, where lanes overlap."""
+    through = scene.has_role(Role.MAIN, Role.URBAN, Role.APPROACH)
     return through[row] & through[row - 1]
 
 

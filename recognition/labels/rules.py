@@ -25,6 +25,7 @@ class Rules:
         strict_shift: least lateral displacement in m, instead, where it is given.
         partial_hold, partial_shift: time for which the first or last lane of a track is held, and least lateral displacement (in
             lane widths), of a lane change that was recorded in part; it gets the tag `partial`.
+        partial_urban_shift: the same on roads that are no motorways, where vehicles set off and turn at the edges of the view.
         partial_ramp: least way along a ramp on which the track begins or ends; such an event gets the tag `partial`, too.
         shift_time: time before and after a change in which the displacement is measured.
         cut_gap: greatest gap to who cuts in or out.
@@ -62,6 +63,7 @@ class Rules:
     strict_shift: float | None = None
     partial_hold: float = 0.2
     partial_shift: float = 0.2
+    partial_urban_shift: float = 0.4
     partial_ramp: float = 10.0
     shift_time: float = 4.0
     cut_gap: float = 80.0

@@ -81,8 +81,14 @@ def sources(path: Path, roads: Path) -> list[Source]:
         ]
     number = named[2] if named else ""
     name, origin = f"{site}/{number}" if named else path.stem, _origin(path, number)
-    road = _road(lanelets, origin, path.with_name(f"signal_phases_{number}.csv").is_file())
+    road = _road(lanelets, origin, bool(named) and _has_phases(path.parent))
     return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, road)]
+
+
+def _has_phases(folder: Path) -> bool:
+    """Whether phases of traffic lights were recorded at the place of a folder (k733 of k733_2018-05-02), on whatever day."""
+    place = folder.name.split("_")[0]
+    return any(each.parent.name.split("_")[0] == place for each in folder.parent.glob("*/signal_phases_*.csv"))
 
 
 def _road(
