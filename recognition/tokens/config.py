@@ -28,7 +28,8 @@ ROAD = ("border_left", "border_right", "lanes_to_left", "lanes_to_right", "lane_
 """Of the lane that a participant is in: distances from its box to the borders (m), lanes of the same direction beside it,
 distances to the lane's beginning and end (m), speed limit (m/s)."""
 FEATURES = (*MOTION, *RELATIVE, *TRAFFIC, *ROAD, *(f"role_{role}" for role in ROLES))
-"""All features in the order of the last axis; a role is 1 where the lane has it. Values are divided by `SCALES`."""
+"""All features in the order of the last axis; a role is 1 where the lane has it. Lights do not show: lanes through
+junctions with lights are `inside` as others are, and `signalised` stays 0. Values are divided by `SCALES`."""
 SCALES = {
     "speed": 15.0, "acceleration": 2.0, "yaw_rate": 0.3, "length": 8.0, "width": 2.5, "along": 30.0, "aside": 3.5, "ahead": 30.0,
     "left": 10.0, "closing_ahead": 8.0, "closing_left": 4.0, "gap": 40.0, "headway": 3.0, "border_left": 1.5, "border_right": 1.5,

@@ -10,7 +10,7 @@ from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.scene import Scene, prepare
 from recognition.sites import Site
 from recognition.sites.lanes import NOWHERE, LaneGraph
-from recognition.sites.roles import ROLES
+from recognition.sites.roles import ROLES, Role
 from recognition.tokens.config import FEATURES, SCALES, Tokens
 from recognition.tokens.rows import Moments, window_rows
 from recognition.tokens.ways import relations
@@ -81,7 +81,8 @@ def _rows(scene: Scene) -> Values:
         "lane_ahead": np.where(on, np.clip(lanes.length[place] - scene.along, 0.0, _FAR), 0.0),
         "limit": np.where(on & np.isfinite(limit), limit, 0.0), "has_limit": on & np.isfinite(limit),
     }  # fmt: skip
-    found |= {f"role_{role}": scene.role == code for code, role in enumerate(ROLES)}
+    role = np.where(scene.role == ROLES.index(Role.SIGNALISED), ROLES.index(Role.INSIDE), scene.role)
+    found |= {f"role_{name}": role == code for code, name in enumerate(ROLES)}
     return {name: np.asarray(values, np.float32) for name, values in found.items()}
 
 
