@@ -65,13 +65,14 @@ def catalogue(
     from recognition.catalogue.pipeline import build
     from recognition.catalogue.recognisers.model import ByModel
 
-    settings, recogniser = _settings(scenes, signalised, standard), _recogniser(labels, model, quiet)
+    settings, (recogniser, note) = _settings(scenes, signalised, standard), _recogniser(labels, model)
     if keep_model and not isinstance(recogniser, ByModel):
         raise UsageError("--keep-model is for a model that labels; rules learn nothing")
     with interruptible(NAME):
         summary = build(paths, out, settings, recogniser, _progress(quiet), Workers(jobs, ray))
         if keep_model and isinstance(recogniser, ByModel):
             recogniser.keep(keep_model)
+        _print_note(note, quiet)
         code = _report(summary, verbose, quiet)
     raise typer.Exit(code)
 
@@ -92,9 +93,10 @@ def label(
     """
     from recognition.catalogue.labelling import label_runs
 
-    settings = _settings("events", signalised, "1.3")
+    settings, (recogniser, note) = _settings("events", signalised, "1.3"), _recogniser(labels, model)
     with interruptible(NAME):
-        labelled = label_runs(folder, settings, _recogniser(labels, model, quiet), _progress(quiet), in_place=in_place)
+        labelled = label_runs(folder, settings, recogniser, _progress(quiet), in_place=in_place)
+        _print_note(note, quiet)
         if not quiet:
             for name, found in labelled.findings.items():
                 for each in found:
@@ -116,25 +118,28 @@ def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings
     return CatalogueSettings(scenes=scenes, rules=Rules(signalised=signalised), config=CatalogueConfig(version=version))
 
 
-def _recogniser(labels: str, model: Path | None, quiet: bool) -> Recogniser:
-    """Who labels and sorts; says so where that is not the model."""
+def _recogniser(labels: str, model: Path | None) -> tuple[Recogniser, str]:
+    """Who labels and sorts, and why that is not the model, where it is not and was not asked for."""
     from recognition.catalogue.pipeline import SHIPPED, ByRules
 
     if labels == "rules" and model is not None:
         raise UsageError("--model and --labels rules exclude each other")
     folder = model or SHIPPED
-    if labels == "rules" or (labels == "auto" and model is None and not folder.is_dir()):
-        if labels == "auto" and not quiet:
-            print("no model is shipped: the rules label alone", file=sys.stderr)
-        return ByRules()
+    if labels == "rules":
+        return ByRules(), ""
+    if labels == "auto" and model is None and not folder.is_dir():
+        return ByRules(), "no model is shipped: the rules label alone"
     from recognition.catalogue.recognisers.model import load
     from recognition.catalogue.recognisers.trust import objection, unseen_sites
 
     recogniser = load(folder, sorts=True if labels == "model" else None)
     why = objection(unseen_sites(folder))
-    if why and not quiet:
-        print(f"{NAME}: scenarios are sorted by the {recogniser.sorted_by}: {why}", file=sys.stderr)
-    return recogniser
+    return recogniser, f"scenarios are sorted by the {recogniser.sorted_by}: {why}" if why else ""
+
+
+def _print_note(note: str, quiet: bool) -> None:
+    if note and not quiet:
+        print(f"{NAME}: {note}", file=sys.stderr)
 
 
 def _progress(quiet: bool) -> Progress:

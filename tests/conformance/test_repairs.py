@@ -28,6 +28,7 @@ CONTROLLER = "reference_control.resolvable_controller_reference"
 DURATION = "data_type.durations_and_radii_are_not_negative"
 SIGNAL = "reference_control.traffic_signal_state_references"
 ENTRY = "reference_control.catalog_reference_resolvability"
+NAMES = "reference_control.unique_element_names_on_same_level"
 
 
 class Fault(NamedTuple):
@@ -66,6 +67,10 @@ WEATHER = (
 GEAR = (
     '<PrivateAction><ControllerAction><OverrideControllerValueAction><Gear active="true" value="2"/>'
     "</OverrideControllerValueAction></ControllerAction></PrivateAction>"
+)
+CONDITION = (
+    '<Condition name="later" conditionEdge="none" delay="0"><ByValueCondition>'
+    '<SimulationTimeCondition rule="greaterThan" value="0"/></ByValueCondition></Condition>'
 )
 ENTRY_OF_CAR = """<CatalogReference catalogName="Vehicles" entryName="car">
         <ParameterAssignments>
@@ -220,6 +225,7 @@ FAULTS = {
         EMPTY,
         94,
     ),
+    "name of the condition beside it": Fault('<Condition name="later"', f'{CONDITION}<Condition name="later"', NAMES, 80),
     "negative duration": Fault(
         '<SpeedCondition rule="greaterThan" value="1"/>', '<StandStillCondition duration="-1"/>', DURATION, 98, 10.0
     ),
