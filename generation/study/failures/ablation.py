@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from generation.search.quality.search import QualitySettings, search
@@ -39,7 +40,7 @@ def emitters(posed: Posed, proposals: int, seeds: Sequence[int]) -> Table:
     for chosen in sets():
         batch = QualitySettings.batch * len(QualitySettings().emitters) // len(chosen)
         settings = QualitySettings(chosen, batch)
-        settings = QualitySettings(chosen, batch, generations=settings.generations_of(proposals))
+        settings = replace(settings, generations=settings.generations_of(proposals))
         found = [len(search(posed.problem, _PLENTY, seed, settings).theta) for seed in seeds]
         rows.append((", ".join(chosen), str(len(seeds)), spread(found, 1)))
         print(" | ".join(rows[-1]), flush=True)
