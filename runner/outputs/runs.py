@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from runner.batch.jobs import Outcome
 
-EXTREMES = ("min_ttc", "min_thw", "max_drac", "min_distance", "pet")
+EXTREMES = ("min_ttc", "min_thw", "max_drac", "min_distance", "pet", "max_collision_probability", "max_risk_field")
 """Measures of `runner.measures.criticality.Criticality.summary` that have a value, a time and another participant."""
 SHARES = tuple(f"rss_risk_{name.replace('-', '_')}" for name in PARAMETERS)
 """Measures that are a number."""

@@ -95,7 +95,10 @@ def guarded_reader(name: str, app: Callable[[], object]) -> None:
     """Run the app of a command that reads files and prints: errors become one line and an exit code, a closed pipe the code 1."""
     print_anything()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # a pipe may close before the last of it, which at exit would be a message
     except ToolchainError as error:
         print(f"{name}: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

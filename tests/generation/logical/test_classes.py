@@ -19,10 +19,7 @@ TITLES = {
     if xosc.load(path).kind == "scenario"
     for title in [next((tag.value for tag in tags_of(path) if tag.type == "Class"), None)]
 }
-LANE_CHANGES = (Label.LANE_CHANGE_LEFT.title, Label.LANE_CHANGE_RIGHT.title)
-NO_RULE = {path for path, title in TITLES.items() if title in LANE_CHANGES and not path.stem.endswith("_highway")}
-"""Rules 5 and 6 look at motorways only."""
-SHOWN = [path for path, title in TITLES.items() if title is not None and path not in NO_RULE]
+SHOWN = [path for path, title in TITLES.items() if title is not None]
 OTHER_VALUES = {"r157_cut_in": {"CutIn_Gap_m": "80"}}
 """By default it ends in a collision less than a second after the cut-in, and a lane has to be held for a second."""
 
@@ -54,8 +51,3 @@ def test_a_run_with_the_collision_avoidance_system_shows_it_as_well(path: Path, 
 @pytest.mark.parametrize("path", [path for path, title in TITLES.items() if title is None], ids=lambda path: path.stem)
 def test_a_scenario_without_a_class_shows_none_but_following(path: Path, tmp_path: Path) -> None:
     assert {event.label for event in events(path, tmp_path, "none")} <= {Label.CAR_FOLLOWING}
-
-
-@pytest.mark.parametrize("path", sorted(NO_RULE), ids=lambda path: path.stem)
-def test_the_rules_do_not_look_at_lane_changes_in_town(path: Path, tmp_path: Path) -> None:
-    assert events(path, tmp_path, "none") == []

@@ -195,7 +195,7 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(UsageError, match="must be of the same classes"):
         TRFE(CONFIG).fit(features, labels, features[labels < 3], labels[labels < 3])
     fitted = TRFE(CONFIG).fit(features, labels, features, labels)
-    with pytest.raises(UsageError, match="takes features, not grids"):
+    with pytest.raises(UsageError, match="takes features, not windows"):
         fitted.recognise(np.zeros((2, 4, 4, 40, 100), np.uint8))
     with pytest.raises(UsageError, match="15 dimensions, the model was fitted on 16"):
         fitted.recognise(features[:, 1:])
