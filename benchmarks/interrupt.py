@@ -27,6 +27,7 @@ _OWN = {"runs.jsonl", ".lock"}
 
 
 def main() -> int:
+    """Print a line for each batch and the sum of all; the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="*", default=[str(_LIBRARY)])
     parser.add_argument("--kills", type=int, default=200)
