@@ -53,9 +53,9 @@ class QualitySettings:
     generations: int | None = None
     twin: bool = True
 
-    def generations_of(self, proposals: int) -> int:
-        """Generations on the twin that make no more than so many proposals; one at least."""
-        return max((proposals - self.first) // (self.batch * len(self.emitters)), 1)
+    def generations_of(self, proposals: int, twin: bool = True) -> int:
+        """Generations, on the twin or without one, that make no more than so many proposals; one at least."""
+        return max((proposals - self.first) // (self.batch * len(self.emitters)) if twin else proposals // BATCH, 1)
 
 
 def search(problem: Problem, budget: int, seed: int, settings: QualitySettings = QualitySettings()) -> History:

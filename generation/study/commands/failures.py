@@ -27,6 +27,9 @@ def command(
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of reported seeds.")] = 5,
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs on SUMO of each search.")] = 1000,
     on_twin: Annotated[bool, typer.Option("--on-twin", help="Search on the twin; SUMO judges what is found.")] = False,
+    without_twin: Annotated[
+        bool, typer.Option("--without-twin", help="Search on SUMO alone: no twin screens what is run.")
+    ] = False,
     extras: Annotated[
         int | None,
         typer.Option(
@@ -46,6 +49,8 @@ def command(
     from generation.study.failures.study import Comparison, read
     from generation.study.methods import METHODS, TRAJECTORIES
 
+    if on_twin and without_twin:
+        raise UsageError("--on-twin and --without-twin exclude each other")
     names = methods or [name for name in METHODS if name not in TRAJECTORIES]
     for name in names:
         if name not in METHODS or name in TRAJECTORIES:
@@ -55,9 +60,9 @@ def command(
         for scenario in scenarios:
             for system in sut or [DEFAULT_SYSTEM]:
                 with posed(scenario, system, jobs, recorded, kind) as problem:
+                    chosen = problem.on_twin() if on_twin else problem.without_twin() if without_twin else problem
                     for seed in range(REPORTED, REPORTED + seeds):
                         for name in names:
-                            chosen = problem.on_twin() if on_twin else problem
                             counts = comparison.search(chosen, scenario, system, name, seed)
                             if counts is not None:
                                 print(f"{scenario.stem}, {system}, {name}, seed {seed}: {counts}", flush=True)

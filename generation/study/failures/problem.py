@@ -37,6 +37,10 @@ class Posed(NamedTuple):
             raise UsageError("this scenario has no twin to search on")
         return self._replace(problem=replace(self.problem, evaluate=self.problem.twin))
 
+    def without_twin(self) -> Posed:
+        """The same with nothing to screen proposals but the prior: every trial is a run on SUMO."""
+        return self._replace(problem=replace(self.problem, twin=None))
+
 
 class Counting:
     """A twin that counts what it plays with the system under test."""

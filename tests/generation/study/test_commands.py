@@ -117,6 +117,16 @@ def test_failures_are_counted_on_sumo_and_never_twice(
     assert "another budget" in capsys.readouterr().err
 
 
+def test_failures_are_searched_on_sumo_alone_without_a_twin(
+    tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = ("--without-twin", "--extras", 100, "--methods", "quality", "--seeds", 1, "--budget", 6, "--recorded", units)
+    assert call(monkeypatch, "failures", CUT_IN, *alone, "--jobs", 1, "--out", tmp_path) == 0
+    assert "| cut_in_highway | cas | quality | 1 | 6 | 0 |" in capsys.readouterr().out
+    assert call(monkeypatch, "failures", CUT_IN, *alone, "--on-twin", "--out", tmp_path) == 2
+    assert "exclude each other" in capsys.readouterr().err
+
+
 def test_the_twin_is_measured_against_sumo(
     units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -68,6 +68,15 @@ def test_without_a_twin_the_budget_is_spent_on_foreseeable_points(posed: Problem
     assert posed.prior.foreseeable(spent.theta).all()
 
 
+def test_a_number_of_proposals_is_no_more_than_so_many_generations(posed: Problem) -> None:
+    settings = QualitySettings(("line", "prior"), batch=100, first=2000)
+    assert settings.generations_of(2650) == 3
+    assert settings.generations_of(10) == 1
+    assert settings.generations_of(2650, twin=False) == 53
+    ended = search(replace(posed, twin=None), 1000, 2, replace(QUICK, generations=2))
+    assert len(ended.theta) < 2 * 60
+
+
 def test_a_problem_without_a_prior_is_refused(posed: Problem) -> None:
     with pytest.raises(UsageError, match="prior"):
         search(replace(posed, prior=None), 10, 0, QUICK)
