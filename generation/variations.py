@@ -31,6 +31,7 @@ from xosc.distributions import (
 from xosc.document import Document, to_bytes
 from xosc.exports import standard
 from xosc.exports.concrete import concrete
+from xosc.exports.draft import DEFAULTS, Draft
 from xosc.exports.folder import Folder
 from xosc.files import Header, new_document
 from xosc.tags import Tag, annotated
@@ -94,8 +95,9 @@ class Writer:
     def __init__(self, scenario: Path, space: Space, folder: Path) -> None:
         self._document = xosc.load(scenario)
         self._space, self._folder, self._stem = space, Folder(folder), scenario.stem
-        major, minor = self._document.version
-        standard.export(scenario, f"{major}.{minor}", self._folder)
+        draft = Draft(self._folder, DEFAULTS)
+        standard.add(self._document, None, draft)  # parameters must stay: in other versions of the standard they may not
+        draft.write()
 
     def cases(self, cases: Cases, evidence: Evidence) -> Path:
         """The variation file of the cases: a set of values for each, of pinned parameters too; the best first."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -20,6 +21,8 @@ from generation.outcomes.outcomes import Episodes
 from generation.search.space import Space
 from generation.variations import Evidence, Writer
 from schemas.errors import UsageError
+from xosc.exports import standard
+from xosc.exports.folder import Folder
 from xosc.tags import read
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -52,6 +55,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory, cases: Cases, density: Gaus
     writer.density(density, 5)
     shutil.move(made, moved)
     return moved
+
+
+def test_parameters_stay_where_catalogues_are_of_another_version(tmp_path: Path) -> None:
+    """Entries of catalogues of 1.0 see the scenario's parameters, later ones do not: nothing may be worked out for that."""
+    source = tmp_path / "source"
+    standard.export(CUT_IN, "1.3", Folder(source))
+    catalogue = source / "catalogs" / "vehicles" / "vehicle_catalog.xosc"
+    text = catalogue.read_text().replace('revMinor="3"', 'revMinor="0"')
+    catalogue.write_text(re.sub(r'mass="[^"]*"', 'mass="$Mass"', text))
+    Writer(source / CUT_IN.name, SPACE, tmp_path / "out")
+    written = xosc.load(tmp_path / "out" / CUT_IN.name).node.need("ParameterDeclarations").children()
+    assert set(SPACE.names) <= {each.get("name") for each in written}
 
 
 def test_all_files_are_valid(folder: Path) -> None:
