@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.density.roles import EGO_SPEED, Role
+from generation.density.roles import AHEAD, BEGINS, EGO_SPEED, Role
 from generation.logical.maneuvers import EGO
 from generation.logical.pair_scenario import BEGIN, LEAD_IN, ROLES
 from generation.logical.pairs import Pair
@@ -50,7 +50,8 @@ class PairUnits:
         """Roles of the parameters; when the second one begins is no nuisance, but decides what happens."""
         first, second = self.pair.first.actor, self.pair.second.actor
         found = {declared_name(actor, role): Role(actor, role) for actor in (first, second) for role in ROLES}
-        return {**found, f"{second}_{BEGIN}": Role(second, "begin"), f"{EGO}_Speed_mps": Role(first, EGO_SPEED)}
+        found[declared_name(second, "gap")] = Role(second, AHEAD)
+        return {**found, f"{second}_{BEGIN}": Role(second, BEGINS), f"{EGO}_Speed_mps": Role(first, EGO_SPEED)}
 
     def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
         """Where nobody drives through another one (n,): the two, once they are in one lane, the ego and a leader at the start.

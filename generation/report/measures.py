@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.density.roles import EGO, EGO_SPEED, NUISANCES, Role
+from generation.density.roles import AHEAD, BEGINS, EGO, EGO_SPEED, NUISANCES, Role
+from generation.search.readings import LEAST, by_actor, reading
 from generation.search.space import Space
 from xodr.array_types import FloatArray
 
-_LEAST = 0.1
-"""Least duration (s) and speed (m/s) to divide by"""
 _UNITS = {"mps": "m/s", "mps2": "m/s²", "kph": "km/h", "deg": "°"}
 """How units are written that names of parameters end with"""
 
@@ -33,18 +32,14 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
     """
     values = space.by_name(theta)
     roles = {name: role for name, role in roles.items() if name in values}
-    metric = {name: values[name] / role.factor for name, role in roles.items()}
-    actors = dict.fromkeys(role.actor for role in roles.values())
-    found: list[Measure] = []
-    for actor in actors:
-        of = {role.role: metric[name] for name, role in roles.items() if role.actor == actor}
-        others = next((metric[name] for name, role in roles.items() if role.role == EGO_SPEED), None)
-        found += _of_actor(of | ({EGO_SPEED: others} if others is not None else {}), actor, len(actors) > 1)
+    actors = by_actor(values, roles) if roles else {}
+    found = [each for actor, of in actors.items() for each in _of_actor(of, actor, len(actors) > 1)]
     nuisances = {name for name, role in roles.items() if role.role in NUISANCES}
     ego = next((name for name, role in roles.items() if role.role == EGO_SPEED and name in space.names), None)
     read = set(roles) if found else set(nuisances)
     if ego is not None and found:
-        found.append(Measure("speed of the leader" if EGO in actors else "speed of the ego", "m/s", metric[ego]))
+        whose = "leader" if EGO in actors else "ego"
+        found.append(Measure(f"speed of the {whose}", "m/s", values[ego] / roles[ego].factor))
     found += [Measure(name, unit_of(name), values[name]) for name in space.names if name not in read]
     return found
 
@@ -56,18 +51,24 @@ def unit_of(name: str) -> str:
 
 
 def _of_actor(of: Mapping[str, FloatArray], actor: str, several: bool) -> Iterator[Measure]:
-    """Measures of one actor by the roles that are known; the one behind is the ego, or the actor where that is the ego."""
+    """Measures of one actor by the roles that are known."""
     before = f"{actor}: " if several else ""
     start, end, duration = (of.get(role) for role in ("start_speed", "end_speed", "duration"))
-    behind, ahead = (start, of.get(EGO_SPEED)) if actor == EGO else (of.get(EGO_SPEED), start)
-    if behind is not None and ahead is not None:
-        yield Measure(f"{before}closing speed", "m/s", behind - ahead)
-    if "gap" in of:
-        headway = None if behind is None else of["gap"] / np.maximum(behind, _LEAST)
-        yield Measure(f"{before}gap", "m", of["gap"]) if headway is None else Measure(f"{before}time headway", "s", headway)
+    read = reading(of, actor)
+    if read.closing is not None:
+        yield Measure(f"{before}closing speed", "m/s", read.closing)
+    if read.headway is not None:
+        yield Measure(f"{before}time headway", "s", read.headway)
+    elif "gap" in of:
+        yield Measure(f"{before}gap", "m", of["gap"])
+    if AHEAD in of:
+        yield Measure(f"{before}gap to the one before", "m", of[AHEAD])
+    if BEGINS in of:
+        yield Measure(f"{before}begins at", "s", of[BEGINS])
     if duration is not None:
-        yield Measure(f"{before}duration of the manoeuvre", "s", duration)
+        yield Measure(f"{before}duration" if several else "duration of the manoeuvre", "s", duration)
         if start is not None and end is not None:
-            yield Measure(f"{before}acceleration of {actor or 'the actor'}", "m/s²", (end - start) / np.maximum(duration, _LEAST))
+            of_whom = f"{before}acceleration" if several else f"acceleration of {actor or 'the actor'}"
+            yield Measure(of_whom, "m/s²", (end - start) / np.maximum(duration, LEAST))
     if end is not None and "final_speed" in of:
         yield Measure(f"{before}change of speed afterwards", "m/s", of["final_speed"] - end)

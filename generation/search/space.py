@@ -165,13 +165,26 @@ class Space:
             raise violation
         searched = [name for name in declared if name in chosen and name not in pinned and (name in bounded or name in ranges)]
         if not searched:
-            raise UsageError("no parameter with a lower and an upper limit is left to search", path=scenario)
+            raise UsageError(
+                "no parameter with a lower and an upper limit is left to search; --free NAME=LOW..HIGH gives one limits",
+                path=scenario,
+            )
         literals = {name: scope.own[name].text for name, each in declared.items() if "$" not in each.get("value")}
         rest = {name: value for name, value in (literals | pinned).items() if name not in searched}
         sides = (_of_range(name, ranges[name]) if name in ranges else _parameter(declared[name], scope) for name in searched)
         choices = {name: _choices(ranges[name], scope.own[name].type) for name in searched if name in ranges}
         admits = partial(_admits, list(declared.values())) if ranges else None
         return cls(tuple(sides), rest, {name: each for name, each in choices.items() if each}, admits)
+
+
+def numbers(scenario: str | PathLike[str]) -> list[str]:
+    """Names of the parameters that a scenario declares with a type of numbers.
+
+    Raises:
+        InvalidFile: the file is malformed.
+    """
+    declared = _declarations(xosc.load(scenario).node)
+    return [each.get("name") for each in declared if each.get("parameterType") in ("double", "integer", *_WHOLE)]
 
 
 def _is_number(text: str) -> bool:

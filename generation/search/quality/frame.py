@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from generation.density.base import Whitening
 from generation.density.prior import Prior
-from generation.density.roles import EGO_SPEED, roles_of
+from generation.density.roles import roles_of
+from generation.search.readings import LEAST, by_actor, reading
 from generation.search.space import Space
 from xodr.array_types import BoolArray, FloatArray
-
-_LEAST = 0.1
-"""Least duration (s) and speed (m/s) to divide by"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,25 +54,24 @@ class Frame:
     def measures(self, theta: FloatArray) -> FloatArray:
         """What a tester reads, in the unit cube (n, m).
 
-        Relative speed and time headway when the manoeuvre begins, its pace (lanes per second) and the ego's speed, as far as the
-        space has them; the varied parameters themselves where it has fewer than two.
+        Relative speed and time headway when the manoeuvre begins and its pace (lanes per second), of each actor, and the ego's
+        speed, as far as the space has them; the varied parameters themselves where it has fewer than two.
         """
         values = self.space.by_name(theta)
-        by_role = {role.role: values[name] for name, role in roles_of(values).items()}
-        found = list(_read(by_role)) if len(by_role) > 1 else []
+        roles = roles_of(values)
+        found = _read(by_actor(values, roles)) if len(roles) > 1 else []
         return np.stack(found, axis=1) if len(found) > 1 else self.space.unit(theta)[:, self.varied]
 
 
-def _read(by_role: dict[str, FloatArray]) -> list[FloatArray]:
-    """The measures that the roles allow, each about 0 to 1."""
-    gap, start, ego, duration = (by_role.get(role) for role in ("gap", "start_speed", EGO_SPEED, "duration"))
-    found = []
-    if start is not None and ego is not None:
-        found.append(0.5 + (ego - start) / 60.0)
-    if gap is not None and ego is not None:
-        found.append(gap / np.maximum(ego, _LEAST) / 4.0)
-    if duration is not None:
-        found.append(1.0 / np.maximum(duration, _LEAST))
-    if ego is not None:
-        found.append(ego / 40.0)
-    return found
+def _read(actors: Mapping[str, Mapping[str, FloatArray]]) -> list[FloatArray]:
+    """The measures that the roles of each actor allow, each about 0 to 1."""
+    found: list[FloatArray | None] = []
+    ego = None
+    for actor, of in actors.items():
+        closing, headway, ego = reading(of, actor)
+        found += [
+            None if closing is None else 0.5 + closing / 60.0,
+            None if headway is None else headway / 4.0,
+            1.0 / np.maximum(of["duration"], LEAST) if "duration" in of else None,
+        ]
+    return [each for each in (*found, None if ego is None else ego / 40.0) if each is not None]
