@@ -114,7 +114,7 @@ def xosc_generate(
     from generation.search.method import method as search_of
 
     if method != ADVERSARY:
-        search_of(method)  # a wrong name is better known before recordings are asked for
+        search_of(method)  # what it needs is better asked for before recordings are read
     settings = SearchSettings(
         RunSettings(sut=sut, timestep=timestep, world=world), method, budget, seed, density, weight, rss, jobs,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,

@@ -11,6 +11,7 @@ from generation.adversary import NAME as ADVERSARY
 from generation.density.model import UNIFORM, models
 from generation.density.roles import ROLES
 from generation.search.method import offered
+from schemas.errors import UsageError
 
 Sut = Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")]
 Recorded = Annotated[
@@ -18,7 +19,17 @@ Recorded = Annotated[
     typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own recordings' units]"),
 ]
 Kind = Annotated[str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")]
-Method = Annotated[str, typer.Option(help=f"Search method: {', '.join((*offered(), ADVERSARY))}.")]
+_METHODS = (*offered(), ADVERSARY)
+
+
+def _offered(name: str) -> str:
+    """A wrong name is better known before anything else is asked for."""
+    if name not in _METHODS:
+        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(_METHODS)}")
+    return name
+
+
+Method = Annotated[str, typer.Option(callback=_offered, help=f"Search method: {', '.join(_METHODS)}.")]
 Density = Annotated[
     str,
     typer.Option(

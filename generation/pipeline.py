@@ -32,7 +32,7 @@ from generation.variations import Evidence, Writer, Written
 from runner.settings import RunSettings
 from runner.sut import system_name
 from schemas.errors import Unsupported, UsageError
-from schemas.storage import digest, write_object
+from schemas.storage import alone, digest, write_object
 from xodr.array_types import FloatArray
 
 LEAST = 30
@@ -142,7 +142,7 @@ def generate(
     source = recorded(space)
     real = source.within(space)
     realism, prior = _realism(real, settings.density, scenario), source.prior(space, settings.density)
-    with _evaluator(scenario, space, settings) as evaluator:
+    with alone(out, "a search"), _evaluator(scenario, space, settings) as evaluator:
         draws, memory, more = (
             Memory(evaluator, _runs_file(scenario, space, out, settings, kind)) for kind in ("draws", "runs", "estimate")
         )
@@ -156,13 +156,13 @@ def generate(
         every = kept if len(kept.theta) else history
         cases = choose(space, every, judged, evaluator, settings.choice, found, problem.twin)
         rate = _estimate(problem, source, more, evaluator, every, settings) if settings.estimate else None
-    if rate is not None:
-        of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
-        write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
-    written = Written(out, scenario.stem)
-    written.withdraw()
-    files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
-    written.note()
+        if rate is not None:
+            of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
+            write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
+        written = Written(out, scenario.stem)
+        written.withdraw()
+        files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
+        written.note()
     episodes = _joined([every, *(_rewarded(each, reward) for each in (draws, more))])
     return Generated(space, real, prior, history, episodes, cases, files, gate, memory.reused, rate)
 
@@ -219,16 +219,8 @@ def _realism(real: Recorded, name: str, scenario: Path) -> Realism:
 
 
 def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings, kind: str) -> Path:
-    """The file of the runs of a kind, another one for everything that decides what a run gives.
-
-    Raises:
-        UsageError: the folder can't be made.
-    """
+    """The file of the runs of a kind, another one for everything that decides what a run gives."""
     deciding = (inputs(scenario, settings.run, settings.rss, space.pinned), space.names, sorted(space.pinned.items()))
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"the folder can't be made: {error.strerror or error}", path=out) from None
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
 
 

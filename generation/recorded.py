@@ -21,7 +21,7 @@ from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
 from generation.logical.pair_units import PairUnits
 from generation.logical.pairs import PAIRS
-from generation.search.space import Space
+from generation.search.space import Space, numbers
 from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract
 from recognition.maneuvers.units.pairs import pairs
@@ -33,6 +33,8 @@ from xosc.tags import PREFIX
 _RECORDING = f"{PREFIX}Recording"
 _BESIDE = 7
 """How many units further, by the ego's speed, the unit of the next actor is: the next ones may be of the same lane change."""
+_LISTED = 6
+"""Parameters that a message names at most"""
 _DRAWN, _PARTS = 1000, 5
 """Draws in the place of recorded units, and how many recordings they count as."""
 
@@ -184,9 +186,19 @@ def kind_of(scenario: Path) -> str:
     kinds = {**{name: name for name in PAIRS}, **{name: each.kind for name, each in MANEUVERS.items()}}
     found = next((kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None)
     if found is None:
-        names = ", ".join(kinds)
-        raise UsageError(f"its name begins with none of {names}: say by --kind which recorded units are like it", path=scenario)
+        raise UsageError(_unlikely(numbers(scenario)), path=scenario)
     return found
+
+
+def _unlikely(names: Sequence[str]) -> str:
+    """Why recordings don't say which values are likely, by the numbers that a scenario declares, and what would."""
+    if not names:
+        return "it declares no parameter that is a number: there is nothing to search"
+    listed = ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    return (
+        f"nothing says which values are likely: its name is not that of a manoeuvre, as cut_in_highway.xosc. Give ranges, as "
+        f"--free {names[0]}=LOW..HIGH (it declares {listed}), or name recorded units that are like it by --kind"
+    )
 
 
 def of_samples(
@@ -239,12 +251,17 @@ def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
 
 
 def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, IntArray]:
-    """Rows (n,) of the units that each actor has the values of; for the first one all in their order."""
+    """Rows (n,) of the units that each actor has the values of; for the first one all in their order.
+
+    Further actors have those some places further by the ego's speed, within blocks, so that the fastest get fast ones too.
+    """
     order = np.argsort(speeds, kind="stable")
     found = {}
     for number, actor in enumerate(actors):
+        beside = _BESIDE * number
+        blocks = np.array_split(order, max(1, len(order) // max(1, 2 * beside)))
         found[actor] = np.empty(len(speeds), np.int64)
-        found[actor][order] = np.roll(order, -_BESIDE * number)
+        found[actor][order] = np.concatenate([np.roll(each, -beside) for each in blocks])
     return found
 
 

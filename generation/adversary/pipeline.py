@@ -27,6 +27,7 @@ from recognition.maneuvers.unit import CUT_IN
 from runner.settings import RunSettings
 from runner.sut import system_name
 from schemas.errors import UsageError
+from schemas.storage import alone
 from xodr.array_types import FloatArray
 from xosc.tags import Tag
 
@@ -83,6 +84,11 @@ def generate(scenario: Path, out: Path, settings: Settings, progress: Callable[[
         UsageError: too little is recorded, or something is in the way in the folder.
         InvalidFile: a file is malformed.
     """
+    with alone(out, "a search"):
+        return _generated(scenario, out, settings, progress)
+
+
+def _generated(scenario: Path, out: Path, settings: Settings, progress: Callable[[int], None]) -> Written:
     scene, run = Scene.of(scenario), settings.run
     driving = Driving(Actions.read(settings.recorded or OWN))
     starts = starts_of(scenario, settings.pinned)

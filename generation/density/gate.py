@@ -70,8 +70,9 @@ class Gate(NamedTuple):
         return None
 
     def __str__(self) -> str:
-        replays = "nothing is recorded" if self.replayed is None else f"collisions in {self.replayed} replays of recordings"
-        return f"{replays}, in {self.drawn} draws of the density"
+        if self.replayed is None:
+            return f"collisions in {self.drawn} draws of the density; nothing is recorded that could be replayed"
+        return f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density"
 
 
 Run = Callable[[FloatArray], Outcomes]

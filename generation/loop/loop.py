@@ -36,6 +36,7 @@ from runner.settings import RunSettings
 from schemas import check_many
 from schemas.commands.files import expand
 from schemas.errors import UsageError
+from schemas.storage import alone
 
 CATALOGUE = "catalogue"
 UNITS = "units.parquet"
@@ -61,6 +62,11 @@ def run_loop(folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: 
         UsageError: a setting is wrong, or the output folder has something else.
     """
     inputs = _inputs(folder, out)
+    with alone(out, "a loop"):
+        return _looped(inputs, out, settings, bar, report)
+
+
+def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report: Report) -> LoopResult:
     stages = FinishedStages(out, settings.deciding() | {"inputs": inputs.identity}, report)
     work = _Loop(inputs, out, settings, bar, stages)
     recognised, targets, refused = work.recognise()

@@ -9,6 +9,7 @@ import pytest
 import schemas
 from generation.cli import main
 from generation.logical.library import SCENARIOS
+from schemas.storage import alone
 
 CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
 QUICK = ("--method", "kde", "--budget", "15", "--density", "gaussian", "--jobs", "1")
@@ -34,6 +35,31 @@ def test_a_scenario_becomes_edge_cases(
     assert files[0] == "cut_in_highway.xosc"
     assert {"cut_in_highway_edge_cases.xosc", "cut_in_highway_density.xosc", "cut_in_highway_edge_case_000002.xosc"} <= set(files)
     assert not any(schemas.check(path) for path in (tmp_path / "out").rglob("*.xosc"))
+
+
+def test_a_wrong_method_is_named_before_a_folder_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, CUT_IN, "--method", "magic") == 2
+    assert "no search method 'magic'; methods: quality" in capsys.readouterr().err
+
+
+def test_two_searches_do_not_write_into_one_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with alone(tmp_path, "a search"):
+        assert call(monkeypatch, CUT_IN, "--out", tmp_path, *QUICK) == 2
+    assert "a search of another process writes into this folder" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.jsonl"))
+
+
+def test_a_scenario_of_no_known_kind_says_what_could_be_searched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, SCENARIOS / "r157_cut_in.xosc", "--out", tmp_path, *QUICK) == 2
+    said = capsys.readouterr().err
+    assert "--free Ego_Speed_kmh=LOW..HIGH (it declares Ego_Speed_kmh, CutIn_Speed_kmh, " in said
+    assert "--kind" in said
 
 
 def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

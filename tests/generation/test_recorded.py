@@ -63,6 +63,17 @@ def test_two_actors_have_the_values_of_two_units_about_as_fast() -> None:
     assert abs(np.corrcoef(found[:, 0], found[:, 2])[0, 1]) < 0.4
 
 
+def test_the_fastest_egos_meet_two_units_of_fast_egos() -> None:
+    speeds = np.linspace(10.0, 40.0, 60)
+    texts, rows = np.array(["a"] * 60), np.repeat(speeds[:, None], 7, axis=1)
+    units = Samples(rows, texts, texts, texts, texts, np.zeros(60), speeds, np.zeros((60, 2)))
+    names = "CutIn_StartSpeed_mps", "Second_StartSpeed_mps", "Ego_Speed_mps"
+    found = of_samples(units, Space(tuple(Parameter(name, 0.0, 200.0) for name in names))).theta
+    np.testing.assert_array_equal(found[:, 0], found[:, 2])
+    assert (found[:, 0] != found[:, 1]).all()
+    assert np.abs(found[:, 0] - found[:, 1]).max() < 8.0
+
+
 def test_only_rows_inside_the_box_stay() -> None:
     found = of_samples(samples(), Space.of(CUT_IN)).within(Space.of(CUT_IN))
     assert len(found.theta) == 0

@@ -101,7 +101,8 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
     """
     name, title = name or path.stem, title or path.stem
     try:
-        recorded, prior = _recorded(Space.of(path), _kind(path), own)
+        kind = kind_of(path)
+        recorded, prior = _recorded(Space.of(path), kind, own)
     except (UsageError, Unsupported) as error:
         return Refused(title, error.message)
     return Target(name, title, path, recorded, prior)
@@ -138,17 +139,6 @@ def _concerning(ask: Ask, path: Path) -> Ask:
     pinned = {name: value for name, value in ask.pinned.items() if name in names}
     free, maps = (tuple(text for text in texts if text.partition("=")[0] in names) for texts in (ask.free, ask.maps))
     return replace(ask, pinned=pinned, free=free, maps=maps)
-
-
-def _kind(path: Path) -> str:
-    try:
-        return kind_of(path)
-    except UsageError:
-        reason = (
-            "its name does not begin with that of a manoeuvre, as cut_in_ would; --kind says which recorded units are like it, "
-            "--free NAME=LOW..HIGH or --density uniform what to search without recordings"
-        )
-        raise UsageError(reason) from None
 
 
 def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], Prior]:
