@@ -142,6 +142,7 @@ def estimate(
             same, more = (_events(each)[name] for each in controls)
             control = Control(same, more, controls[1].weights)
         probabilities[name] = probability(failing, real.weights, greatest, control)
+    probabilities = {name: each.within(probabilities[FAILURE]) for name, each in probabilities.items()}
     return Estimate(probabilities, len(theta), settings.runs - len(theta), len(known) if proposal is not None else 0)
 
 

@@ -47,12 +47,21 @@ class Probability(NamedTuple):
         """Whether there are enough failures for the interval to be trusted."""
         return self.effective >= LEAST_EFFECTIVE
 
+    def within(self, other: Probability) -> Probability:
+        """This one as of an event that implies another one, whose upper limit holds for it too where it is to be trusted."""
+        return self._replace(bound=min(self.bound, other.interval[1])) if other.stable else self
+
+    @property
+    def counted(self) -> str:
+        """The effective number of failures, for people."""
+        return f"{self.effective:.0f} effective failure{'' if round(self.effective) == 1 else 's'}"
+
     def __str__(self) -> str:
         low, high = self.interval
         if self.value <= 0.0:
             return f"below {high:.1e} (no draw fails)"
         shown = f"{self.value:.2e} [{low:.2e}, {high:.2e}]"
-        return shown if self.stable else f"{shown}, unstable: {self.effective:.0f} effective failures"
+        return shown if self.stable else f"{shown}, unstable: {self.counted}"
 
 
 class Control(NamedTuple):

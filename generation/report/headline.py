@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
-from generation.estimation.probability import Probability
+from generation.estimation.probability import LEAST_EFFECTIVE, Probability
 from generation.estimation.rates import PER_DISTANCE, PER_HOUR, Rate
 from generation.pipeline import Generated
 
@@ -42,7 +42,7 @@ def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
     if rates:
         yield f"That is {rate(rates[PER_HOUR])} collisions per hour of driving and {rate(rates[PER_DISTANCE])} per 1,000 km."
     if not failure.stable and failure.value > 0.0:
-        yield f"The interval is unstable: it is of {failure.effective:.0f} effective failures."
+        yield f"This interval is not to be trusted: {failure.counted} are fewer than {LEAST_EFFECTIVE:g}; more runs help."
     yield f"Collisions that a careful driver prevents have a probability of {chance(estimate.probabilities[PREVENTABLE])}."
     bands = {name: each.value for name, each in estimate.probabilities.items() if name not in (FAILURE, PREVENTABLE)}
     if sum(bands.values()) > 0.0:
@@ -55,7 +55,7 @@ def chance(found: Probability) -> str:
     low, high = found.interval
     if found.value <= 0.0:
         return f"at most {percent(high)} (no draw fails)"
-    return f"{percent(found.value)} (95 % interval {percent(low)} to {percent(high)})"
+    return f"{percent(found.value)} (95\N{NO-BREAK SPACE}% interval {percent(low)} to {percent(high)})"
 
 
 def rate(found: Rate) -> str:
@@ -66,7 +66,7 @@ def rate(found: Rate) -> str:
 
 def percent(share: float) -> str:
     """A share in percent, two significant digits."""
-    return f"{figure(100.0 * share)} %"
+    return f"{figure(100.0 * share)}\N{NO-BREAK SPACE}%"
 
 
 def figure(value: float) -> str:

@@ -26,6 +26,7 @@ from generation.report.regression import Fate, Regression
 from generation.variations import Written
 from runner.replay.page import page, write_page
 from runner.sut import system_name
+from schemas.storage import alone
 from xodr.array_types import FloatArray
 
 REPORT = "report.html"
@@ -64,8 +65,13 @@ def write_report(
     """Write the page and its counterexamples into the search's folder; the same search gives the same bytes.
 
     Raises:
-        UsageError: something else is in the way there.
+        UsageError: something else is in the way there, or another search.
     """
+    with alone(out, "a search"):
+        return _written(scenario, generated, settings, out, against)
+
+
+def _written(scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None) -> Path:
     with Evaluator(scenario, generated.space, run=settings.run, rss=settings.rss, processes=settings.processes) as drivers:
         examples = counterexamples(scenario, generated, settings, drivers, out)
     theta, outcomes, _ = generated.episodes

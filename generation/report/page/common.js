@@ -16,6 +16,10 @@ const figure = (value, digits = 2) => {
   const [left, power] = value.toExponential(digits - 1).split("e");
   return `${left}·10${[...power].map(c => RAISED[c]).join("")}`;
 };
+/** As many digits for each number of a group, so that they can be compared: 0.70, not 0.7. */
+const even = value => (Math.abs(value) >= 1e-4 && Math.abs(value) < 10 ? value.toPrecision(2) : figure(value));
+/** A value of a measure: three digits, and none beyond a hundredth. */
+const plain = value => String(Number(Math.abs(value) < 0.1 ? value.toFixed(2) : value.toPrecision(3)));
 const withUnit = (text, unit) => (unit ? `${text} ${unit}` : text);
 const label = index => {
   const { name, unit } = data.measures[index];

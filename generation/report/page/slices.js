@@ -15,22 +15,21 @@ function slices() {
     el(
       "p",
       null,
-      `A quadratic boundary over ${data.measures.length} measures (logistic regression) tells ${percent(region.accuracy)} ` +
-        `± ${figure(100 * region.spread)} % of runs rightly that it was not fitted on ` +
-        `(balanced accuracy, five folds; chance 50 %; area under the curve ${region.area.toFixed(3)}).`,
+      `A quadratic boundary over ${data.measures.length} measures (logistic regression) separates failures from other runs: ` +
+        `balanced accuracy ${percent(region.accuracy)} ± ${figure(100 * region.spread)} % in five-fold cross-validation ` +
+        `(chance 50 %), area under the curve ${region.area.toFixed(3)}.`,
     ),
     note(
-      "How much accuracy goes when a measure is shuffled: ",
+      "Accuracy lost when a measure is shuffled: ",
       weights.join(", "),
-      ". The boundary separates the runs that there are; these were sought near failures, so it is no probability.",
+      ". Runs were sought near failures: the boundary says where the system fails, not how often.",
     ),
     el("div", { class: "slices" }, ...region.slices.map(slice)),
     legend(),
     note(
       `${shown < data.runs.total ? `${shown} of ${total} runs, evenly chosen` : `All ${total} runs`}. ` +
-        "The line is the boundary where the other measures are as in the middle failure; " +
-        "runs that are near to that in all of them " +
-        `(half a standard deviation) are drawn strongly, the others faintly.`,
+        "The line is the boundary where all other measures have their median over the failures; " +
+        "runs within half a standard deviation of these medians are drawn strongly, the others faintly.",
     ),
   );
 }
@@ -69,7 +68,7 @@ function slice({ across, up, held, boundary }) {
     svg("polyline", { class: "boundary", points: points.map(([a, b]) => `${x(a).toFixed(1)},${y(b).toFixed(1)}`).join(" ") }),
   );
   const marks = data.counterexamples.map(({ measures }, i) => mark(x(measures[across]), y(measures[up]), i));
-  const where = others.map(i => withUnit(`${data.measures[i].name} ${figure(held[i], 3)}`, data.measures[i].unit)).join(", ");
+  const where = others.map(i => withUnit(`${data.measures[i].name} ${plain(held[i])}`, data.measures[i].unit)).join(", ");
   const words = `${label(up)} over ${label(across)}`;
   return el(
     "figure",

@@ -1,9 +1,9 @@
 // How often it fails, counterexamples, drivers by case, another version of the system, how all of it was found.
 
 const cell = (text, kind = "number") => el("td", { class: kind }, text);
-const spanned = ([value, low, high], scale = 1) => {
-  const [at, from, to] = [value, low, high].map(each => figure(each * scale));
-  return value > 0 ? `${at} [${from}, ${to}]` : `at most ${to}`;
+const spanned = ([best, low, high], scale = 1) => {
+  const [at, from, to] = [best, low, high].map(each => even(each * scale));
+  return best > 0 ? `${at} [${from}, ${to}]` : `at most ${to}`;
 };
 
 function often() {
@@ -110,7 +110,7 @@ function drivers() {
       null,
       el("th", { scope: "row", class: "number" }, String(each.number), ...(each.new ? [" ", badge("failed", "new")] : [])),
       cell(each.collision ? figure(each.impact, 3) : "none"),
-      ...each.measures.map(value => cell(figure(value, 3))),
+      ...each.measures.map(value => cell(plain(value))),
       cell(figure(each.likelihood, 3)),
       cell(figure(each.risk)),
       ...each.drivers.map(end => el("td", { class: `driver ${end}` }, { survives: "✓", collides: "✕", unknown: "?" }[end])),

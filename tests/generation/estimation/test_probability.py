@@ -28,6 +28,14 @@ def test_where_nothing_fails_the_bound_counts_the_greatest_weight() -> None:
     assert "no draw fails" in str(found)
 
 
+def test_a_part_of_an_event_is_no_likelier_than_the_event_where_that_is_well_known() -> None:
+    u, weights = draws(2000)
+    none = probability(np.zeros(50, bool), np.ones(50), 5.0)
+    whole = probability(u < 0.1, weights, 1.0)
+    assert none.within(whole).interval == (0.0, whole.interval[1])
+    assert none.within(probability(u < 0.01, weights, 1.0)) == none, "few failures bound nothing"
+
+
 def test_few_failures_are_called_unstable() -> None:
     u, weights = draws(300)
     assert "unstable" in str(probability(u < 0.02, weights, 1.0))

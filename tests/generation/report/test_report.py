@@ -85,7 +85,9 @@ def test_a_search_without_failures_says_so(tmp_path: Path) -> None:
 
 def test_the_headline_tells_probability_rates_and_bands() -> None:
     first, second, *rest = headline("cut_in_highway", "cas", searched(SUT, np.array([HARD])))
-    assert first.startswith("When traffic makes the manoeuvre of cut_in_highway, cas collides with a probability of 0.20 % (95 %")
+    assert first.startswith(
+        "When traffic makes the manoeuvre of cut_in_highway, cas collides with a probability of 0.20\N{NO-BREAK SPACE}% (95\N{NO-BREAK SPACE}%"
+    )
     assert "collisions per hour of driving" in second and "per 1,000 km" in second
     assert any(each == "Impacts of the collisions: 100 % at 0 to 5 m/s." for each in rest)
 
@@ -99,7 +101,7 @@ def test_what_is_stated_is_not_called_traffic() -> None:
 
 def test_numbers_are_short() -> None:
     assert [figure(each) for each in (0.0, 0.2, 1234.5, 0.00123, 1.23e-6)] == ["0", "0.20", "1,234", "0.0012", "1.2·10⁻⁶"]
-    assert chance(Probability(0.0, 0.0, 0.0, 0.004)) == "at most 0.40 % (no draw fails)"
+    assert chance(Probability(0.0, 0.0, 0.0, 0.004)) == "at most 0.40\N{NO-BREAK SPACE}% (no draw fails)"
 
 
 def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
