@@ -6,8 +6,8 @@ there and its value 0, never NaN. Distances are in m, times in s, speeds in m/s,
 Gaps are those of the bounding boxes; how they are measured is said in `runner.measures.relations`.
 
 Sources: time to collision, Hayward (1972); time headway and deceleration rate to avoid a crash as in Mahmud et al.,
-"Application of proximal surrogate indicators for safety evaluation" (2017); post-encroachment time, Allen, Shin and
-Cooper (1978); RSS as in `runner.measures.rss`; the probabilistic risk field as in `runner.measures.risk_field`.
+"Application of proximal surrogate indicators for safety evaluation" (2017); post-encroachment time as in
+`runner.measures.encroachment`; RSS as in `runner.measures.rss`; the probabilistic risk field as in `runner.measures.risk_field`.
 """
 
 from __future__ import annotations
@@ -21,21 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.measures import rss
+from runner.measures.encroachment import post_encroachment_time
+from runner.measures.extreme import Extreme
 from runner.measures.impact import Impact, first_impact
-from runner.measures.relations import Motion, View, boxes_overlap, common, relation
-from runner.measures.risk_field import risk_field
-from runner.participants.boxes import reach
+from runner.measures.relations import Motion, View, blocks, relations
+from runner.measures.risk_field import greatest
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from runner.recording import Recording
 
-LONGEST_PET = 10.0
-"""Post-encroachment times above this (s) are no encounter"""
-_PET_STEP = 0.05
-"""Least time (s) between the footprints compared for the post-encroachment time"""
-_BLOCK = 1024
-"""Footprints of the ego that are compared with those of another one at once"""
 _STILL = 1e-3
 """Speeds below this (m/s) count as standing, slower closing as not closing"""
 _INSTANT = 1e-6
@@ -47,14 +42,6 @@ class Measure(NamedTuple):
 
     value: FloatArray
     valid: BoolArray
-
-
-class Extreme(NamedTuple):
-    """The extreme of a measure over a run: its value, when (s) and with whom."""
-
-    value: float
-    time: float
-    other: str
 
 
 # measures -----------------------------------------------------------------------------------
@@ -119,46 +106,6 @@ def _lateral_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
     return np.abs(seen.aside) - np.where(seen.aside <= 0.0, ego_left, ego_right)
 
 
-def post_encroachment_time(ego: Motion, other: Motion, longest: float = LONGEST_PET) -> Extreme | None:
-    """Least time between one participant leaving a place and the other one reaching it; 0 for a collision, None for no encounter.
-
-    Footprints of both at different times are compared; of those that overlap the ones least apart in time count. For
-    crossing paths this is the time from the first one leaving the conflict area until the second one enters it, for
-    vehicles one behind the other the time gap.
-
-    Args:
-        longest: the time above which there is no encounter, s.
-    """
-    near = reach(ego.box) + reach(other.box)
-    if not _areas_meet(ego, other, near):
-        return None
-    step = max(_PET_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
-    mine, theirs = _ticks(ego, step), _ticks(other, step)
-    best = (int(longest / step) + 1, 0)
-    for start in range(0, len(mine[1]), _BLOCK):
-        ticks, rows = (values[start : start + _BLOCK] for values in mine)
-        dx, dy = (getattr(ego, axis)[rows, None] - getattr(other, axis)[theirs[1]] for axis in ("x", "y"))
-        lag = np.abs(ticks[:, None] - theirs[0])
-        own, others = np.nonzero((np.hypot(dx, dy) <= near) & (lag < best[0]))
-        hits = boxes_overlap(ego.at(rows[own]), other.at(theirs[1][others]))
-        if hits.any():
-            best = min(zip(lag[own[hits], others[hits]].tolist(), rows[own[hits]].tolist(), strict=True))
-    return Extreme(best[0] * step, float(ego.time[best[1]]), other.name) if best[0] <= int(longest / step) else None
-
-
-def _areas_meet(ego: Motion, other: Motion, near: float) -> bool:
-    """Whether the areas that two participants pass through come as near (m) as this."""
-    ranges = [(getattr(ego, axis), getattr(other, axis)) for axis in ("x", "y")]
-    return all(len(a) and len(b) and a.min() <= b.max() + near and b.min() <= a.max() + near for a, b in ranges)
-
-
-def _ticks(m: Motion, step: float) -> tuple[IntArray, IntArray]:
-    """Instants on a time grid of this step (s), as multiples of it, and their rows."""
-    multiples = np.round(m.time / step).astype(np.int64)
-    ticks, rows = np.unique(multiples, return_index=True)
-    return ticks, rows
-
-
 # a run --------------------------------------------------------------------------------------
 
 
@@ -187,6 +134,7 @@ class Criticality:
     margin: dict[str, Measure]
     active: BoolArray
     nearest: NDArray[np.object_] = field(repr=False)
+    _touched: BoolArray = field(repr=False)
     _motions: tuple[Motion, Sequence[Motion]] = field(repr=False)
 
     @property
@@ -201,29 +149,18 @@ class Criticality:
     @cached_property
     def pet(self) -> Extreme | None:
         """Post-encroachment time, its least value over all others; worked out when asked for, it costs more than the rest."""
-        ego, others = self._motions
-        found = [pet for other in others if (pet := post_encroachment_time(ego, other)) is not None]
-        return min(found, default=None)
+        return post_encroachment_time(*self._motions)
 
     @cached_property
     def _field(self) -> dict[str, Extreme]:
         """The greatest collision probability and strength of the risk field of anyone, by the names of `summary`."""
-        ego, others = self._motions
-        found: dict[str, Extreme] = {}
-        for other in others:
-            rows, theirs = common(ego.time, other.time)
-            field = risk_field(ego.at(rows), other.at(theirs))
-            for name, values in (("max_collision_probability", field.probability), ("max_risk_field", field.risk)):
-                if rows.size:
-                    row = int(values.argmax())
-                    each = Extreme(float(values[row]), float(ego.time[rows[row]]), other.name)
-                    found[name] = max(found.get(name, each), each, key=lambda extreme: extreme.value)
-        return found
+        return dict(zip(("max_collision_probability", "max_risk_field"), greatest(*self._motions), strict=False))
 
     @cached_property
     def impact(self) -> Impact | None:
         """The first contact with anyone; None without one."""
-        return first_impact(*self._motions)
+        ego, others = self._motions
+        return first_impact(ego, [other for other, touched in zip(others, self._touched, strict=True) if touched])
 
     @property
     def conflict(self) -> float | None:
@@ -295,16 +232,21 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
     lead, nearest = np.full(count, "", object), np.full(count, "", object)
     violation = {name: np.zeros(count, bool) for name in rss.PARAMETERS}
     margin = {name: np.full(count, np.inf) for name in rss.PARAMETERS}
-    for other in others:
-        rows, apart, view = relation(ego, other)
-        collided[rows] |= apart == 0.0
+    touched = []
+    for block in blocks(others):
+        names = np.array([other.name for other in block], object)
+        rows, who, apart, view = relations(ego, block)
+        collided[rows[apart == 0.0]] = True
+        touched.append(np.bincount(who[apart == 0.0], minlength=len(block)) > 0)
         for name, parameters in rss.PARAMETERS.items():
-            violation[name][rows] |= longitudinal_violation(view, parameters) & lateral_violation(view, parameters)
-            margin[name][rows] = np.minimum(margin[name][rows], rss_margin(view, parameters))
-        nearer = apart < distance[rows]
-        distance[rows[nearer]], nearest[rows[nearer]] = apart[nearer], other.name
-        ahead = (view.aside == 0.0) & ((view.ahead > 0.0) | (apart == 0.0)) & (view.ahead < gap[rows])
-        gap[rows[ahead]], lead[rows[ahead]] = view.ahead[ahead], other.name
+            unsafe = longitudinal_violation(view, parameters) & lateral_violation(view, parameters)
+            violation[name][rows[unsafe]] = True
+            np.minimum.at(margin[name], rows, rss_margin(view, parameters))
+        nearer = _least(rows, apart, distance)
+        distance[rows[nearer]], nearest[rows[nearer]] = apart[nearer], names[who[nearer]]
+        ahead = np.flatnonzero((view.aside == 0.0) & ((view.ahead > 0.0) | (apart == 0.0)))
+        ahead = ahead[_least(rows[ahead], view.ahead[ahead], gap)]
+        gap[rows[ahead]], lead[rows[ahead]] = view.ahead[ahead], names[who[ahead]]
         closing[rows[ahead]] = (view.speed - view.other_speed)[ahead]
     led, present = np.isfinite(gap), np.isfinite(distance)
     gap[~led] = 0.0
@@ -319,8 +261,16 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
         margin={name: Measure(np.where(present, least, 0.0), present) for name, least in margin.items()},
         active=present & ~_earlier(collided),
         nearest=nearest,
+        _touched=np.concatenate([np.zeros(0, bool), *touched]),
         _motions=(ego, others),
     )
+
+
+def _least(rows: IntArray, values: FloatArray, least: FloatArray) -> IntArray:
+    """Where the values of rows are the least of their row, the first of equal ones, and less than what it has already."""
+    order = np.lexsort((values, rows))
+    first = order[np.flatnonzero(np.diff(rows[order], prepend=-1))]
+    return first[values[first] < least[rows[first]]]
 
 
 def _earlier(happened: BoolArray) -> BoolArray:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.measures.relations import Motion, relation
+from runner.measures.relations import Motion, relations
 
 FRONT, REAR, LEFT, RIGHT = "front", "rear", "left", "right"
 _STILL = 1e-9
@@ -51,7 +51,7 @@ def first_impact(ego: Motion, others: Sequence[Motion]) -> Impact | None:
 
 
 def _with(ego: Motion, other: Motion) -> Impact | None:
-    rows, distance, view = relation(ego, other)
+    rows, _, distance, view = relations(ego, [other])
     touching = np.flatnonzero(distance == 0.0)
     if not touching.size:
         return None

@@ -1,12 +1,13 @@
 """Where others are as one participant sees them, over time: gaps of boxes and velocities, as arrays.
 
+All others are looked at together, one row for each of them and each instant: scenes have many participants and few instants.
 On the same road gaps are measured in the road's coordinates, so that curves and lane changes are seen as the driver sees
 them; otherwise in the participant's own frame. Distances are in m, times in s, speeds in m/s.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,15 +20,17 @@ from xodr.array_types import BoolArray, FloatArray, IntArray
 
 _STEEPEST = 0.3
 """Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
+_BLOCK = 1 << 16
+"""Rows of others that are looked at together, about: arrays of them fit into caches"""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One participant over time.
+    """One participant over time, or rows of several (`joined`).
 
     Args:
         name: its name.
-        box: its bounding box about the reference point.
+        box: its bounding box about the reference point; of rows of several, with arrays of values.
         time: s, ascending.
         x, y, z: reference point in the world, m.
         h: heading, rad.
@@ -59,10 +62,50 @@ class Motion:
         """Cosine and sine of the heading."""
         return np.cos(self.h), np.sin(self.h)
 
+    @cached_property
+    def side(self) -> FloatArray:
+        """+1 where it faces increasing s, −1 else: by its last movement, or its next one while it has not moved yet."""
+        change = np.sign(np.diff(self.s, prepend=self.s[:1])) * np.sign(self.speed)
+        change[1:][self.road[1:] != self.road[:-1]] = 0.0
+        known = np.flatnonzero(change)
+        if known.size == 0:
+            return np.ones_like(self.s)
+        return change[known[np.maximum(np.searchsorted(known, np.arange(len(change)), side="right") - 1, 0)]]
+
+    @cached_property
+    def drift(self) -> FloatArray:
+        """dt/dτ: lateral speed towards +t; 0 in the step in which the road changes."""
+        drift = np.zeros_like(self.t)
+        if len(self.t) > 1:
+            drift[1:] = np.diff(self.t) / np.maximum(np.diff(self.time), 1e-9)
+            drift[1:][self.road[1:] != self.road[:-1]] = 0.0
+            drift[0] = drift[1]
+        return drift
+
     def at(self, rows: IntArray) -> Motion:
         """The same at some of its instants."""
-        names = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        values = np.array(self.box)
+        box = self.box if values.ndim == 1 else BoundingBox(*values[:, rows])
+        return replace(self, box=box, **{name: getattr(self, name)[rows] for name in _ROWS})
+
+
+_ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
+
+
+def joined(motions: Sequence[Motion]) -> tuple[Motion, IntArray]:
+    """The rows of several participants, one participant after the other, and which one each row is of."""
+    sizes = [len(each.time) for each in motions]
+    boxes = BoundingBox(*np.repeat(np.array([each.box for each in motions], np.float64).T, sizes, axis=1))
+    columns = {name: np.concatenate([getattr(each, name) for each in motions]) for name in _ROWS}
+    return Motion("", boxes, **columns), np.repeat(np.arange(len(motions)), sizes)
+
+
+def blocks(motions: Sequence[Motion]) -> Iterator[Sequence[Motion]]:
+    """Participants in their order, as many at once as are to be looked at together."""
+    ends = np.cumsum([len(each.time) for each in motions]) // _BLOCK
+    for block in np.unique(ends):
+        first, last = np.searchsorted(ends, [block, block + 1])
+        yield motions[first:last]
 
 
 class View(NamedTuple):
@@ -80,10 +123,14 @@ class View(NamedTuple):
     other_sideways: FloatArray
 
 
-class Relation(NamedTuple):
-    """The instants (rows of the ego) at which ego and other both exist, the shortest distance of their boxes, and the view."""
+class Relations(NamedTuple):
+    """Where others are at the instants at which ego and other both exist, a row for each other and instant.
+
+    rows: of the ego. who: which of the others. distance: shortest distance of the boxes, m. view: how the ego sees it.
+    """
 
     rows: IntArray
+    who: IntArray
     distance: FloatArray
     view: View
 
@@ -150,27 +197,40 @@ def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatA
 # relations ----------------------------------------------------------------------------------
 
 
-def relation(ego: Motion, other: Motion) -> Relation:
-    """Where another participant is as the ego sees it, at the instants at which both are there, on the same level."""
-    rows, theirs = common(ego.time, other.time)
-    a, b = ego.at(rows), other.at(theirs)
+def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
+    """Where other participants are as the ego sees them, at the instants at which both are there, on the same level."""
+    everyone, who = joined(others)
+    rows, theirs = _common(ego.time, everyone.time, who)
+    a, b = ego.at(rows), everyone.at(theirs)
     distance = box_distance(a, b)
     level = vertical_gap(a, b) <= _STEEPEST * distance
     if not level.all():
         rows, theirs, distance = rows[level], theirs[level], distance[level]
-        a, b = ego.at(rows), other.at(theirs)
+        a, b = ego.at(rows), everyone.at(theirs)
     view = in_ego_frame(a, b)
     same = np.array([road is not None and road == there for road, there in zip(a.road, b.road, strict=True)], dtype=bool)
     if same.any():
-        on_road = _on_road(ego, other, rows, theirs)
+        side, drift = (np.concatenate([getattr(other, name) for other in others])[theirs] for name in ("side", "drift"))
+        on_road = _on_road((a, ego.side[rows], ego.drift[rows]), (b, side, drift))
         view = View(*(np.where(same, one, another) for one, another in zip(on_road, view, strict=True)))
-    return Relation(rows, distance, view)
+    return Relations(rows, who[theirs], distance, view)
 
 
-def common(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
-    """Rows of both with equal time (to the microsecond)."""
-    _, mine, theirs = np.intersect1d(np.round(a * 1e6), np.round(b * 1e6), return_indices=True)
-    return mine, theirs
+def common(ego: Motion, others: Sequence[Motion]) -> tuple[Motion, Motion, IntArray, IntArray]:
+    """The ego and all others at the instants at which both are there; the rows of the ego, and which other each is of."""
+    everyone, who = joined(others)
+    rows, theirs = _common(ego.time, everyone.time, who)
+    return ego.at(rows), everyone.at(theirs), rows, who[theirs]
+
+
+def _common(time: FloatArray, theirs: FloatArray, who: IntArray) -> tuple[IntArray, IntArray]:
+    """Rows of both with equal time (to the microsecond), of each one's first row at a time."""
+    mine, times = np.round(time * 1e6), np.round(theirs * 1e6)
+    rows = np.minimum(np.searchsorted(mine, times), len(mine) - 1)
+    again = np.diff(times, prepend=-np.inf) == 0.0
+    again[1:] &= who[1:] == who[:-1]
+    found = np.flatnonzero((mine[rows] == times) & ~again) if len(mine) else np.empty(0, np.int64)
+    return rows[found], found
 
 
 def interval_gaps(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high_b: FloatArray) -> FloatArray:
@@ -195,42 +255,25 @@ def in_ego_frame(a: Motion, b: Motion) -> View:
     )
 
 
-def _on_road(ego: Motion, other: Motion, rows: IntArray, theirs: IntArray) -> View:
+_OnRoad = tuple[Motion, FloatArray, FloatArray]
+"""A participant at some instants, with `Motion.side` and `Motion.drift` there"""
+
+
+def _on_road(ego: _OnRoad, other: _OnRoad) -> View:
     """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the road."""
-    side, other_side = _facing(ego)[rows], _facing(other)[theirs]
-    a, b = ego.at(rows), other.at(theirs)
+    (a, side, drift), (b, other_side, other_drift) = ego, other
     low_a, high_a, right_a, left_a = _extent(a, side)
     low_b, high_b, right_b, left_b = _extent(b, other_side)
     return View(
         side * interval_gaps(low_a, high_a, low_b, high_b),
         side * interval_gaps(right_a, left_a, right_b, left_b),
         a.speed,
-        side * _drift(ego)[rows],
+        side * drift,
         side * other_side * b.speed,
-        side * _drift(other)[theirs],
+        side * other_drift,
     )
 
 
 def _extent(m: Motion, side: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     s, t = m.s + side * m.box.x, m.t + side * m.box.y
     return s - m.box.length / 2, s + m.box.length / 2, t - m.box.width / 2, t + m.box.width / 2
-
-
-def _facing(m: Motion) -> FloatArray:
-    """+1 where a participant faces increasing s, −1 else: by its last movement, or its next one while it has not moved yet."""
-    change = np.sign(np.diff(m.s, prepend=m.s[:1])) * np.sign(m.speed)
-    change[1:][m.road[1:] != m.road[:-1]] = 0.0
-    known = np.flatnonzero(change)
-    if known.size == 0:
-        return np.ones_like(m.s)
-    return change[known[np.maximum(np.searchsorted(known, np.arange(len(change)), side="right") - 1, 0)]]
-
-
-def _drift(m: Motion) -> FloatArray:
-    """dt/dτ: lateral speed towards +t; 0 in the step in which the road changes."""
-    drift = np.zeros_like(m.t)
-    if len(m.t) > 1:
-        drift[1:] = np.diff(m.t) / np.maximum(np.diff(m.time), 1e-9)
-        drift[1:][m.road[1:] != m.road[:-1]] = 0.0
-        drift[0] = drift[1]
-    return drift

@@ -11,18 +11,23 @@ Transportation Research Part C 118, 2020. The field there is of one future insta
 `FieldParameters.ahead`. Unlike RSS distances it grows with every risk, and says nothing of who would be to blame.
 
 Frame: the ego's, x ahead and y to the left. In bends others are foretold to go straight on.
+
+The greatest of a run is asked for more often than the whole: where boxes are z standard deviations apart, they overlap with at
+most exp(−z²/2), so that most instants can't be it (`greatest`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from runner.measures.relations import Motion, boxes_overlap, seen_by
-from xodr.array_types import FloatArray
+from runner.measures.extreme import Extreme
+from runner.measures.relations import Motion, blocks, boxes_overlap, common, seen_by
+from xodr.array_types import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,9 @@ class FieldParameters:
         return np.arange(1, round(self.ahead / self.step) + 1, dtype=np.float64) * self.step
 
 
+_SLACK = 1e-6
+"""Of logarithms that are compared: more than they are rounded by"""
+
 DEFAULTS = FieldParameters()
 """Cars of equal mass in traffic that mostly keeps its speed and lane."""
 
@@ -70,13 +78,8 @@ def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULT
     Args:
         ego, other: at the same instants.
     """
-    x, y, cos, sin = seen_by(ego, other)
-    vx, vy = other.speed * cos - ego.speed, other.speed * sin
-    a, b = ego.box, other.box
-    half = (
-        (a.length + b.length * np.abs(cos) + b.width * np.abs(sin)) / 2,
-        (a.width + b.length * np.abs(sin) + b.width * np.abs(cos)) / 2,
-    )
+    approach = _approach(ego, other)
+    (x, y), (vx, vy), half = approach.place, approach.velocity, approach.half
     probability = np.zeros(len(x))
     for time in parameters.times:
         spread = 0.5 * time * time
@@ -84,8 +87,71 @@ def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULT
         hit *= _inside(y + vy * time, half[1], parameters.across * spread)
         probability = np.maximum(probability, hit)
     probability = np.where(boxes_overlap(ego, other), 1.0, probability)
-    energy = 0.5 * parameters.mass * parameters.share**2 * (vx**2 + vy**2) / 1000.0
-    return Field(probability, probability * energy)
+    return Field(probability, probability * approach.energy(parameters))
+
+
+def greatest(ego: Motion, others: Sequence[Motion], parameters: FieldParameters = DEFAULTS) -> list[Extreme]:
+    """The greatest probability and the greatest risk of the fields of all others; none where nobody else is there.
+
+    Of equal values those of the first participant, and of its first instant, count.
+    """
+    found: list[Extreme] = []
+    for block in blocks(others):
+        a, b, _, who = common(ego, block)
+        if not who.size:
+            continue
+        rows = _candidates(a, b, parameters)
+        field = risk_field(a.at(rows), b.at(rows), parameters)
+        tops = [(int(values.argmax()), values) for values in field]
+        here = [Extreme(float(values[row]), float(a.time[rows[row]]), block[who[rows[row]]].name) for row, values in tops]
+        found = [max(pair, key=lambda one: one.value) for pair in zip(found or here, here, strict=True)]
+    return found
+
+
+class _Approach(NamedTuple):
+    """How another one moves as the ego sees it: ahead and aside (n,) each, m and m/s; half: of both sizes together, m."""
+
+    place: tuple[FloatArray, FloatArray]
+    velocity: tuple[FloatArray, FloatArray]
+    half: tuple[FloatArray, FloatArray]
+
+    def energy(self, parameters: FieldParameters) -> FloatArray:
+        """Of a crash now, kJ."""
+        vx, vy = self.velocity
+        energy: FloatArray = 0.5 * parameters.mass * parameters.share**2 * (vx**2 + vy**2) / 1000.0
+        return energy
+
+
+def _approach(ego: Motion, other: Motion) -> _Approach:
+    x, y, cos, sin = seen_by(ego, other)
+    a, b = ego.box, other.box
+    half = (
+        (a.length + b.length * np.abs(cos) + b.width * np.abs(sin)) / 2,
+        (a.width + b.length * np.abs(sin) + b.width * np.abs(cos)) / 2,
+    )
+    return _Approach((x, y), (other.speed * cos - ego.speed, other.speed * sin), half)
+
+
+def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntArray:
+    """Rows among which those with the greatest probability and the greatest risk are.
+
+    By Chernoff's bound a row's probability is at most exp(−z²/2), z² the least sum of squares of both distances in standard
+    deviations. What the rows with the greatest bounds reach, others have to reach by theirs.
+    """
+    approach = _approach(ego, other)
+    apart = np.full(len(ego.x), np.inf)
+    for time in parameters.times:
+        squares = np.zeros(len(ego.x))
+        for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
+            distance = np.maximum(np.abs(place + velocity * time) - half, 0.0)
+            squares += (distance / max(0.5 * time * time * deviation, math.ulp(1.0))) ** 2
+        apart = np.minimum(apart, squares)
+    apart[boxes_overlap(ego, other)] = 0.0
+    with np.errstate(divide="ignore"):
+        bounds = np.stack([-0.5 * apart, np.log(approach.energy(parameters)) - 0.5 * apart])
+        best = bounds.argmax(axis=1)
+        reached = np.log(np.diag(np.stack(risk_field(ego.at(best), other.at(best), parameters))))
+    return np.flatnonzero((bounds >= reached[:, None] - _SLACK).any(axis=0))
 
 
 def _inside(mean: FloatArray, half: FloatArray, deviation: float) -> FloatArray:

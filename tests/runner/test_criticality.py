@@ -16,12 +16,12 @@ from runner.measures.criticality import (
     deceleration_to_avoid_crash,
     lateral_violation,
     longitudinal_violation,
-    post_encroachment_time,
     rss_margin,
     time_headway,
     time_to_collision,
 )
-from runner.measures.relations import Motion, View, box_distance, boxes_overlap, relation
+from runner.measures.encroachment import post_encroachment_time
+from runner.measures.relations import Motion, View, box_distance, boxes_overlap, relations
 from runner.participants.boxes import box_corners
 from runner.participants.declaration import BoundingBox
 
@@ -195,7 +195,7 @@ def test_a_car_in_the_next_lane_is_no_violation() -> None:
 def test_on_a_curve_gaps_follow_the_road() -> None:
     ego, lead = motion("Ego", 0.0, 10.0, until=1.0, road="1"), motion("Lead", 50.0, 10.0, until=1.0, road="1")
     ego.h[:], lead.h[:] = 0.0, 1.2  # the road turns between them
-    _, _, seen = relation(ego, lead)
+    seen = relations(ego, [lead]).view
     assert seen.ahead == pytest.approx(np.full(11, 45.0))
     assert seen.other_speed == pytest.approx(np.full(11, 10.0))
 
@@ -208,7 +208,7 @@ def test_road_gaps_have_the_signs_of_the_ego_driving_with_and_against_s(side: fl
 
     ego = along(motion("Ego", 0.0, 10.0, until=1.0, road="1"))
     lead = along(motion("Lead", 30.0, 10.0, y=4.0, until=1.0, road="1", sideways=-0.5))
-    _, _, seen = relation(ego, lead)
+    seen = relations(ego, [lead]).view
     assert seen.ahead[0] == pytest.approx(25.0)
     assert seen.aside[0] == pytest.approx(2.0)
     assert seen.other_sideways[5] == pytest.approx(-0.5)
@@ -217,7 +217,7 @@ def test_road_gaps_have_the_signs_of_the_ego_driving_with_and_against_s(side: fl
 
 def test_an_oncoming_car_on_the_same_road_has_negative_speed() -> None:
     ego = motion("Ego", 0.0, 10.0, until=1.0, road="1")
-    _, _, seen = relation(ego, motion("Oncoming", 80.0, 10.0, h=math.pi, until=1.0, road="1"))
+    seen = relations(ego, [motion("Oncoming", 80.0, 10.0, h=math.pi, until=1.0, road="1")]).view
     assert seen.other_speed == pytest.approx(np.full(11, -10.0))
     assert seen.ahead[0] == pytest.approx(80.0 - 4.0 - 4.0)
 
@@ -240,22 +240,22 @@ def test_post_encroachment_time_of_crossing_paths() -> None:
     """The ego's rear leaves the 2 m wide path at x = 11 after 1.2 s; the other's front enters y = −1 after 4.5 s."""
     ego = motion("Ego", 0.0, 10.0)
     other = motion("Other", 10.0, 10.0, y=-50.0, h=math.pi / 2)
-    found = post_encroachment_time(ego, other)
+    found = post_encroachment_time(ego, [other])
     assert found is not None
     assert found.value == pytest.approx(4.5 - 1.2, abs=0.1)
-    swapped = post_encroachment_time(other, ego)
+    swapped = post_encroachment_time(other, [ego])
     assert swapped is not None and swapped.value == pytest.approx(found.value)
 
 
 def test_post_encroachment_time_is_zero_in_a_collision_and_none_without_an_encounter() -> None:
     ego = motion("Ego", 0.0, 10.0)
-    assert post_encroachment_time(ego, motion("Wall", 50.0, 0.0)) == (0.0, pytest.approx(4.6, abs=0.11), "Wall")
-    assert post_encroachment_time(ego, motion("Beside", 0.0, 10.0, y=5.0)) is None
-    assert post_encroachment_time(ego, motion("Follower", -150.0, 10.0)) is None
+    assert post_encroachment_time(ego, [motion("Wall", 50.0, 0.0)]) == (0.0, pytest.approx(4.6, abs=0.11), "Wall")
+    assert post_encroachment_time(ego, [motion("Beside", 0.0, 10.0, y=5.0)]) is None
+    assert post_encroachment_time(ego, [motion("Follower", -150.0, 10.0)]) is None
 
 
 def test_post_encroachment_time_of_a_follower_is_its_time_gap() -> None:
-    found = post_encroachment_time(motion("Ego", 0.0, 10.0), motion("Follower", -25.0, 10.0))
+    found = post_encroachment_time(motion("Ego", 0.0, 10.0), [motion("Follower", -25.0, 10.0)])
     assert found is not None
     assert found.value == pytest.approx(2.0, abs=0.1)
 

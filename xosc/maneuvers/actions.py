@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from scenariogeneration import xosc as sg
 
 from schemas.errors import UsageError
-from xosc.maneuvers.base import Number, enum_value, number
+from xosc.maneuvers.base import Number, Polyline, enum_value, number
 from xosc.maneuvers.entities import declarations
 from xosc.maneuvers.triggers import Conditions, trigger
 
@@ -107,15 +107,9 @@ def trajectory(
     columns = [column for column in (time, x, y, z, h) if column is not None]
     if len({len(column) for column in columns}) > 1 or len(time) < 2:
         raise UsageError(f"the trajectory {name!r} needs arrays of one length, of two points at least")
-    times = [float(each) for each in time]
-    if any(later < earlier for earlier, later in pairwise(times)):
+    if any(later < earlier for earlier, later in pairwise(time)):
         raise UsageError(f"the times of the trajectory {name!r} must not go back")
-    nothing = [None] * len(times)
-    rows = zip(x, y, nothing if z is None else z, nothing if h is None else h, strict=True)
-    vertices = [world_position(*(None if each is None else float(each) for each in row)) for row in rows]  # type: ignore[arg-type]
-    built = sg.Trajectory(name, False)
-    built.add_shape(sg.Polyline([number(each) for each in times], vertices))
-    return built
+    return Polyline(name, {key: column for key, column in zip("txyzh", (time, x, y, z, h), strict=True) if column is not None})
 
 
 def follow_trajectory(path: Any, following_mode: str = "position", offset: Number = 0.0, domain: str = "relative") -> Any:

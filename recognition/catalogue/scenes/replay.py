@@ -36,7 +36,8 @@ def _trajectory(part: Part, start: float) -> Any:
 
 
 def _rounded(values: FloatArray) -> list[float]:
-    return [float(value) + 0.0 for value in np.round(values, _DIGITS)]
+    rounded: list[float] = (np.round(values, _DIGITS) + 0.0).tolist()
+    return rounded
 
 
 def scenario(

@@ -1,0 +1,93 @@
+"""Post-encroachment time, Allen, Shin and Cooper (1978), of footprints of boxes.
+
+Footprints of both participants at different times are compared; of those that overlap the ones least apart in time count. For
+crossing paths this is the time from the first one leaving the conflict area until the second one enters it, for vehicles one
+behind the other the time gap.
+
+Only footprints that may touch are compared: those of all others, sorted along the axis that the ego goes along most, in a window
+about each of the ego's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from runner.measures.extreme import Extreme
+from runner.measures.relations import Motion, blocks, boxes_overlap, joined
+from runner.participants.boxes import reach
+from xodr.array_types import FloatArray, IntArray
+
+LONGEST_PET = 10.0
+"""Post-encroachment times above this (s) are no encounter"""
+_STEP = 0.05
+"""Least time (s) between footprints that are compared"""
+_PAIRS = 1 << 18
+"""Pairs of footprints that are compared at once, about"""
+
+
+def post_encroachment_time(ego: Motion, others: Sequence[Motion], longest: float = LONGEST_PET) -> Extreme | None:
+    """Least time between the ego leaving a place and another one reaching it, or the other way round.
+
+    Args:
+        longest: the time above which there is no encounter, s.
+
+    Returns:
+        The time (0 for a collision), when the ego was there, and with whom; None for no encounter.
+    """
+    step = max(_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
+    best: Extreme | None = None
+    for block in blocks(others):
+        found = _least(ego, block, step, int(longest / step))
+        best = min((each for each in (best, found) if each is not None), default=None)
+    return best
+
+
+def _least(ego: Motion, others: Sequence[Motion], step: float, longest: int) -> Extreme | None:
+    """The same of some others, with times as multiples of a step (s)."""
+    everyone, who = joined(others)
+    mine, theirs = _instants(ego.time, step, np.zeros(len(ego.time), np.int64)), _instants(everyone.time, step, who)
+    a, b = ego.at(mine[1]), everyone.at(theirs[1])
+    near = reach(ego.box) + max(reach(other.box) for other in others)
+    best: tuple[int, float, str] = (longest + 1, 0.0, "")
+    for own, its in _near(a, b, near):
+        lag = np.abs(mine[0][own] - theirs[0][its])
+        worth = np.flatnonzero(lag <= min(best[0], longest))
+        own, its, lag = own[worth], its[worth], lag[worth]
+        hits = np.flatnonzero(boxes_overlap(a.at(own), b.at(its)))
+        hits = hits[lag[hits] == lag[hits].min(initial=longest + 1)]
+        names = (others[index].name for index in who[theirs[1][its[hits]]])
+        best = min([best, *zip(lag[hits].tolist(), a.time[own[hits]].tolist(), names, strict=True)])
+    return Extreme(best[0] * step, best[1], best[2]) if best[0] <= longest else None
+
+
+def _instants(time: FloatArray, step: float, who: IntArray) -> tuple[IntArray, IntArray]:
+    """Instants on a grid of this step (s), as multiples of it, and their rows: the first of each participant at each."""
+    ticks = np.round(time / step).astype(np.int64)
+    again = np.diff(ticks, prepend=ticks[:1] - 1) == 0
+    again[1:] &= who[1:] == who[:-1]
+    rows = np.flatnonzero(~again)
+    return ticks[rows], rows
+
+
+def _near(a: Motion, b: Motion, near: float) -> Iterator[tuple[IntArray, IntArray]]:
+    """Pairs of rows whose places are at most so far apart (m) along both axes."""
+    along, across = ((a.x, b.x), (a.y, b.y)) if _span(a.x) > _span(a.y) else ((a.y, b.y), (a.x, b.x))
+    order = np.argsort(along[1], kind="stable")
+    ahead = along[1][order]
+    first, last = np.searchsorted(ahead, along[0] - near), np.searchsorted(ahead, along[0] + near, "right")
+    sizes = last - first
+    ends = np.cumsum(sizes)
+    starts = np.searchsorted(ends, np.arange(0, sizes.sum(), _PAIRS))
+    for low, high in pairwise([*starts, len(sizes)]):
+        own = np.repeat(np.arange(low, high), sizes[low:high])
+        before = np.repeat(ends[low:high] - sizes[low:high] - first[low:high], sizes[low:high])
+        its = order[np.arange(len(own)) + (ends[low] - sizes[low]) - before]
+        close = np.abs(across[0][own] - across[1][its]) <= near
+        yield own[close], its[close]
+
+
+def _span(values: FloatArray) -> float:
+    return float(np.ptp(values)) if len(values) else 0.0
