@@ -19,6 +19,7 @@ from schemas.errors import UsageError
 from schemas.expressions import FUNCTIONS, ExpressionError, functions, is_expression
 from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import Violation, violations
+from schemas.values import number
 from xosc.document import VERSIONS, Document
 from xosc.node import OWN, Node
 
@@ -156,6 +157,19 @@ def _implied(attribute: str, value: str) -> Change:
     return change
 
 
+def _zero(attribute: str) -> Change:
+    """A number that may go where it is 0, which the older version means without it."""
+
+    def change(element: etree._Element) -> None:
+        try:
+            if number(element.get(attribute, "")) == 0.0:
+                del element.attrib[attribute]
+        except ValueError:
+            return  # a parameter or an expression
+
+    return change
+
+
 LEFT_OPEN = {
     "SpeedActionDynamics": ("followingMode", "follow"),
     "LaneChangeActionDynamics": ("followingMode", "follow"),
@@ -220,11 +234,11 @@ def _at_once() -> etree._Element:
 
 
 def _straight_line(element: etree._Element) -> None:
-    """`alongRoute="false"` of 1.0 is the Euclidean distance between entities, which 1.1 assumes where nothing is said."""
-    meaning = {"coordinateSystem": "entity", "relativeDistanceType": "euclidianDistance"}
-    if "alongRoute" not in element.attrib and all(element.get(name, value) == value for name, value in meaning.items()):
-        for name in meaning.keys() & element.attrib.keys():
-            del element.attrib[name]
+    """`alongRoute="false"` of 1.0 is the Euclidean distance, the same in all coordinate systems, which 1.1 assumes by default."""
+    kind = element.get("relativeDistanceType", _STRAIGHT)
+    if "alongRoute" not in element.attrib and kind == _STRAIGHT and not element.get("coordinateSystem", "").startswith("$"):
+        for name in ("coordinateSystem", "relativeDistanceType"):
+            element.attrib.pop(name, "")
         element.set("alongRoute", "false")
 
 
@@ -297,6 +311,7 @@ def _without_white_space(element: etree._Element) -> None:
 
 # what the versions say differently, in the order of the steps up -----------------------------------
 
+_STRAIGHT = "euclidianDistance"
 _ALONG_ROUTE = ("DistanceCondition", "TimeHeadwayCondition", "TimeToCollisionCondition")
 _ROUTED = (*_ALONG_ROUTE, "RelativeDistanceCondition")
 
@@ -310,7 +325,7 @@ RULES: tuple[Rule, ...] = (
     Rule((1, 1), "LateralDistanceAction", down=_implied("coordinateSystem", "entity")),
     Rule((1, 1), "LateralDistanceAction", down=_implied("displacement", "any")),
     Rule((1, 1), "FollowTrajectoryAction", down=_unwrapped("TrajectoryRef")),
-    Rule((1, 1), "FollowTrajectoryAction", down=_implied("initialDistanceOffset", "0")),
+    Rule((1, 1), "FollowTrajectoryAction", down=_zero("initialDistanceOffset")),
     Rule((1, 1), "PrivateAction", down=_unwrapped("ControllerAction", only="ActivateControllerAction")),
     Rule((1, 1), "ControllerAction", down=_merge_controller_actions),
     Rule((1, 1), "Pedestrian", down=_attribute("model3d", "model")),

@@ -10,6 +10,8 @@ from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runner.interpreter.compiler import ScenarioContext, compile_scenario
 from runner.interpreter.execution import Prepared
 from runner.interpreter.roads import load_roads
@@ -17,11 +19,12 @@ from runner.motion.roads import Roads
 from runner.motion.routes import AssignedRoute, Route
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.scenario_objects import read_entities
-from xosc.exports.geometry import Place
-from xosc.exports.starts import Start
+from xosc.exports.on_roads.geometry import Place, Pose
+from xosc.exports.on_roads.starts import Start
 from xosc.resolve import resolve
 
 if TYPE_CHECKING:
+    from runner.interpreter.result import RunResult
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity
     from runner.recording import Track as Recorded
@@ -41,9 +44,11 @@ _LONGER, _ON = 2.0, 500.0
 _BEFORE_END = 8
 """Places by which a way ends before its road does."""
 _SAME = 1e-4
-"""m, rad"""
+"""m, rad, s"""
+_WATCHED = 120.0
+"""s for which a scenario is run to see how actions begin."""
+_STORYBOARD = ("Story", "Act", "ManeuverGroup", "Maneuver", "Event", "Action")
 _GOES_ON = ("LateralAction", "RoutingAction", "SynchronizeAction", "TrailerAction")
-_Pose = tuple[float, float, float, float]
 
 
 class RunnerGeometry:
@@ -67,12 +72,47 @@ class RunnerGeometry:
         scenario = compile_scenario(document, self._network)
         return Prepared(scenario, {}).run(self._settings).recording.tracks
 
+    @cached_property
+    def _whole(self) -> RunResult:
+        document = replace(self._resolved, root=copy.deepcopy(self._resolved.root.getroottree()).getroot())
+        result = Prepared(compile_scenario(document, self._network), {}).run(replace(self._settings, max_time=_WATCHED))
+        result.recording.locate()
+        return result
+
+    @cached_property
+    def _begun(self) -> Mapping[str, float]:
+        """When (s) each element of the storyboard begins first, by its path."""
+        begun: dict[str, float] = {}
+        for entry in self._whole.events:
+            if entry.kind == "startTransition":
+                begun.setdefault(entry.subject, entry.time)
+        return begun
+
     def starts(self) -> Mapping[str, Start]:
         """How everybody starts who is there at the beginning, by name."""
-        return {name: self._start(name, track) for name, track in self._first.items() if track.columns["time"][0] == 0.0}
+        return {name: self._state(track, 0) for name, track in self._first.items() if track.columns["time"][0] == 0.0}
 
-    def _start(self, name: str, track: Recorded) -> Start:
-        row = {column: track.columns[column][0] for column in ("x", "y", "z", "h", "speed", "road_id", "lane_id", "s")}
+    def begins(self, element: Node) -> float | None:
+        """When (s) an element of the storyboard first begins, in a run without a system under test; None where it doesn't."""
+        around = (element.element, *element.element.iterancestors(*_STORYBOARD))
+        names = [str(each.get("name")) for each in around if each.tag in _STORYBOARD]
+        return self._begun.get("::".join(reversed(names)))
+
+    def during(self, action: Node, entity: str) -> Start | None:
+        """How an entity is when an action of a story begins; None where it doesn't begin, or the entity is not there."""
+        time, track = self.begins(action), self._whole.recording.tracks.get(entity)
+        if time is None or track is None:
+            return None
+        row = int(np.searchsorted(track.columns["time"], time - _SAME))
+        return self._state(track, row) if row < len(track.columns["time"]) else None
+
+    def direction(self, road: str, lane: int) -> int:
+        """1 where the traffic of a lane drives towards greater s, else −1."""
+        assert self._network is not None
+        return self._network.road(road).direction(lane)
+
+    def _state(self, track: Recorded, at: int) -> Start:
+        row = {column: track.columns[column][at] for column in ("x", "y", "z", "h", "speed", "road_id", "lane_id", "s")}
         x, y, z, h, speed, s = (float(row[column]) for column in ("x", "y", "z", "h", "speed", "s"))
         road = str(row["road_id"]) if row["road_id"] else None
         if road is None or self._network is None or road not in self._network.roads or not int(row["lane_id"]):
@@ -94,13 +134,16 @@ class RunnerGeometry:
         fixed = self._context.position(position).fixed
         return Place(fixed.x, fixed.y, fixed.z, fixed.h) if fixed is not None else None
 
-    def track(self, trajectory: Node, skip: float = 0.0, actor: str | None = None) -> Sequence[Place] | None:
+    def track(
+        self, trajectory: Node, skip: float = 0.0, actor: str | None = None, pose: Pose = (0.0, 0.0, 0.0, 0.0)
+    ) -> Sequence[Place] | None:
         """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens."""
         found = Trajectory.from_xml(trajectory, self._context)
         track = found.fixed
         if track is None and actor is not None and not found.shape.positions:  # it begins where its actor is
             entity = self._context.declared[actor]
             entity.reset()
+            entity.x, entity.y, entity.z, entity.h = pose
             entity.placed = True
             track = found.track(None, entity)
         return list(_sampled(track, skip)) if track is not None else None
@@ -130,7 +173,7 @@ class RunnerGeometry:
             raise action.invalid(f"no way leads {entity!r} to the position")
         return path, False
 
-    def _driven(self, action: Node, name: str, length: float, guide: AssignedRoute | None) -> list[_Pose]:
+    def _driven(self, action: Node, name: str, length: float, guide: AssignedRoute | None) -> list[Pose]:
         """x, y, z and h along the lanes that an entity follows from its start, for a length (m) or until the road ends."""
         start, entity = self.starts().get(name, Start()), self._context.declared[name]
         if self._network is None or start.road is None or start.pose is None:
@@ -149,7 +192,7 @@ class RunnerGeometry:
 
     def _put(self, entity: Entity, roads: Roads, start: Start) -> None:
         from runner.motion.surface import in_world
-        from xodr.model import Pose
+        from xodr.model import Pose as PoseOnRoad
 
         assert self._network is not None and start.road is not None and start.pose is not None
         if start.centred:
@@ -157,7 +200,7 @@ class RunnerGeometry:
             return
         x, y, z, h = start.pose
         hint = self._network.road(start.road).lane_point(start.s, start.lane)
-        roads.place(entity, in_world(self._network, Pose(x, y, z, h, 0.0, 0.0), z_known=False, hint=hint))
+        roads.place(entity, in_world(self._network, PoseOnRoad(x, y, z, h, 0.0, 0.0), z_known=False, hint=hint))
 
 
 def _keep_first(scenario: Node) -> None:
@@ -201,7 +244,7 @@ def _time(timed: Mapping[float, float], s: float) -> float | None:
     return timed[a] if a == b else timed[a] + (timed[b] - timed[a]) * (s - a) / (b - a)
 
 
-def _thinned(driven: Sequence[_Pose]) -> Iterator[Place]:
+def _thinned(driven: Sequence[Pose]) -> Iterator[Place]:
     """Vertices of a way: many where it bends, few where it is straight."""
     last, gone = driven[0], 0.0
     yield Place(*last[:3])

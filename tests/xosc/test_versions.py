@@ -262,7 +262,11 @@ REFUSED = {
         {"content": event(start=trigger(LATER.replace("greaterThan", "notEqualTo")))},
         "SimulationTimeCondition: .*rule=",
     ),
-    "route": ((1, 0), {"content": condition_of("TimeHeadwayCondition", 'coordinateSystem="road"')}, "TimeHeadwayCondition: "),
+    "route": (
+        (1, 0),
+        {"content": condition_of("TimeHeadwayCondition", 'coordinateSystem="road" relativeDistanceType="lateral"')},
+        "TimeHeadwayCondition: ",
+    ),
     "word": ((1, 1), {"content": event(priority="$P")}, r"Event: priority='\$P' may stand for 'override'"),
     "license": ((1, 0), {"header": '<License name="MIT"/>'}, "License"),
     "expression": (

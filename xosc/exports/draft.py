@@ -10,7 +10,7 @@ from os import PathLike
 from schemas.remarks import Remark, Remarks
 from xosc.document import Document
 from xosc.exports.folder import Folder
-from xosc.exports.geometry import Geometry
+from xosc.exports.on_roads.geometry import Geometry
 from xosc.node import Node
 from xosc.roads import RoadFile, find_roads
 

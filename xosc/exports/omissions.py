@@ -7,6 +7,7 @@ before. A place is XPath from the root; values that are still parameters (`$…`
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple, cast
 
 from lxml import etree
@@ -26,6 +27,7 @@ _HEAVIEST_RAIN = 50.0
 """mm/h that an intensity of 1 stands for in 1.0."""
 _FAR_AWAY = "100000"
 """Visual range (m) of clear air."""
+_IDLE = "nothing"
 _TOWS_NOTHING = "not(//TrailerAction) and not(//TrailerRef[@entityRef!=''])"
 
 
@@ -51,6 +53,38 @@ def omit(document: Document, version: Version) -> Iterator[str]:
             change(element)
 
 
+def leave_out(action: Node, scenario: Node) -> None:
+    """Take an action away; where its event has no other one, it does nothing instead."""
+    holder = action.element
+    while holder.tag not in ("Action", "PrivateAction") or holder.getparent().tag == "Action":  # type: ignore[union-attr]
+        holder = holder.getparent()  # type: ignore[assignment]
+    parent = holder.getparent()
+    assert parent is not None
+    if holder.tag == "PrivateAction" or len(parent.findall("Action")) > 1:
+        parent.remove(holder)
+        if parent.tag == "Private" and len(parent) == 0 and (around := parent.getparent()) is not None:
+            around.remove(parent)
+        return
+    for child in list(holder):
+        holder.remove(child)
+    setting = etree.SubElement(etree.SubElement(holder, "GlobalAction"), "ParameterAction", parameterRef=_IDLE)
+    etree.SubElement(setting, "SetAction", value="")
+    _declare(scenario)
+
+
+def _declare(scenario: Node) -> None:
+    """The parameter that actions set which do nothing."""
+    root = scenario.element
+    declarations = root.find("ParameterDeclarations")
+    if declarations is None:
+        declarations = etree.Element("ParameterDeclarations")
+        header = root.find("FileHeader")
+        assert header is not None
+        header.addnext(declarations)
+    if not any(each.get("name") == _IDLE for each in declarations):
+        etree.SubElement(declarations, "ParameterDeclaration", name=_IDLE, parameterType="string", value="")
+
+
 def _remove(element: etree._Element) -> None:
     parent = element.getparent()
     assert parent is not None, "the root is at no place of the table"
@@ -59,6 +93,14 @@ def _remove(element: etree._Element) -> None:
 
 def _keep(_: etree._Element) -> None:
     """What stays as it is, and is read otherwise."""
+
+
+def _idle(action: etree._Element) -> None:
+    leave_out(Node(action, Path()), Node(action.getroottree().getroot(), Path()))
+
+
+def _plain_name(condition: etree._Element) -> None:
+    condition.set("name", str(condition.get("name")).translate({ord(each): None for each in "${}"}).strip())
 
 
 def _without(*attributes: str) -> Callable[[etree._Element], None]:
@@ -176,6 +218,7 @@ OMISSIONS: tuple[Omission, ...] = (
         "the cloud cover is written as the cloudState that it makes",
     ),
     Omission((1, 2), "//Sun[@illuminance]", _renamed("illuminance", "intensity"), "illuminance is called intensity before 1.2"),
+    Omission((1, 2), "//AppearanceAction", _idle, _NOT_SHOWN),
     Omission((1, 2), "//RoadCondition/@wetness/..", _without("wetness"), _NOT_SHOWN),
     Omission((1, 2), "//Controller/@controllerType/..", _without("controllerType"), _NOT_SHOWN),
     Omission(
@@ -188,6 +231,7 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission((1, 2), "/OpenSCENARIO/Storyboard[not(Story)]", _idle_story, "a story is added whose act never starts"),
     # 1.1
+    Omission((1, 1), "//Condition[contains(@name, '$')]", _plain_name, "its name, an expression, is written as plain text"),
     Omission((1, 1), "//Vehicle/@model3d/.. | //MiscObject/@model3d/..", _without("model3d"), _NOT_SHOWN),
     Omission((1, 1), "//Pedestrian[@model and @model3d]", _without("model3d"), _NOT_SHOWN),
     Omission(

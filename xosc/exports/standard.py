@@ -16,9 +16,11 @@ from xosc.exports.concrete import concrete, concrete_scenarios, copied
 from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
-from xosc.exports.geometry import Geometry
+from xosc.exports.on_roads.arrivals import earlier
+from xosc.exports.on_roads.distances import first_distances, to_init
+from xosc.exports.on_roads.geometry import Geometry
+from xosc.exports.on_roads.shapes import in_world, polylines
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
-from xosc.exports.shapes import first_distances, in_world, polylines
 from xosc.versions import Version
 
 TARGETS = {
@@ -99,14 +101,17 @@ def add_worked_out(document: Document, version: Version | None, draft: Draft, na
         if draft.settings.locate is None or version is None or version >= document.version:
             raise
         located = copied(document)
-        draft.note(*_located(located, draft.settings.locate(document), version))
+        if version < (1, 1):
+            draft.note(*to_init(located))
+        draft.note(*_located(located, draft.settings.locate(located), version))
         add(located, version, draft, name)
 
 
 def _located(document: Document, geometry: Geometry, version: Version) -> Iterator[str]:
     """Change what needs the roads to be said in a version, in place; remarks."""
-    yield from polylines(document, geometry, ("ClothoidSpline",), offsets=version < (1, 1), relative=True)
+    yield from polylines(document, geometry, ("ClothoidSpline",), offsets=version < (1, 1), during=None)
     if version < (1, 1):
+        yield from earlier(document, geometry)
         yield from in_world(document, geometry, lambda position: position.tag in ("TrajectoryPosition", "GeoPosition"))
         yield from first_distances(document, geometry.starts())
 

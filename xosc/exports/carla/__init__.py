@@ -12,19 +12,22 @@ from pathlib import Path
 from xosc.document import Document, load, to_bytes
 from xosc.exports.carla.beginning import begin
 from xosc.exports.carla.changes import change
+from xosc.exports.carla.delays import no_delays
 from xosc.exports.carla.dialect import IGNORED, REFUSED
 from xosc.exports.carla.town import settle
-from xosc.exports.carla.ways import leave_out, routes, steer, times
+from xosc.exports.carla.ways import routes, steer, times
 from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
-from xosc.exports.geometry import Geometry
-from xosc.exports.omissions import omit
+from xosc.exports.omissions import leave_out, omit
+from xosc.exports.on_roads.arrivals import earlier
+from xosc.exports.on_roads.distances import to_init
+from xosc.exports.on_roads.geometry import Geometry
+from xosc.exports.on_roads.shapes import in_world, polylines
+from xosc.exports.on_roads.starts import Start, as_expected, as_started, starts
 from xosc.exports.references import take_roads
 from xosc.exports.refusals import refuse, remarks
-from xosc.exports.shapes import in_world, polylines
-from xosc.exports.starts import Start, as_started, as_told, starts
 from xosc.node import Node
 
 TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
@@ -49,12 +52,15 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         draft.note(*scenario.remarks)
         if not settings.strict:
             draft.note(*omit(scenario, (1, 0)))
-        known = prepare(scenario, settings.locate(scenario), draft) if settings.locate else starts(scenario.node)
+        if settings.locate:
+            draft.note(*to_init(scenario))
+        geometry = settings.locate(scenario) if settings.locate else None
+        known = prepare(scenario, geometry, draft) if geometry else starts(scenario.node)
         refuse(scenario, REFUSED)
         draft.note(*remarks(scenario, IGNORED))
-        state = (as_told if settings.locate else as_started)(scenario.node, known)
+        state = as_expected(scenario.node, known, geometry.during) if geometry else as_started(scenario.node, known)
         network = take_roads(scenario, draft)
-        draft.note(*settle(scenario, network), *change(scenario, known, state, network))
+        draft.note(*settle(scenario, network), *change(scenario, known, state, network), *no_delays(scenario, geometry))
         written = in_version(scenario, (1, 0), draft)
         steer(written)
         draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(written))
@@ -68,9 +74,10 @@ def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str
         Unsupported: a way is not known before the scenario runs.
     """
     known = geometry.starts()
-    draft.note(*_controllers(scenario))
+    draft.note(*_controllers(scenario), *earlier(scenario, geometry))
     draft.note(
-        *polylines(scenario, geometry, _CURVES, offsets=True, relative=False), *in_world(scenario, geometry, _is_read_otherwise)
+        *polylines(scenario, geometry, _CURVES, offsets=True, during=geometry.during),
+        *in_world(scenario, geometry, _is_read_otherwise),
     )
     draft.note(*routes(scenario, geometry), *begin(scenario, known))
     times(scenario)

@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping
 from lxml import etree
 
 from xosc.document import Document
-from xosc.exports.shapes import first_distances, first_position
-from xosc.exports.starts import Start
+from xosc.exports.on_roads.distances import first_distances
+from xosc.exports.on_roads.shapes import first_position
+from xosc.exports.on_roads.starts import Start
 from xosc.node import Node
 
 STORY = "beginning"

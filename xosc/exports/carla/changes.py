@@ -16,7 +16,8 @@ from xosc.dialects.carla import FLAG
 from xosc.document import Document
 from xosc.ego import EGO_NAME
 from xosc.exports.carla.sides import change_sides
-from xosc.exports.starts import Start, State, actors, beside, target_speed
+from xosc.exports.omissions import leave_out
+from xosc.exports.on_roads.starts import Start, State, actors, beside, target_speed
 from xosc.node import TO_RIGHT, Node
 
 HERO = "hero"
@@ -46,7 +47,8 @@ def change(document: Document, known: Mapping[str, Start], state: State, network
         if not node.has(TO_RIGHT):
             _on_lane(node, known, roads)
     remarks = [_speed(node, state) for node in reversed(list(document.node.iter("SpeedAction")))]
-    remarks += [_lane_change(node, state, _left_hand(roads)) for node in reversed(list(document.node.iter("LaneChangeAction")))]
+    left_hand, lane_changes = _left_hand(roads), reversed(list(document.node.iter("LaneChangeAction")))
+    remarks += [_lane_change(node, document.node, state, left_hand) for node in lane_changes]
     for node in document.node.iter("RelativeDistanceCondition"):
         if node.get("coordinateSystem", "") in _ALONG_ROADS:  # scenario_runner's s and t are those of the road
             del node.element.attrib["coordinateSystem"]
@@ -55,8 +57,6 @@ def change(document: Document, known: Mapping[str, Start], state: State, network
             del node.element.attrib["coordinateSystem"], node.element.attrib["relativeDistanceType"]
             node.element.set("alongRoute", "true")
     remarks += [_stop(document), _hero(document)]
-    for node in document.node.iter("Condition"):
-        _delay(node)
     header = document.node.need("FileHeader")
     if not header.get("description", "").removeprefix(FLAG):  # scenario_runner takes it as the scenario's name
         header.element.set("description", header.get("description", "") + document.path.stem)
@@ -78,7 +78,7 @@ def _on_lane(position: Node, known: Mapping[str, Start], roads: _Elements) -> No
     position.element.attrib.update({"roadId": start.road, "laneId": str(start.lane), "s": repr(start.s)})
 
 
-def _lane_change(action: Node, state: State, left_hand: bool) -> str:
+def _lane_change(action: Node, scenario: Node, state: State, left_hand: bool) -> str:
     """As many lanes to the left of the actor itself, over a distance: what scenario_runner reads."""
     doing = actors(action)
     if len(doing) != 1:
@@ -87,6 +87,9 @@ def _lane_change(action: Node, state: State, left_hand: bool) -> str:
     target = action.need("LaneChangeTarget").only()
     if target.get("entityRef", None) != doing[0]:
         steps = 0 if left_hand else _steps(target, now, state(action, target.get("entityRef", "")))
+        if not steps and not left_hand:
+            leave_out(action, scenario)
+            return f"{action.where}: LaneChangeAction: left out, its actor is on that lane"
         target.element.tag = "RelativeTargetLane"
         target.element.set("entityRef", doing[0])
         target.element.set("value", str(steps))
@@ -109,7 +112,7 @@ def _steps(target: Node, now: Start, other: Start | None) -> int:
         lane = target.int("value")
     else:
         lane = beside(other.lane, facing * target.int("value")) if target.int("value") else other.lane
-    if lane * now.lane <= 0 or lane == now.lane:
+    if lane * now.lane <= 0:
         raise target.unsupported("scenario_runner changes to other lanes of the same direction only")
     return facing * (lane - now.lane)
 
@@ -131,23 +134,11 @@ def _speed(action: Node, state: State) -> str:
     speeds = {(state(action, name) or Start()).speed for name in actors(action)}
     speed = next(iter(speeds)) if len(speeds) == 1 else None
     rate, target = abs(dynamics.float("value")), target_speed(action, state)
-    if target is None or speed is None or not rate:
+    if target is None or speed is None or (not rate and not math.isclose(target, speed)):
         raise dynamics.unsupported("scenario_runner reads the rate as a time, and what time it takes is known only when it runs")
-    time = abs(target - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")]
+    time = abs(target - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")] if rate else 0.0
     dynamics.element.attrib.update({"dynamicsDimension": "time", "value": repr(time)})
     return f"{dynamics.where}: {dynamics.tag}: the rate is written as the {time:g} s that it takes from {speed:g} m/s"
-
-
-def _delay(condition: Node) -> None:
-    """scenario_runner waits for the delay before it looks at the condition; a time can be moved instead."""
-    delay = condition.float("delay", 0.0)
-    time = condition.find("ByValueCondition", "SimulationTimeCondition")
-    if not delay:
-        return
-    if time is None or not time.get("rule").startswith("greater"):
-        raise condition.unsupported("scenario_runner waits for the delay first, and looks at the condition then")
-    time.element.set("value", repr(time.float("value") + delay))
-    condition.element.set("delay", "0")
 
 
 def _stop(document: Document) -> str:
@@ -177,7 +168,7 @@ def _hero(document: Document) -> str:
             for said in holder.findall("Property[@name='type']"):
                 holder.remove(said)
             kind = "ego_vehicle" if each.element in [ego.element for ego in named[:1]] else "simulation"
-            holder.append(etree.Element("Property", name="type", value=kind))
+            holder.insert(0, etree.Element("Property", name="type", value=kind))
     if not named:
         return f"{document.path}: no vehicle is called Ego or hero: CARLA runs it without an ego"
     old = named[0].get("name")

@@ -10,6 +10,8 @@ from xosc.exports.refusals import Rule
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
 """Where triggers are looked at: that of the storyboard's end is not."""
 _SIGNAL = "[not(starts-with(@name, 'id=') or starts-with(@name, 'pos='))]"
+_ASIDE = "number(@targetLaneOffset) > 0.1 or number(@targetLaneOffset) < -0.1"
+"""m from the lane's middle, where CARLA's controller ends lane changes, that are more than it keeps to."""
 
 REFUSED = (
     *(
@@ -30,15 +32,16 @@ REFUSED = (
         "scenario_runner's controllers are Python modules, which the property 'module' names",
     ),
     Rule("//OverrideControllerValueAction/*[@active='true' or @active='1']", "scenario_runner does not override controllers"),
-    Rule("//LaneChangeAction[@targetLaneOffset and number(@targetLaneOffset) != 0]", "scenario_runner has no offset here"),
+    Rule(f"//LaneChangeAction[{_ASIDE}]", "scenario_runner has no offset here"),
     Rule("//LongitudinalDistanceAction[@timeGap]", "scenario_runner does not have time gaps"),
     Rule("//FollowTrajectoryAction[.//Clothoid or .//Nurbs or .//ClothoidSpline]", "scenario_runner follows polylines only"),
     Rule("//Timing[@domainAbsoluteRelative='absolute']", "scenario_runner's times count from the start of the action"),
     Rule("//Timing[number(@scale)!=1 or number(@offset)!=0]", "scenario_runner reads the times of trajectories as they stand"),
-    Rule("//Precipitation[@precipitationType='snow']", "CARLA has no snow"),
     Rule(f"//TrafficSignalStateAction{_SIGNAL} | //TrafficSignalCondition{_SIGNAL}", "CARLA's signals are 'id=…' or 'pos=x,y'"),
     Rule("//TrafficSignalController", "scenario_runner reads the first phase of one controller only"),
-    Rule("//RelativeObjectPosition", "scenario_runner takes dx and dy as those of the world"),
+    Rule(
+        "//RelativeObjectPosition[number(@dx) != 0 or number(@dy) != 0]", "scenario_runner takes dx and dy as those of the world"
+    ),
     Rule("//RoutePosition | //GeoPosition | //TrajectoryPosition", "scenario_runner does not have this position"),
     Rule(
         "//LanePosition/Orientation[not(@type='relative')] | //RoadPosition/Orientation[not(@type='relative')]",
@@ -67,9 +70,11 @@ IGNORED = (
     Rule(f"{_TRIGGERS}//Condition[@conditionEdge='rising']", "scenario_runner takes it when it first holds"),
     Rule(f"{_TRIGGERS}//SpeedActionDynamics[@dynamicsShape!='step']", "the shape is that of CARLA's controller"),
     Rule(f"{_TRIGGERS}//LaneChangeActionDynamics[@dynamicsShape!='linear']", "scenario_runner changes lanes linearly"),
+    Rule(f"//LaneChangeAction[@targetLaneOffset and not({_ASIDE})]", "scenario_runner has no offset here"),
     Rule(f"{_TRIGGERS}//LaneOffsetActionDynamics", "the shape is that of CARLA's controller"),
     Rule(f"{_TRIGGERS}//Event[@priority!='parallel']", "scenario_runner does not read priorities"),
     Rule("//ScenarioObject/ObjectController", "scenario_runner does not read it"),
     Rule("//ScenarioObject//BoundingBox", "sizes are those of CARLA's models, by category where none has the name"),
+    Rule("//Precipitation[@precipitationType='snow']", "CARLA shows no snow"),
     Rule("//SceneGraphFile", "CARLA makes its scene of the roads"),
 )

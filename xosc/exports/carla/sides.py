@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from xosc.exports.starts import Start, actors
+from xosc.exports.on_roads.starts import Start, actors
 from xosc.node import TO_RIGHT, Node
 
 _UNKNOWN = "scenario_runner's value is to the right of the traffic, and which side that is is known only when it runs"

@@ -13,14 +13,14 @@ from lxml import etree
 
 from xosc.document import Document
 from xosc.exports.carla.beginning import STORY, to_story
-from xosc.exports.geometry import Geometry, Place
-from xosc.exports.shapes import polyline
-from xosc.exports.starts import actors
+from xosc.exports.omissions import leave_out
+from xosc.exports.on_roads.geometry import Geometry, Place
+from xosc.exports.on_roads.shapes import polyline
+from xosc.exports.on_roads.starts import actors
 from xosc.node import Node
 
 ROUTES = ("AssignRouteAction", "AcquirePositionAction")
 _CONTROLLER = "simple_vehicle_control"
-_IDLE = "nothing"
 _STOPS = "scenario_runner stops at routes"
 _OVERRIDES = {
     "Throttle": "value", "Brake": "value", "Clutch": "value", "ParkingBrake": "value", "SteeringWheel": "value", "Gear": "number",
@@ -74,38 +74,6 @@ def _private_action(places: Sequence[Place]) -> etree._Element:
     etree.SubElement(etree.SubElement(follow, "TimeReference"), "None")
     etree.SubElement(follow, "TrajectoryFollowingMode", followingMode="position")
     return action
-
-
-def leave_out(action: Node, scenario: Node) -> None:
-    """Take an action away; where its event has no other one, it does nothing instead."""
-    holder = action.element
-    while holder.tag not in ("Action", "PrivateAction") or holder.getparent().tag == "Action":  # type: ignore[union-attr]
-        holder = holder.getparent()  # type: ignore[assignment]
-    parent = holder.getparent()
-    assert parent is not None
-    if holder.tag == "PrivateAction" or len(parent.findall("Action")) > 1:
-        parent.remove(holder)
-        if parent.tag == "Private" and len(parent) == 0 and (around := parent.getparent()) is not None:
-            around.remove(parent)
-        return
-    for child in list(holder):
-        holder.remove(child)
-    setting = etree.SubElement(etree.SubElement(holder, "GlobalAction"), "ParameterAction", parameterRef=_IDLE)
-    etree.SubElement(setting, "SetAction", value="")
-    _declare(scenario)
-
-
-def _declare(scenario: Node) -> None:
-    """The parameter that actions set which do nothing."""
-    root = scenario.element
-    declarations = root.find("ParameterDeclarations")
-    if declarations is None:
-        declarations = etree.Element("ParameterDeclarations")
-        header = root.find("FileHeader")
-        assert header is not None
-        header.addnext(declarations)
-    if not any(each.get("name") == _IDLE for each in declarations):
-        etree.SubElement(declarations, "ParameterDeclaration", name=_IDLE, parameterType="string", value="")
 
 
 def times(document: Document) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from xosc.exports.starts import Start
+from xosc.exports.on_roads.starts import Start
 from xosc.node import Node
 
 
@@ -19,6 +19,10 @@ class Place(NamedTuple):
     time: float | None = None
 
 
+Pose = tuple[float, float, float, float]
+"""x, y, z (m) and heading (rad)."""
+
+
 class Geometry(Protocol):
     """A scenario on its roads."""
 
@@ -26,15 +30,37 @@ class Geometry(Protocol):
         """How everybody starts who is there at the beginning, by name."""
         ...
 
+    def begins(self, element: Node) -> float | None:
+        """When (s) an element of the storyboard first begins, in a run without a system under test; None where it doesn't."""
+        ...
+
+    def during(self, action: Node, entity: str) -> Start | None:
+        """How an entity is when an action of a story begins; None where it doesn't begin, or the entity is not there.
+
+        It is so in a run without a system under test.
+        """
+        ...
+
+    def direction(self, road: str, lane: int) -> int:
+        """1 where the traffic of a lane drives towards greater s, else −1.
+
+        Raises:
+            InvalidFile: there is no such road.
+        """
+        ...
+
     def place(self, position: Node) -> Place | None:
         """Where an element Position is; None where that depends on what happens."""
         ...
 
-    def track(self, trajectory: Node, skip: float = 0.0, actor: str | None = None) -> Sequence[Place] | None:
+    def track(
+        self, trajectory: Node, skip: float = 0.0, actor: str | None = None, pose: Pose = (0.0, 0.0, 0.0, 0.0)
+    ) -> Sequence[Place] | None:
         """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens.
 
         Args:
-            actor: whose frame, when it starts, the places are in; None for the world.
+            actor: who follows it; None leaves out trajectories that begin where their actor is.
+            pose: where the actor is then; the default gives places in the actor's frame.
         """
         ...
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 
 from lxml import etree
 
 from xosc.document import Document
-from xosc.exports.geometry import Geometry, Place
-from xosc.exports.starts import Start, actors
+from xosc.exports.on_roads.geometry import Geometry, Place
+from xosc.exports.on_roads.starts import Start, State, actors
 from xosc.node import Node
 
 HOLDERS = ("Position", "TargetPosition", "TargetPositionMaster")
@@ -38,13 +38,16 @@ def in_world(document: Document, geometry: Geometry, chosen: Callable[[Node], bo
         holder.element.replace(position.element, world_position(place))
 
 
-def polylines(document: Document, geometry: Geometry, shapes: Collection[str], *, offsets: bool, relative: bool) -> Iterator[str]:
+def polylines(
+    document: Document, geometry: Geometry, shapes: Collection[str], *, offsets: bool, during: State | None
+) -> Iterator[str]:
     """Say trajectories, where they are fixed, by polylines; a remark for each kind with the first place.
 
     Args:
         shapes: which shapes.
         offsets: also all that are begun at an initialDistanceOffset and have no times, which then begin there.
-        relative: also those that begin where their one actor is, by positions relative to it.
+        during: how an entity is when an action begins: where those that begin where their one actor is are then. None: they
+            are written by positions relative to it.
     """
     told: set[str] = set()
     for action in list(document.node.iter("FollowTrajectoryAction")):
@@ -54,9 +57,7 @@ def polylines(document: Document, geometry: Geometry, shapes: Collection[str], *
             skip = action.float("initialDistanceOffset", 0.0)
         if shape.tag not in shapes and not skip:
             continue
-        places, made = geometry.track(trajectory, skip), world_position
-        if places is None and relative and len(actors(action)) == 1:
-            places, made = geometry.track(trajectory, skip, actors(action)[0]), partial(_beside, actors(action)[0])
+        places, made = _places(action, trajectory, skip, geometry, during)
         if places is None:
             continue
         if skip:
@@ -67,23 +68,19 @@ def polylines(document: Document, geometry: Geometry, shapes: Collection[str], *
         trajectory.need("Shape").element.replace(shape.element, polyline(places, made))
 
 
-def first_distances(document: Document, known: Mapping[str, Start]) -> Iterator[str]:
-    """Say distances that Init sets at once by the first positions and speeds that come of them; a remark for each.
-
-    Args:
-        known: how everybody starts, poses included.
-    """
-    for private in document.node.need("Storyboard", "Init").iter("Private"):
-        start = known.get(private.get("entityRef"), Start())
-        holders = [teleport.need("Position") for teleport in private.iter("TeleportAction")]
-        for action in list(private.iter("LongitudinalDistanceAction")):
-            if start.pose is None or not holders or action.bool("continuous") or action.find("DynamicConstraints") is not None:
-                continue
-            yield f"{action.where}: {action.tag}: left out, the first position has the distance"
-            holders[-1].element.replace(holders[-1].only().element, first_position(start))
-            private.element.remove(next(each for each in action.element.iterancestors("PrivateAction")))
-            for target in private.iter("AbsoluteTargetSpeed"):  # who keeps a distance has the other one's speed
-                target.element.set("value", repr(start.speed))
+def _places(
+    action: Node, trajectory: Node, skip: float, geometry: Geometry, during: State | None
+) -> tuple[Sequence[Place] | None, Callable[[Place], etree._Element]]:
+    """The places of a trajectory, and how to say each; None where they are not known."""
+    fixed, doing = geometry.track(trajectory, skip), actors(action)
+    if fixed is not None or len(doing) != 1:
+        return fixed, world_position
+    if during is None:
+        return geometry.track(trajectory, skip, doing[0]), partial(_beside, doing[0])
+    start = during(action, doing[0])
+    if start is None or start.pose is None:
+        return None, world_position
+    return geometry.track(trajectory, skip, doing[0], start.pose), world_position
 
 
 def first_position(start: Start) -> etree._Element:

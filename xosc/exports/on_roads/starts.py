@@ -103,6 +103,23 @@ def as_told(scenario: Node, known: Mapping[str, Start]) -> State:
     return state
 
 
+def as_expected(scenario: Node, known: Mapping[str, Start], during: State) -> State:
+    """What is to be expected, and where that leaves lane or speed open, how it is in a run.
+
+    Args:
+        during: how an entity is when an action begins in a run.
+    """
+    told = as_told(scenario, known)
+
+    def state(action: Node, entity: str) -> Start | None:
+        now = told(action, entity)
+        if now is not None and now.road is not None and now.speed is not None:
+            return now
+        return during(action, entity) or now
+
+    return state
+
+
 _DEMANDS = ("SpeedAction", "SpeedProfileAction", "LongitudinalDistanceAction", "SynchronizeAction", "LaneChangeAction",
             "TeleportAction")  # fmt: skip
 
