@@ -43,11 +43,15 @@ class RoadPoint(NamedTuple):
 
 
 class LaneLink(NamedTuple):
-    """A lane that can be entered: at the start (s = 0) or the end of its road."""
+    """A lane that can be entered: at the start (s = 0) or the end of its road, or between them at a virtual junction.
+
+    at_start: at the start, or inside towards +s. s: place inside the road; None at its start or end.
+    """
 
     road_id: str
     lane_id: int
     at_start: bool
+    s: float | None = None
 
 
 class RoadMark(NamedTuple):
@@ -114,11 +118,13 @@ class RoadLink(NamedTuple):
     """What a road is joined to at one of its ends.
 
     element_type: "road" or "junction". contact: "start" or "end" of that road; None for junctions.
+    s: place inside that road, at a virtual junction; None otherwise.
     """
 
     element_type: str
     element_id: str
     contact: str | None
+    s: float | None = None
 
 
 class Connection(NamedTuple):

@@ -12,6 +12,7 @@ from schemas.remarks import Remark
 from xodr.graph.links import link_table
 from xodr.graph.relative import Relations, Relative
 from xodr.graph.routes import RoadPath, Router
+from xodr.graph.side_links import divided, side_table
 from xodr.graph.travel import Choose, Travel, Traveller
 from xodr.graph.ways import Ways
 from xodr.lookup.locate import Locator, follow
@@ -38,7 +39,7 @@ class RoadNetwork:
     ) -> None:
         self.path = path
         self.header = header
-        self.roads = dict(roads)
+        self.roads = divided(roads)
         self.junctions = dict(junctions)
         self.controllers = dict(controllers)
         self.remarks = remarks
@@ -48,8 +49,9 @@ class RoadNetwork:
                 self.signals.setdefault(signal.id, signal)
         self._links = link_table(self.roads, self.junctions)
         self._locator = Locator(self.roads.values())
-        self._traveller = Traveller(self.roads, self._links)
-        ways = Ways(self.roads, self._links)
+        sides = side_table(self.roads, self.junctions.values())
+        self._traveller = Traveller(self.roads, self._links, sides)
+        ways = Ways(self.roads, self._links, sides)
         self._router = Router(ways, self._traveller.straightest)
         self._relations = Relations(ways, self._traveller)
 
@@ -132,7 +134,7 @@ class RoadNetwork:
     # ways -----------------------------------------------------------------------------------
 
     def links(self, road_id: str, lane_id: int, forward: bool) -> list[LaneLink]:
-        """Every lane reached at the end (forward) or start of a road from one of its lanes there."""
+        """Every lane reached at the end (forward) or start of a road from one of its lanes there, but for those inside roads."""
         return self._links.get((road_id, lane_id, forward), [])
 
     def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose | None = None) -> Travel:

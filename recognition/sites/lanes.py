@@ -55,7 +55,7 @@ class LaneGraph:
 
     def __init__(self, network: RoadNetwork) -> None:
         self._network = network
-        self._traveller = Traveller(network.roads, {})
+        self._traveller = Traveller(network.roads, {}, {})
         self.strips = [
             strip
             for road in network.roads.values()

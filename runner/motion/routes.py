@@ -145,6 +145,8 @@ class AssignedRoute:
         """The lane that goes on along the route, if possible one that leads on to the leg after."""
         index = self._find(point.road_id, forward)
         following = self._following(index) if index is not None else None
+        if index is not None and self.path.legs[index].passes(point, links):
+            return links[0]
         if following is not None:
             self._back = None
             onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]

@@ -40,11 +40,11 @@ def next_lane(lane: Lane, following: LaneSection, towards_s: bool) -> int | None
 
 def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Iterator[_Joint]:
     for junction in junctions.values():
-        for connection in junction.connections:
+        for connection in junction.connections if junction.type != "virtual" else ():
             yield from _connection_joints(roads, junction, connection)
     for road in roads.values():
         for at_start, link in ((True, road.predecessor), (False, road.successor)):
-            if link and link.element_type == "road":
+            if link and link.element_type == "road" and link.s is None:
                 yield from _road_joints(roads, road, at_start, link)
 
 

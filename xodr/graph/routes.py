@@ -10,7 +10,7 @@ from random import Random
 from typing import NamedTuple
 
 from xodr.graph.travel import Choose
-from xodr.graph.ways import PRICES, Cost, Price, Way, Ways, add
+from xodr.graph.ways import PRICES, Cost, Price, Step, Way, Ways, add
 from xodr.model import LaneLink, RoadPoint
 from xodr.road import Road
 
@@ -32,6 +32,10 @@ class Leg(NamedTuple):
     def length(self) -> float:
         """Length [m] in s."""
         return abs(self.leave - self.enter)
+
+    def passes(self, point: RoadPoint, links: Sequence[LaneLink]) -> bool:
+        """Whether ways off the leg's road between its ends are offered, and the leg goes on past them."""
+        return bool(links) and (links[0].road_id, links[0].s) == (point.road_id, point.s) and self.leave != point.s
 
 
 class RoadPath:
@@ -77,7 +81,7 @@ class RoadPath:
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The lane that goes on along the route, for `RoadNetwork.travel`; the straightest where the route does not help."""
         for leg, following in pairwise(self.legs):
-            if (leg.road_id, leg.forward) == (point.road_id, forward):
+            if (leg.road_id, leg.forward) == (point.road_id, forward) and not leg.passes(point, links):
                 onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
                 if onwards:
                     return onwards[0]
@@ -116,8 +120,9 @@ class Router:
         legs: list[Leg] = []
         before = 0.0
         for index, (way, enter, leave) in enumerate(stretches):
-            last = index + 1 == len(stretches)
-            lanes = () if last else self._ways.lanes_towards(way, stretches[index + 1][0])
+            lanes: tuple[int, ...] = ()
+            if index + 1 < len(stretches):
+                lanes = self._ways.lanes_towards(way, Step(leave, *stretches[index + 1][:2]))
             legs.append(Leg(*way, enter, leave, before, lanes))
             before += legs[-1].length
         return legs
@@ -129,36 +134,36 @@ class Router:
         roads = self._ways.roads
         directions = self._directions(origin, driven) if heading is None else (heading,)
         arrivals = self._directions(target, driven)
-        # trail: each entry is (way, s entered, index of the entry before); an index beyond it marks a finished route
-        trail: list[tuple[Way, float, int]] = [(Way(origin.road_id, forward), origin.s, -1) for forward in directions]
+        # trail: each entry is (step onto a way, index of the entry before); an index beyond it marks a finished route
+        trail = [(Step(origin.s, Way(origin.road_id, forward), origin.s), -1) for forward in directions]
         queue: list[tuple[Cost, int, bool]] = [((0.0, 0.0), index, False) for index in range(len(trail))]
-        seen: set[Way] = set()
+        seen: set[tuple[Way, float]] = set()
         while queue:
             cost, index, finished = heappop(queue)
-            way, enter, before = trail[index]
+            (_, way, enter), before = trail[index]
             if finished:
                 return self._unwind(trail, index, target.s)
-            if before >= 0 and way in seen:
+            if before >= 0 and (way, enter) in seen:
                 continue
             if before >= 0:
-                seen.add(way)
+                seen.add((way, enter))
             road = roads[way.road_id]
-            ahead = target.s - enter if way.forward else enter - target.s
+            ahead = _ahead(way, enter, target.s)
             if way.road_id == target.road_id and way.forward in arrivals and ahead >= 0.0:
                 heappush(queue, (add(cost, price(road, ahead)), index, True))
-            rest = road.length - enter if way.forward else enter
-            more = add(cost, price(road, rest))
-            for following in self._ways.following(way, driven):
-                trail.append((following, 0.0 if following.forward else roads[following.road_id].length, index))
-                heappush(queue, (more, len(trail) - 1, False))
+            for step in self._ways.steps(way, driven):
+                ahead = _ahead(way, enter, step.leave)
+                if ahead >= 0.0:
+                    trail.append((step, index))
+                    heappush(queue, (add(cost, price(road, ahead)), len(trail) - 1, False))
         return None
 
-    def _unwind(self, trail: Sequence[tuple[Way, float, int]], index: int, leave: float) -> list[tuple[Way, float, float]]:
+    def _unwind(self, trail: Sequence[tuple[Step, int]], index: int, leave: float) -> list[tuple[Way, float, float]]:
         stretches: list[tuple[Way, float, float]] = []
         while index >= 0:
-            way, enter, index = trail[index]
-            end = self._ways.roads[way.road_id].length if way.forward else 0.0
-            stretches.append((way, enter, end if stretches else leave))
+            step, index = trail[index]
+            stretches.append((step.following, step.enter, leave))
+            leave = step.leave
         return stretches[::-1]
 
     def _directions(self, point: RoadPoint, driven: bool) -> tuple[bool, ...]:
@@ -167,6 +172,11 @@ class Router:
         if not driven or point.lane_id == 0 or road.lane(point.s, point.lane_id).direction == "both":
             return (True, False)
         return (road.direction(point.lane_id, point.s) > 0,)
+
+
+def _ahead(way: Way, s: float, other: float) -> float:
+    """How far [m] another s lies ahead on a way; negative behind."""
+    return other - s if way.forward else s - other
 
 
 def _random_price(rng: Random) -> Price:

@@ -7,12 +7,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from xodr.graph.links import LinkTable
+from xodr.graph.side_links import SideTable
 from xodr.graph.ways import DRIVABLE
 from xodr.model import Lane, LaneLink, LaneSection, RoadError, RoadPoint
 from xodr.road import NO_WIDTH, Road
 
 Choose = Callable[[RoadPoint, bool, Sequence[LaneLink]], LaneLink | None]
-"""Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them, None to stay there."""
+"""Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them, None to stay there.
+
+Between the ends of a road, where others leave it, the first lane offered is that of the road itself.
+"""
 
 _STEP = 1.0
 """Longest stretch [m] over which curvature and lane slope are taken as constant, at their value in its middle."""
@@ -38,8 +42,8 @@ class Travel(NamedTuple):
 class Traveller:
     """Moves points along the lanes of one road network."""
 
-    def __init__(self, roads: Mapping[str, Road], links: LinkTable) -> None:
-        self._roads, self._links = roads, links
+    def __init__(self, roads: Mapping[str, Road], links: LinkTable, sides: SideTable) -> None:
+        self._roads, self._links, self._sides = roads, links, sides
         self._turns: dict[LaneLink, tuple[float, bool]] = {}
 
     def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
@@ -74,17 +78,21 @@ class Traveller:
                 return Travel(here, forward, 0.0)
             if stop != border:
                 continue
-            if 0 <= index + step < len(road.sections):
+            inner = 0 <= index + step < len(road.sections)
+            if inner:
+                onward = self._way_off(here, forward, choose)
+            else:
+                onward = self._next_road(here, section, forward, choose) if distance > 0.0 else None
+            if onward is None:
+                if not inner:
+                    return Travel(here, forward, distance)
                 index, lane_id, offset = _next_section(road, index, lane_id, offset, forward)
                 continue
-            onward = self._next_road(here, section, forward, choose) if distance > 0.0 else None
-            if onward is None:
-                return Travel(here, forward, distance)
             link, offset = onward
             if link.at_start != forward:
                 offset = -offset
             road, lane_id, forward = self._roads[link.road_id], link.lane_id, link.at_start
-            index, s = (0, 0.0) if forward else (len(road.sections) - 1, road.length)
+            index, s = _entry(road, link)
         raise RoadError(f"a movement from road {point.road_id!r} crosses more than {_MOST_BORDERS} borders", path=road.path)
 
     def _next_road(self, here: RoadPoint, section: LaneSection, forward: bool, choose: Choose) -> tuple[LaneLink, float] | None:
@@ -93,14 +101,29 @@ class Traveller:
         From a lane that leads nowhere, as one that has narrowed to nothing, the nearest lane of its side that does leads on.
         """
         lane_id, offset = here.lane_id, here.offset
-        links = self._links.get((here.road_id, lane_id, forward))
+        links = self._reached(here, lane_id, forward)
         if not links:
-            leading = [lane for lane in section.lanes.values() if self._links.get((here.road_id, lane.id, forward))]
+            leading = [lane for lane in section.lanes.values() if self._reached(here, lane.id, forward)]
             lane_id = _nearest(section.lanes[lane_id], leading, here.s, here.t)
             offset = here.t - section.lanes[lane_id].center(here.s)
-            links = self._links.get((here.road_id, lane_id, forward))
+            links = self._reached(here, lane_id, forward)
         link = choose(here._replace(lane_id=lane_id, offset=offset), forward, links) if links else None
         return (link, offset) if link is not None else None
+
+    def _way_off(self, here: RoadPoint, forward: bool, choose: Choose) -> tuple[LaneLink, float] | None:
+        """The way off a road between its ends, if one is there and chosen, and the offset [m] on it."""
+        links = self._sides.get((here.road_id, here.lane_id, forward, here.s))
+        if not links:
+            return None
+        stay = LaneLink(here.road_id, here.lane_id, forward, here.s)
+        link = choose(here, forward, [stay, *links])
+        return (link, here.offset) if link is not None and link != stay else None
+
+    def _reached(self, here: RoadPoint, lane_id: int, forward: bool) -> Sequence[LaneLink]:
+        """Lanes reached from a lane at the end of a road."""
+        ends = self._links.get((here.road_id, lane_id, forward), ())
+        sides = self._sides.get((here.road_id, lane_id, forward, here.s), ())
+        return [*ends, *sides] if sides else ends
 
     def length(self, road: Road, lane_id: int, start: float, end: float) -> tuple[float, int]:
         """Length [m ≥ 0] of a lane's centre line between two s, and the id that the lane has at the end."""
@@ -120,7 +143,12 @@ class Traveller:
         return min(links, key=self.turn) if links else None
 
     def turn(self, link: LaneLink) -> tuple[float, bool]:
-        """How far [rad, ≥ 0] the way turns on the road that a link enters (its first 50 m, or all in a junction), if right."""
+        """How far [rad, ≥ 0] the way turns on the road that a link enters (its first 50 m, or all in a junction), if right.
+
+        Not at all where it enters a road inside: whoever follows that road passes by.
+        """
+        if link.s is not None:
+            return 0.0, False
         turn = self._turns.get(link)
         if turn is None:
             road = self._roads[link.road_id]
@@ -130,6 +158,13 @@ class Traveller:
             angle = round(math.remainder(road.heading(exit_) - road.heading(entry), math.tau), 9)
             turn = self._turns[link] = (abs(angle), angle < 0.0)
         return turn
+
+
+def _entry(road: Road, link: LaneLink) -> tuple[int, float]:
+    """Index of the lane section that a link enters, and s there."""
+    if link.s is None:
+        return (0, 0.0) if link.at_start else (len(road.sections) - 1, road.length)
+    return road.section_index(link.s) - (0 if link.at_start else 1), link.s
 
 
 def _along(road: Road, lane: Lane, offset: float, s: float, border: float, sign: float, distance: float) -> tuple[float, float]:

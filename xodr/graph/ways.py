@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from heapq import heappop, heappush
 from itertools import count
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from xodr.graph.links import LinkTable
+from xodr.graph.side_links import SideTable
+from xodr.model import LaneLink
 from xodr.road import Road
+
+T = TypeVar("T")
 
 DRIVABLE = frozenset(
     {
@@ -34,6 +38,14 @@ class Way(NamedTuple):
     forward: bool
 
 
+class Step(NamedTuple):
+    """How one way follows another: s where that is left and s where this is entered, in most cases at ends of the roads."""
+
+    leave: float
+    following: Way
+    enter: float
+
+
 Cost = tuple[float, float]
 """What a stretch of road costs: the quantity to be kept small, and a second one that decides between equals."""
 
@@ -52,25 +64,44 @@ class Reached(NamedTuple):
 class Ways:
     """Neighbourhood and distances of the ways of one road network."""
 
-    def __init__(self, roads: Mapping[str, Road], links: LinkTable) -> None:
+    def __init__(self, roads: Mapping[str, Road], links: LinkTable, sides: SideTable) -> None:
         self.roads, self._links = roads, links
-        self._all: dict[Way, dict[Way, tuple[int, ...]]] = {}
-        self._driven: dict[Way, dict[Way, tuple[int, ...]]] = {}
+        self._steps: dict[bool, dict[Way, dict[Step, tuple[int, ...]]]] = {True: {}, False: {}}
         self._reach: dict[tuple[Way, str], dict[Way, Reached]] = {}
         for (road_id, lane_id, forward), reached in links.items():
             way = Way(road_id, forward)
             for link in reached:
-                following = Way(link.road_id, link.at_start)
-                _add(self._all, way, following, lane_id)
-                if self._drives(way, lane_id) and self._drives(following, link.lane_id, entering=True):
-                    _add(self._driven, way, following, lane_id)
+                self._add_step(way, lane_id, self._end(way), link)
+        for (road_id, lane_id, forward, s), reached in sides.items():
+            for link in reached:
+                self._add_step(Way(road_id, forward), lane_id, s, link)
 
-    def following(self, way: Way, driven: bool) -> dict[Way, tuple[int, ...]]:
+    def _add_step(self, way: Way, lane_id: int, leave: float, link: LaneLink) -> None:
+        following = Way(link.road_id, link.at_start)
+        step = Step(leave, following, self._end(following, entering=True) if link.s is None else link.s)
+        _add(self._steps[False], way, step, lane_id)
+        if self._drives(way, lane_id, leave) and self._drives(following, link.lane_id, step.enter):
+            _add(self._steps[True], way, step, lane_id)
+
+    def steps(self, way: Way, driven: bool) -> dict[Step, tuple[int, ...]]:
         """The ways that follow, each with the lanes that lead there; with `driven` only where traffic drives so."""
-        return (self._driven if driven else self._all).get(way, {})
+        return self._steps[driven].get(way, {})
+
+    def following(self, way: Way) -> dict[Way, tuple[int, ...]]:
+        """The ways that follow where a road ends, each with the lanes that lead to its beginning."""
+        end = self._end(way)
+        found = self.steps(way, driven=False).items()
+        return {
+            step.following: lanes
+            for step, lanes in found
+            if step.leave == end and step.enter == self._end(step.following, entering=True)
+        }
 
     def reach(self, way: Way, strategy: str) -> dict[Way, Reached]:
-        """Every way that can be reached from the end of a way, with cost and length from there to its beginning."""
+        """Every way that can be reached from the end of a way, with cost and length from there to its beginning.
+
+        Roads are left and entered at their ends only.
+        """
         found = self._reach.get((way, strategy))
         if found is None:
             found = self._reach[way, strategy] = self._spread(way, PRICES[strategy])
@@ -81,7 +112,7 @@ class Ways:
         done: dict[Way, Reached] = {}
         number = count()
         queue: list[tuple[Cost, int, float, Way, Way | None]] = [
-            ((0.0, 0.0), next(number), 0.0, following, None) for following in self.following(way, driven=False)
+            ((0.0, 0.0), next(number), 0.0, following, None) for following in self.following(way)
         ]
         while queue:
             cost, _, length, current, before = heappop(queue)
@@ -90,25 +121,28 @@ class Ways:
             done[current] = Reached(cost, length, before)
             road = self.roads[current.road_id]
             more = add(cost, price(road, road.length))
-            for following in self.following(current, driven=False):
+            for following in self.following(current):
                 if following not in done:
                     heappush(queue, (more, next(number), length + road.length, following, current))
         return done
 
-    def _drives(self, way: Way, lane_id: int, entering: bool = False) -> bool:
-        """Whether the lane is one of traffic in the way's direction, at the way's end (or beginning, where entering)."""
+    def _end(self, way: Way, entering: bool = False) -> float:
+        """The s at which a way ends; with `entering` that at which it begins."""
+        return self.roads[way.road_id].length if way.forward != entering else 0.0
+
+    def _drives(self, way: Way, lane_id: int, s: float) -> bool:
+        """Whether the lane is one of traffic in the way's direction at s."""
         road = self.roads[way.road_id]
-        s = road.length if way.forward != entering else 0.0
         lane = road.lane(s, lane_id)
         return lane.type in DRIVABLE and (lane.direction == "both" or (road.direction(lane_id, s) > 0) == way.forward)
 
-    def lanes_towards(self, way: Way, following: Way) -> tuple[int, ...]:
-        """Lanes at the end of a way that lead on to another: those of its traffic, or any where there are none."""
-        return self.following(way, True).get(following) or self.following(way, False).get(following, ())
+    def lanes_towards(self, way: Way, step: Step) -> tuple[int, ...]:
+        """Lanes on a way that lead on by a step: those of its traffic, or any where there are none."""
+        return self.steps(way, True).get(step) or self.steps(way, False).get(step, ())
 
     def lane_after(self, way: Way, lane_id: int, following: Way) -> int:
         """The lane on the following way that a lane leads to; where it leads elsewhere, that of the nearest lane that does."""
-        lanes = self.following(way, driven=False)[following]
+        lanes = self.following(way)[following]
         leading = min(lanes, key=lambda lane: abs(lane - lane_id))
         links = self._links[way.road_id, leading, way.forward]
         return next(link.lane_id for link in links if (link.road_id, link.at_start) == following)
@@ -119,7 +153,7 @@ def add(one: Cost, other: Cost) -> Cost:
     return one[0] + other[0], one[1] + other[1]
 
 
-def _add(graph: dict[Way, dict[Way, tuple[int, ...]]], way: Way, following: Way, lane_id: int) -> None:
+def _add(graph: dict[Way, dict[T, tuple[int, ...]]], way: Way, following: T, lane_id: int) -> None:
     lanes = graph.setdefault(way, {})
     lanes[following] = (*lanes.get(following, ()), lane_id)
 

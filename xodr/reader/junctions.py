@@ -10,11 +10,10 @@ from lxml import etree
 from schemas.remarks import Remark
 from schemas.xml import line_of
 from xodr.model import Connection, Controller, Junction
-from xodr.reader.elements import contact_point, integer, invalid, text
+from xodr.reader.elements import contact_point, integer, invalid, number, text
 
+_FOLLOWED = "xosc.toolchain:xodr:1.5.0:junction.connections_are_followed"
 _KINDS = ("default", "direct", "virtual", "crossing")
-_BESIDE = ("virtual", "crossing")
-"""Kinds of junctions that do not interrupt their main road."""
 
 
 def read_junction(element: etree._Element) -> Junction:
@@ -28,18 +27,32 @@ def read_junction(element: etree._Element) -> Junction:
 
 
 def connections(junction: etree._Element) -> list[etree._Element]:
-    """The connections of a junction between ends of roads; none where it lies beside its main road."""
-    return [] if _kind(junction) in _BESIDE else junction.findall("connection")
+    """The connections of a junction that roads make: none of a crossing, those with a connecting road of a virtual one."""
+    kind, found = _kind(junction), junction.findall("connection")
+    if kind == "virtual":
+        return [connection for connection in found if connection.get("connectingRoad") and connection.get("incomingRoad")]
+    return [] if kind == "crossing" else found
 
 
 def not_followed(root: etree._Element, path: Path) -> Iterator[Remark]:
-    """A remark for each junction beside a main road: the roads that leave it there are not linked."""
+    """A remark for each junction beside a main road with ways off it that have no road, or no place on it (`elementS`)."""
+    lengths = {road.get("id"): number(road, "length") for road in root.iterfind("road")}
+    placed = {
+        (road.get("id"), link.get("elementId"))
+        for road in root.iterfind("road")
+        for link in road.iterfind("link/*[@elementS]")
+        if 0.0 < number(link, "elementS") < lengths.get(link.get("elementId"), 0.0)
+    }
     for junction in root.iterfind("junction"):
-        kind = _kind(junction)
-        if kind in _BESIDE and junction.find("connection") is not None:
+        kind, main = _kind(junction), junction.get("mainRoad")
+        if kind not in ("virtual", "crossing"):
+            continue
+        ways = [(way.get("connectingRoad"), way.get("incomingRoad")) for way in junction.iterfind("connection")]
+        left = [way for way in ways if kind == "crossing" or way[0] is None or (way[1] == main and way not in placed)]
+        if left:
+            share = "" if len(left) == len(ways) else f"{len(left)} of {len(ways)} "
             fault = f"junction: the {kind} junction {junction.get('id')!r} lies beside its main road"
-            remark = f"{fault}; ways off that road are not followed"
-            yield Remark("xosc.toolchain:xodr:1.5.0:junction.connections_are_followed", remark, str(path), line_of(junction))
+            yield Remark(_FOLLOWED, f"{fault}; {share}ways off that road are not followed", str(path), line_of(junction))
 
 
 def _kind(junction: etree._Element) -> str:

@@ -10,7 +10,7 @@ from lxml import etree
 from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral, Start, poly3
 from xodr.model import RoadLink, RoadType
 from xodr.profiles import Cubic, Profile
-from xodr.reader.elements import ascending, coefficients, contact_point, invalid, number, profile, speed, text
+from xodr.reader.elements import ascending, coefficients, contact_point, invalid, number, optional, profile, speed, text
 from xodr.reader.lanes import read_sections
 from xodr.reader.road_objects import read_object, read_signal, read_signal_reference
 from xodr.road import Road, Surface
@@ -51,12 +51,13 @@ def read_road(path: Path, element: etree._Element) -> Road:
 
 
 def _road_link(element: etree._Element | None) -> RoadLink | None:
-    if element is None or element.get("elementS") is not None:  # the latter joins the middle of a road: a virtual junction
+    if element is None:
         return None
     kind = text(element, "elementType")
     if kind not in ("road", "junction"):
         raise invalid(element, f"elementType={kind!r} is neither road nor junction")
-    return RoadLink(kind, text(element, "elementId"), contact_point(element) if kind == "road" else None)
+    name, is_road = text(element, "elementId"), kind == "road"
+    return RoadLink(kind, name, contact_point(element) if is_road else None, optional(element, "elementS") if is_road else None)
 
 
 def _road_types(element: etree._Element) -> list[RoadType]:

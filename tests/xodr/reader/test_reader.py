@@ -135,15 +135,6 @@ def test_a_single_sided_section_keeps_the_other_sides_lanes(files) -> None:
     assert road.lane_t(90.0, 2) == pytest.approx(5.25 + 3.0)
 
 
-def test_a_virtual_junction_is_announced_and_not_followed(files) -> None:
-    connection = files.connection("1", "2")
-    junction = f'<junction id="v" type="virtual" mainRoad="1" sStart="10" sEnd="20">{connection}</junction>'
-    link = '<predecessor elementType="road" elementId="1" elementS="10" elementDir="+"/>'
-    network = files.load(files.road("1"), files.road("2", junction="v", link=link), junction)
-    assert "virtual junction 'v'" in network.remarks[0].message
-    assert network.links("1", -1, False) == network.links("2", -1, False) == []
-
-
 FAULTS = {
     "a missing attribute": ('hdg="0.0"', "", "'hdg' is missing"),
     "NaN": ('x="0.0"', 'x="NaN"', "x='NaN'"),

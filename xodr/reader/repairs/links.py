@@ -37,6 +37,9 @@ def _link(link: etree._Element, known: dict[str, set[str | None]]) -> Iterator[R
     if name not in known.get(kind or "", ()):
         leave_out(link)
         yield Repair(link, RULE, f"the {kind} {name!r} does not exist", "the link is left out")
+    elif link.get("elementS") and value(link, "elementS") is None:
+        leave_out(link)
+        yield Repair(link, SCHEMA, given(link, "elementS", "is not a number"), "the link is left out")
     elif link.get("contactPoint") not in ("start", "end", None):
         fault = given(link, "contactPoint", "is neither start nor end")
         del link.attrib["contactPoint"]
