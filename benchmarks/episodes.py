@@ -31,7 +31,8 @@ SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc
 PARTS: tuple[tuple[Any, str, str], ...] = (
     (xosc, "resolve", "resolve (a copy of the parsed file, its parameters, catalogues)"),
     (execution, "compile_scenario", "compile"),
-    (SumoWorld, "open", "SUMO start"),
+    (SumoWorld, "open", "SUMO network"),
+    (SumoWorld, "begin", "SUMO start, where it drives somebody"),
     (SumoWorld, "close", "SUMO end"),
     (Simulation, "tick", "steps"),
     (Recorder, "record", "recording, each step"),

@@ -112,7 +112,7 @@ def _serve(connection: Any, sources: Sequence[Source], seed: int, numbers: Seque
     sys.addaudithook(lambda event, args: written.append(os.fsdecode(args[0])) if _is_writing(event, args) else None)
     for module in (
         "runner.interpreter.execution",
-        "runner.worlds.sumo",
+        "runner.worlds.sumo_simulation",
         "runner.outputs.trajectories",
         "pyarrow.parquet",
         "pyproj",

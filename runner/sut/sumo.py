@@ -11,6 +11,6 @@ class SumoDriver(WorldDriven):
     """SUMO's car-following (Krauss) and lane-changing (LC2013) models drive the ego along its route or the straightest way.
 
     The scripted speed is what it wants: it keeps its distance from others, yields at junctions, obeys traffic lights and
-    overtakes. `runner.worlds.sumo` says how its models are set, `runner.interpreter.drivers.WorldDriver` how it combines with
-    scripted actions.
+    overtakes. `runner.worlds.sumo_simulation` says how its models are set, `runner.interpreter.drivers.WorldDriver` how it
+    combines with scripted actions.
     """

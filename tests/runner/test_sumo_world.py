@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import itertools
 import math
+import subprocess
+import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import libsumo
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import runner
 import xodr
 from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entity
-from runner.worlds import sumo
+from runner.worlds import sumo, sumo_simulation
 from runner.worlds.base import DriverRequest
 from runner.worlds.sumo_lights import link_state
 from schemas.errors import Unsupported, UsageError
@@ -79,7 +82,7 @@ def entity(x: float, y: float, h: float = 0.0, **more: Any) -> Entity:
 
 def seen(world: sumo.SumoWorld, participant: Entity) -> tuple[str, float, float]:
     """Lane, lane position and angle that SUMO has a participant at."""
-    vehicle, name = sumo.libsumo.vehicle, world._shown[participant].id
+    vehicle, name = libsumo.vehicle, world.begin()._shown[participant].id
     return vehicle.getLaneID(name), vehicle.getLanePosition(name), vehicle.getAngle(name)
 
 
@@ -122,7 +125,8 @@ def test_participants_come_and_go_at_any_time(world: sumo.SumoWorld) -> None:
             (world.add if participant in present else world.remove)(participant)
         world.mirror([first, second])
         world.step()
-        assert len(sumo.libsumo.vehicle.getIDList()) == len(present)
+        world.begin()
+        assert len(libsumo.vehicle.getIDList()) == len(present)
 
 
 def test_names_that_sumo_does_not_take_are_fine(world: sumo.SumoWorld) -> None:
@@ -132,7 +136,8 @@ def test_names_that_sumo_does_not_take_are_fine(world: sumo.SumoWorld) -> None:
         world.add(participant)
     world.mirror(everyone)
     world.step()
-    assert len(sumo.libsumo.vehicle.getIDList()) == len(everyone)
+    world.begin()
+    assert len(libsumo.vehicle.getIDList()) == len(everyone)
 
 
 @pytest.mark.parametrize(
@@ -148,8 +153,8 @@ def test_every_kind_of_participant_is_shown_where_it_is(world: sumo.SumoWorld, c
 
 @given(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5), st.floats(-10.0, 10.0), st.floats(-3.0, 10.0), st.floats(-1.0, 1.0))
 def test_bumper_and_reference_point_are_converted_both_ways(x: float, y: float, h: float, ahead: float, aside: float) -> None:
-    shown = sumo._Shown("it", ahead, aside)
-    back = sumo._reference(shown, *sumo._front(shown, x, y, h))
+    shown = sumo_simulation._Shown("it", ahead, aside)
+    back = sumo_simulation._reference(shown, *sumo_simulation._front(shown, x, y, h))
     assert back[:2] == pytest.approx((x, y), abs=1e-6)
     assert math.remainder(back[2] - h, math.tau) == pytest.approx(0.0, abs=1e-9)
 
@@ -183,6 +188,113 @@ def test_one_that_its_first_step_leads_off_the_road_has_left(world: sumo.SumoWor
     assert world.read(participant) is None
     world.mirror([participant])
     world.step()
+
+
+# when SUMO begins ---------------------------------------------------------------------------
+
+
+class Shown(NamedTuple):
+    """What two participants and a signal do before one of them is handed over: one tuple a step."""
+
+    there: tuple[bool, bool]
+    ways: tuple[float, float]
+    visible: bool
+    signal: str
+
+
+@pytest.fixture(scope="module")
+def lights(tmp_path_factory: pytest.TempPathFactory) -> xodr.RoadNetwork:
+    """Four arms with lights."""
+    return xodr.load(four_way_intersection(signals=True, arm=120.0).write(tmp_path_factory.mktemp("map") / "crossing.xodr"))
+
+
+def handed_over(network: xodr.RoadNetwork, steps: list[Shown], begins: int | None) -> list[Any]:
+    """How SUMO drives the first participant after these steps, with SUMO begun before one of them, or when it has to."""
+    poses = [network.pose(xodr.RoadPoint("1", s, network.road("1").lane_t(s, 1), 1, 0.0)) for s in (80.0, 60.0)]
+    world, both = sumo.SumoWorld(), [entity(pose.x, pose.y, pose.h + math.pi, speed=10.0) for pose in poses]
+    world.open(network, 0.05, 0)
+    try:
+        for number, shown in enumerate(steps):
+            if number == begins:
+                world.begin()
+            for participant, there, way in zip(both, shown.there, shown.ways, strict=True):
+                participant.active = there
+                (world.add if there else world.remove)(participant)
+                participant.x += way * math.cos(participant.h)
+                participant.y += way * math.sin(participant.h)
+            both[1].visible = {"traffic": shown.visible}
+            world.show(both[1], shown.visible)
+            world.signal("1", shown.signal)
+            world.mirror(both)
+            world.step()
+        driven = world.drive(both[0])
+        readings: list[Any] = [driven]
+        for _ in range(200 if driven else 0):
+            world.step()
+            readings.append(world.read(both[0]))
+        vehicle = libsumo.vehicle
+        return [*readings, *((each, vehicle.getPosition(each), vehicle.getSpeed(each)) for each in sorted(vehicle.getIDList()))]
+    finally:
+        world.close()
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(
+        st.builds(
+            Shown,
+            st.tuples(st.booleans(), st.booleans()),
+            st.tuples(st.floats(0.0, 1.5), st.floats(-1.0, 2.5)),
+            st.booleans(),
+            st.sampled_from(["red", "green", "off"]),
+        ),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_sumo_that_begins_late_is_where_it_would_have_been(lights: xodr.RoadNetwork, steps: list[Shown]) -> None:
+    late = handed_over(lights, steps, None)
+    assert late == handed_over(lights, steps, 0)
+    assert late == handed_over(lights, steps, len(steps) // 2)
+
+
+def test_a_light_that_turned_before_sumo_began_counts(lights: xodr.RoadNetwork) -> None:
+    red, green = (handed_over(lights, [Shown((True, False), (0.5, 0.0), True, state)], None) for state in ("red", "green"))
+    assert red[-2].speed < 1.0 < green[-2].speed
+
+
+def test_a_run_is_the_same_whenever_sumo_begins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    init = place("Ego", 100, 20, more=controller(False, False)) + place("Lead", 200, 5)
+    path = scenario(tmp_path, init=init, stories=story("Ego", [(2.0, controller(True, True))]), stop=10.0)
+    result = runner.run(path, sut="sumo", timestep=0.05)
+    assert at(track(result, "Ego"), 1.9, "x") == pytest.approx(138.0)
+    assert at(track(result, "Ego"), 10.0, "speed") < 10.0  # it brakes as no one has scripted
+    opened = sumo.SumoWorld.open
+
+    def at_once(world: sumo.SumoWorld, *arguments: Any) -> str:
+        remark = opened(world, *arguments)
+        world.begin()
+        return remark
+
+    monkeypatch.setattr(sumo.SumoWorld, "open", at_once)
+    assert runner.run(path, sut="sumo", timestep=0.05).trajectories.equals(result.trajectories)
+
+
+def test_sumo_is_not_started_for_a_run_in_which_it_drives_no_one(tmp_path: Path) -> None:
+    program = (
+        "import sys, runner; result = runner.run(sys.argv[1], sut='cas', timestep=0.05); "
+        "print(result.settings['world'], result.status, 'libsumo' in sys.modules)"
+    )
+    answer = subprocess.run([sys.executable, "-c", program, str(scenario(tmp_path))], capture_output=True, text=True, check=True)
+    assert answer.stdout.split() == ["sumo", "completed", "False"]
+
+
+def test_a_second_run_on_sumo_is_refused_while_one_is_open(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    with runner.Session(path), pytest.raises(UsageError, match="close it"):
+        runner.Session(path)
+    with runner.Session(path, sut="sumo") as session:
+        session.step()
 
 
 def test_runs_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
