@@ -25,7 +25,7 @@ from generation.search.screen import Screen
 from recognition.training.seeding import seeded
 from xodr.array_types import FloatArray
 
-EMITTERS = ("prior", "line", "policy")
+EMITTERS = ("line",)
 """Those that are used unless others are named"""
 _FAR, _HARD = 5.0, 8.0
 """Clearance (m) at which its margin counts 1/e, and DRAC (m/s²) at which nothing is left of its own"""
@@ -47,9 +47,9 @@ class QualitySettings:
 
     emitters: Sequence[str] = EMITTERS
     batch: int = 1024
-    first: int = 8192
+    first: int = 2048
     apart: float = 0.05
-    patience: int = 6
+    patience: int = 18
     generations: int | None = None
     twin: bool = True
 

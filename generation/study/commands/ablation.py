@@ -18,6 +18,10 @@ def command(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario with a twin.")],
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of development seeds.")] = 2,
     proposals: Annotated[int, typer.Option(min=1, metavar="N", help="Proposals of each search.")] = 24576,
+    emitters: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME[+NAME...]", help="Only these sets of emitters, and no bounds of stages (repeatable)."),
+    ] = None,
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
     kind: Kind = None,
@@ -25,9 +29,17 @@ def command(
     _version: Version = False,
 ) -> None:
     """Search on the twin with each emitter alone, with all but one, with all; and with MCSG by other bounds of its stages."""
-    from generation.study.failures.ablation import bounds, emitters
+    from generation.study.failures.ablation import EMITTERS, bounds, by_emitters, sets
     from generation.study.failures.problem import posed
+    from schemas.errors import UsageError
+
+    chosen = [tuple(each.split("+")) for each in emitters or ()]
+    for name in (name for each in chosen for name in each):
+        if name not in EMITTERS:
+            raise UsageError(f"there is no emitter {name!r}; emitters: {', '.join(EMITTERS)}")
 
     with interruptible(NAME), posed(scenario, sut, 1, recorded, kind) as problem:
-        for table in (emitters, bounds):
-            print(table(problem.on_twin(), proposals, range(seeds)).markdown(), flush=True)
+        posing = problem.on_twin()
+        print(by_emitters(posing, proposals, range(seeds), chosen or sets()).markdown(), flush=True)
+        if not chosen:
+            print(bounds(posing, proposals, range(seeds)).markdown(), flush=True)

@@ -34,10 +34,10 @@ def sets() -> list[tuple[str, ...]]:
     return list({frozenset(each): each for each in every}.values())
 
 
-def emitters(posed: Posed, proposals: int, seeds: Sequence[int]) -> Table:
-    """Failures on the twin that archives with these emitters find with as many proposals."""
+def by_emitters(posed: Posed, proposals: int, seeds: Sequence[int], tried: Sequence[Sequence[str]]) -> Table:
+    """Failures on the twin that archives with each of these sets of emitters find with as many proposals."""
     rows: list[tuple[str, ...]] = []
-    for chosen in sets():
+    for chosen in tried:
         batch = QualitySettings.batch * len(QualitySettings().emitters) // len(chosen)
         settings = QualitySettings(chosen, batch)
         settings = replace(settings, generations=settings.generations_of(proposals))

@@ -117,6 +117,18 @@ def test_failures_are_counted_on_sumo_and_never_twice(
     assert "another budget" in capsys.readouterr().err
 
 
+def test_emitters_of_an_ablation_are_chosen_by_name(
+    units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick = ("--seeds", 1, "--proposals", 100, "--recorded", units)
+    assert call(monkeypatch, "ablation", CUT_IN, "--emitters", "prior+line", *quick) == 0
+    said = capsys.readouterr().out
+    assert "| prior, line | 1 |" in said
+    assert "stages" not in said
+    assert call(monkeypatch, "ablation", CUT_IN, "--emitters", "prior+lane", *quick) == 2
+    assert "no emitter 'lane'; emitters: evolution, line, policy, prior" in capsys.readouterr().err
+
+
 def test_failures_are_searched_on_sumo_alone_without_a_twin(
     tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
