@@ -7,7 +7,8 @@ from functools import partial
 from typing import Any
 
 from recognition.study import kinds, metrics
-from recognition.study.experiments.open_set import ONLY_TUNED
+from recognition.study.baselines.clustering.kmeans import KMeansFeatures
+from recognition.study.experiments.open_set import MAP_ONLY, ONLY_TUNED, seen_by
 from recognition.study.protocol.trials import Trial
 from recognition.study.strategies import average_linkage, given_count, keep_all
 from recognition.trfe.discovery.buffer import Buffer
@@ -15,16 +16,17 @@ from recognition.trfe.discovery.discovery import discover
 from recognition.trfe.steps import Steps
 from xodr.array_types import IntArray
 
-GIVEN_K, ALL_FEATURES, LINKAGE = "trfe-given-k", "all-features", "rfap-linkage"
+GIVEN_K, COUNTED, ALL_FEATURES, LINKAGE = "trfe-given-k", "trfe-counted", "all-features", "rfap-linkage"
 OWN = {
     "trfe": "**TRFE**",
     GIVEN_K: "TRFE, given K",
+    COUNTED: "TRFE, K of held-out classes",
     ALL_FEATURES: "TRFE, all features, given K",
-    ONLY_TUNED: "TRFE, features after fine-tuning alone",
+    ONLY_TUNED: "TRFE, features after fine-tuning alone, given K",
     LINKAGE: "RFAP + average linkage",
 }
 """TRFE's own ways to cluster, by name, with the titles of their rows in the report."""
-TITLES = {**OWN, **kinds.titles(kinds.CLUSTERING)}
+TITLES = {**OWN, MAP_ONLY: "map only, one frame: k-means, given K", **kinds.titles(kinds.CLUSTERING)}
 """Methods by name."""
 
 
@@ -33,9 +35,12 @@ def measure_clustering(name: str, trial: Trial) -> dict[str, Any]:
 
     The samples are the first ones of new classes in the stream, as if screening had missed and mistaken none.
     """
-    if name == ONLY_TUNED:
-        trial = trial.only_tuned
-    clusters = _own(name, trial) if name in OWN else kinds.kind(kinds.CLUSTERING, name).METHOD(trial.seed).cluster(trial.pool)
+    trial = seen_by(name, trial)
+    if name in OWN:
+        clusters = _own(name, trial)
+    else:
+        method = KMeansFeatures if name == MAP_ONLY else kinds.kind(kinds.CLUSTERING, name).METHOD
+        clusters = method(trial.seed).cluster(trial.pool)
     new = trial.appearing
     return {**metrics.clustering(new.labels, clusters)._asdict(), "samples": len(new.rows)}
 
@@ -46,7 +51,8 @@ def _own(name: str, trial: Trial) -> IntArray:
     if name == LINKAGE:
         steps = replace(steps, cluster=average_linkage)
     elif name != "trfe":
-        steps = replace(steps, cluster=partial(given_count, len(trial.round.new)))
+        count = trial.pool.likely_classes if name == COUNTED else len(trial.round.new)
+        steps = replace(steps, cluster=partial(given_count, count))
     buffer = Buffer(len(new.rows))
     buffer.add(new.features, new.rows)
     config = replace(trial.config, pretrained=0 if name == ALL_FEATURES else trial.tuned)

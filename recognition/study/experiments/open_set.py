@@ -13,16 +13,19 @@ from recognition.study.protocol.trials import Trial
 from recognition.trfe.samples import UNKNOWN, Features
 from xodr.array_types import FloatArray, IntArray
 
-OWN_RULE = "trfe"
+COMMON = "trfe"
+"""TRFE's forest and screening under the common rejection rule, as all others are."""
+OWN_RULE = "trfe-own-rule"
 """The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
-COMMON = "trfe-common"
-"""TRFE's forest and screening under the common rejection rule."""
 ONLY_TUNED = "trfe-tuned"
-"""The same on features of the fine-tuned encoder alone."""
+"""TRFE on features of the fine-tuned encoder alone."""
+MAP_ONLY = "map-only"
+"""TRFE on what the map alone tells of one frame, without anybody: tokens only."""
 TITLES = {
-    OWN_RULE: "**TRFE**",
-    COMMON: "TRFE, common rule",
+    COMMON: "**TRFE**",
+    OWN_RULE: "TRFE, its own δ",
     ONLY_TUNED: "TRFE, features after fine-tuning alone",
+    MAP_ONLY: "map only, one frame",
     **kinds.titles(kinds.SCREENINGS),
     **kinds.titles(kinds.OPEN_SET),
 }
@@ -60,11 +63,15 @@ def _own_rule(trial: Trial) -> Judged:
 
 
 def _common_rule(name: str, trial: Trial) -> Judged:
-    if name == ONLY_TUNED:
-        trial = trial.only_tuned
+    trial = seen_by(name, trial)
     fitted, held, tested = trial.labelled, trial.validation, trial.test.features
     model = _unfitted(name, trial).fit(fitted.features, fitted.labels, held.features, held.labels)
     return judged(model, tested)
+
+
+def seen_by(name: str, trial: Trial) -> Trial:
+    """The trial with the features that a method looks at."""
+    return {ONLY_TUNED: lambda: trial.only_tuned, MAP_ONLY: lambda: trial.map_only}.get(name, lambda: trial)()
 
 
 def judged(model: OpenSetMethod, features: Features) -> Judged:
@@ -75,7 +82,7 @@ def judged(model: OpenSetMethod, features: Features) -> Judged:
 
 def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
     """A method by name; those that vote share the forests of the trial."""
-    if name in (COMMON, ONLY_TUNED):
+    if name in (COMMON, ONLY_TUNED, MAP_ONLY):
         return VotingMethod(trial.seed, forest=trial.model.known.forest)
     if name in kinds.titles(kinds.SCREENINGS):
         module = kinds.kind(kinds.SCREENINGS, name)

@@ -25,6 +25,10 @@ def protocol(
     path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
     out: Annotated[Path, out_folder("Folder for results, caches, tables and figures.")],
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds; each has its own split.")] = 5,
+    first_seed: Annotated[
+        int,
+        typer.Option(min=0, metavar="N", help="The first of them: figures are reported of others than settings are chosen by."),
+    ] = 0,
     methods: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only these methods and variants (repeatable).")
     ] = None,
@@ -76,7 +80,7 @@ def protocol(
         view = Tokens() if preset == TOKENS else grid
         settings = ProtocolSettings(events_per_class or SCALES[scale], preset, split_by, view)
         evaluation = Evaluation(path, out, settings)
-        pending = evaluation.pending(seeds, kinds, methods or None)
+        pending = evaluation.pending(seeds, kinds, methods or None, first_seed)
         _show(run_beside(path, out, settings, pending, jobs), len(pending), quiet)
         _write(evaluation, out, figures, quiet)
 

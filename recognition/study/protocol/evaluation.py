@@ -36,6 +36,8 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
 """Kinds of experiments with the names of what each compares."""
 _OF_GRIDS = ("stae-kmeans", "stae-linkage")
 """Methods that need grids."""
+_OF_TOKENS = (open_set.MAP_ONLY,)
+"""Methods that need tokens."""
 
 
 @dataclass(frozen=True)
@@ -93,21 +95,22 @@ class Evaluation:
         """The trial of a round (from 1) of a seed."""
         return self._trials.trial(self.split(seed), self.rounds(seed)[number - 1], seed)
 
-    def pending(self, seeds: int, kinds: Sequence[str], names: Sequence[str] | None = None) -> list[Key]:
+    def pending(self, seeds: int, kinds: Sequence[str], names: Sequence[str] | None = None, first: int = 0) -> list[Key]:
         """Results that are not there yet, in the order in which `run` makes them.
 
         Args:
-            seeds: how many, from 0.
+            seeds: how many, from the first.
             kinds: some of `EXPERIMENTS`.
             names: of methods and variants; all by default.
         """
+        skipped = _OF_TOKENS if isinstance(self.settings.view, Grid) else _OF_GRIDS
         keys = [
             Key(kind, name, seed, one.number)
-            for seed in range(seeds)
+            for seed in range(first, first + seeds)
             for one in self.rounds(seed)
             for kind in kinds
             for name in EXPERIMENTS[kind]
-            if (names is None or name in names) and (isinstance(self.settings.view, Grid) or name not in _OF_GRIDS)
+            if (names is None or name in names) and name not in skipped
         ]
         return [key for key in keys if not self.store.has(key)]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from recognition.encoder.config import Architecture, Preset, Schedule
 from recognition.study.baselines.clustering.pool import Pool
+from recognition.study.plain import static
 from recognition.study.protocol.pixels import pixel_features
 from recognition.study.protocol.rounds import FIRST, STEP, Round
 from recognition.study.strategies import grow_plain
@@ -75,6 +76,11 @@ class Trial:
         return replace(self, encoded=np.ascontiguousarray(self.encoded[:, self.tuned :]), tuned=0)
 
     @cached_property
+    def map_only(self) -> Trial:
+        """The same with what the map alone tells in place of features, see `recognition.study.plain.static`."""
+        return replace(self, encoded=static(self.windows.inputs), tuned=0)
+
+    @cached_property
     def labelled(self) -> Samples:
         """Training samples of the known classes, of each at most as many as methods are fitted on."""
         rows = self._rows(self.split.labelled, self.round.known)
@@ -112,7 +118,7 @@ class Trial:
     def pool(self) -> Pool:
         """The same for clustering methods."""
         new, known = self.appearing, self.labelled
-        return Pool(new.features, self.windows.inputs[new.rows], known.features, known.labels, len(self.round.new))
+        return Pool(new.features, self.windows.inputs[new.rows], known.features, known.labels, len(self.round.new), self.tuned)
 
     @property
     def config(self) -> Config:

@@ -43,7 +43,8 @@ def write_figures(evaluation: Evaluation, folder: Path) -> list[Path]:
     if sensitivity:
         drawn["sensitivity"] = _sensitivity(sensitivity)
     if open_set or clustering:
-        drawn["projection"] = _projection(evaluation.trial(0, len(evaluation.rounds(0))))
+        seed = min(seed for seeds in (*open_set.values(), *clustering.values()) for seed in seeds)
+        drawn["projection"] = _projection(evaluation.trial(seed, len(evaluation.rounds(seed))))
     paths = [folder / f"{name}.png" for name in drawn]
     for path, figure in zip(paths, drawn.values(), strict=True):
         figure.savefig(path, dpi=120, metadata={"Software": None})

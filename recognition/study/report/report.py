@@ -14,6 +14,7 @@ from recognition.study.ablations import CHAINED, VARIANTS
 from recognition.study.experiments import clustering, open_set
 from recognition.study.protocol.evaluation import EXPERIMENTS, Evaluation
 from recognition.study.report.tables import Table, by_round, comparison, results_of, spread
+from recognition.trfe.samples import BACKGROUND
 
 TITLES = {
     "open-set": open_set.TITLES,
@@ -64,13 +65,14 @@ def tables(evaluation: Evaluation) -> list[Table]:
 _OPEN_SET_NOTE = (
     "Means over the rounds, then mean ± standard deviation over seeds. Known: the classes before the round, learnt with true "
     "labels; unknown: the round's new ones. All methods work on the same frozen features and give up 5 % of the known "
-    "validation windows, but for TRFE, which chooses δ by leaving one known class out. On features after fine-tuning "
-    "alone it follows the common rule."
+    "validation windows; one row has TRFE with the δ that it chooses by leaving one known class out. p: paired t-test over seeds "
+    "against TRFE."
 )
 _CLUSTERING_NOTE = (
     "Hungarian accuracy on up to 500 windows of the round's new classes, the same for all, none dropped. Unmatched: windows in "
-    "clusters for which no class was left; they count as wrong. Rows that say so are given the true number of classes, as are "
-    "random and TRFE on features after fine-tuning alone; the others find theirs."
+    "clusters for which no class was left; they count as wrong. Rows that say so are given the true number of classes, as is "
+    "random; rows with the K of held-out classes the number that suits known classes best whose labels are held back; the others "
+    "find theirs. p: paired t-test over seeds against TRFE."
 )
 _OPEN_WORLD_NOTE = (
     "One round at a time, from true labels of the known classes: a stream of known and new windows is screened, buffered, "
@@ -101,14 +103,16 @@ def _is_capacity(name: str) -> bool:
 
 
 def _data(evaluation: Evaluation) -> Table:
-    split, labels = evaluation.split(0), evaluation.windows.labels
+    first = min(_seeds(evaluation), default=0)
+    split, labels = evaluation.split(first), evaluation.windows.labels
     rows = [
         (str(int(label)), Label(int(label)).title, *(str(np.count_nonzero(labels[part] == label)) for part in split[:4]))
         for label in np.unique(labels[split.test])
+        if label != BACKGROUND
     ]
     names = len(np.unique(evaluation.windows.recordings))
     left_out = ", ".join(f"{Label(label).title} ({count} windows)" for label, count in split.left_out.items())
-    note = f"Windows of seed 0, of {names} recordings, split by {evaluation.settings.unit}." + (
+    note = f"Windows of seed {first}, of {names} recordings, split by {evaluation.settings.unit}." + (
         f" Left out, as they are not in every part: {left_out}." if left_out else ""
     )
     return Table("data", "Data", note, ("id", "class", "labelled", "stream", "validation", "test"), rows)
@@ -134,7 +138,8 @@ def _capacities(evaluation: Evaluation) -> Table:
     results = results_of(evaluation.store, "open-world", [name for name in EXPERIMENTS["open-world"] if _is_capacity(name)])
     results = {name: seeds for name, seeds in results.items() if _is_capacity(name)}
     header, rows = comparison(results, {name: name[1:] for name in results}, _OPEN_WORLD)
-    return Table("sensitivity-w", "Sensitivity to W", "As in the open world.", ("W", *header[1:]), rows)
+    rows = [row[:-1] for row in rows]
+    return Table("sensitivity-w", "Sensitivity to W", "As in the open world.", ("W", *header[1:-1]), rows)
 
 
 def _probe(evaluation: Evaluation) -> Table:
@@ -150,10 +155,11 @@ def _probe(evaluation: Evaluation) -> Table:
 def write_report(evaluation: Evaluation, out: Path) -> list[Table]:
     """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the tables."""
     found = tables(evaluation)
-    seeds = sorted({key.seed for kind in EXPERIMENTS for key, _ in evaluation.store.results(kind)})
+    seeds = _seeds(evaluation)
     settings = evaluation.settings
     intro = (
-        f"Incremental open-world protocol over {len(evaluation.rounds(0))} rounds, {len(seeds)} seeds, encoder preset "
+        f"Incremental open-world protocol over {len(evaluation.rounds(min(seeds, default=0)))} rounds, seeds "
+        f"{', '.join(map(str, seeds))}, encoder preset "
         f"`{settings.preset}`, at most {settings.events_per_class or 'all'} events of each class.\n\n{PUBLISHED}"
     )
     text = "\n".join([f"# Results of recognition\n\n{intro}\n", *(table.markdown() for table in found)])
@@ -164,6 +170,10 @@ def write_report(evaluation: Evaluation, out: Path) -> list[Table]:
     with (out / "results.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(_single_figures(evaluation))
     return found
+
+
+def _seeds(evaluation: Evaluation) -> list[int]:
+    return sorted({key.seed for kind in EXPERIMENTS for key, _ in evaluation.store.results(kind)})
 
 
 def _single_figures(evaluation: Evaluation) -> list[tuple[Any, ...]]:

@@ -12,6 +12,9 @@ from recognition.study.protocol.store import Store
 
 Results = dict[str, dict[int, dict[int, dict[str, Any]]]]
 """Values by method, seed and round."""
+REFERENCE = "trfe"
+"""The method with which others are compared."""
+_FEWEST_SEEDS = 3
 
 
 class Table(NamedTuple):
@@ -67,11 +70,31 @@ def over_rounds(seeds: dict[int, dict[int, dict[str, Any]]], figure: str) -> lis
 def comparison(
     results: Results, titles: dict[str, str], figures: dict[str, str]
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows: a row for each method, a column for each figure (name of the value → heading), means over rounds."""
+    """Header and rows: a row for each method, a column for each figure (name of the value → heading), means over rounds.
+
+    The last column is the p of a paired t-test over seeds, of a row's first figure against that of TRFE.
+    """
+    first = next(iter(figures))
     rows = [
-        (titles.get(name, name), *(spread(over_rounds(seeds, figure)) for figure in figures)) for name, seeds in results.items()
+        (
+            titles.get(name, name),
+            *(spread(over_rounds(seeds, figure)) for figure in figures),
+            paired(seeds, results.get(REFERENCE, {}), first) if name != REFERENCE else "–",
+        )
+        for name, seeds in results.items()
     ]
-    return ("", *figures.values()), rows
+    return ("", *figures.values(), "p"), rows
+
+
+def paired(seeds: dict[int, dict[int, dict[str, Any]]], others: dict[int, dict[int, dict[str, Any]]], figure: str) -> str:
+    """p of a two-sided paired t-test over the seeds that both have; a dash where there are fewer than three."""
+    from scipy.stats import ttest_rel
+
+    both = sorted(seeds.keys() & others.keys())
+    if len(both) < _FEWEST_SEEDS:
+        return "–"
+    one, other = (over_rounds({seed: of[seed] for seed in both}, figure) for of in (seeds, others))
+    return "–" if one == other else f"{ttest_rel(one, other).pvalue:.2g}"
 
 
 def by_round(results: Results, titles: dict[str, str], figure: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

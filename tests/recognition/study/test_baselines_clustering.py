@@ -10,18 +10,28 @@ import pytest
 import torch
 
 from recognition.study import metrics
+from recognition.study.baselines.clustering.gaussian_mixture import Mixture
+from recognition.study.baselines.clustering.gaussian_mixture_counted import MixtureCounted
 from recognition.study.baselines.clustering.iterative_autonovel import IterativeAutoNovel
 from recognition.study.baselines.clustering.iterative_euclidean import IterativeEuclidean
 from recognition.study.baselines.clustering.kmeans import KMeansFeatures
+from recognition.study.baselines.clustering.kmeans_axes import KMeansAxes
+from recognition.study.baselines.clustering.kmeans_axes_counted import KMeansAxesCounted
 from recognition.study.baselines.clustering.pool import ClusteringMethod, Pool
 from recognition.study.baselines.clustering.random import ChanceClusters
+from recognition.study.baselines.clustering.semi_kmeans import SemiSupervised
+from recognition.study.baselines.clustering.semi_kmeans_counted import SemiSupervisedCounted
 from recognition.study.baselines.clustering.stae import CODE, Autoencoder
 from recognition.study.baselines.clustering.stae_kmeans import STAEKMeans
 from recognition.study.baselines.clustering.stae_linkage import STAELinkage
+from recognition.study.semi_supervised import likely_classes, semi_supervised
 from tests.recognition.clouds import clouds
 from xodr.array_types import IntArray
 
-METHODS: list[type[ClusteringMethod]] = [KMeansFeatures, IterativeEuclidean, STAEKMeans, STAELinkage]
+METHODS: list[type[ClusteringMethod]] = [
+    KMeansFeatures, KMeansAxes, KMeansAxesCounted, Mixture, MixtureCounted, SemiSupervised, SemiSupervisedCounted,
+    IterativeEuclidean, STAEKMeans, STAELinkage,
+]  # fmt: skip
 
 
 def drawn(truth: IntArray) -> np.ndarray:
@@ -76,12 +86,13 @@ def test_euclidean_similarity_by_hand() -> None:
     assert found == pytest.approx(np.array(expected))
 
 
-def test_ranking_statistics_compare_the_sets_of_the_five_strongest() -> None:
+def test_ranking_statistics_count_how_many_of_the_five_strongest_are_shared() -> None:
     features = np.array(
         [[9, 8, 7, 6, 5, 0, 1], [5, 6, 7, -8, 9, 1, 0], [9, 8, 7, 6, 0, 5, 1]],
         dtype=np.float32,
     )
-    assert IterativeAutoNovel().similarity(features).tolist() == [[1, 1, 0], [1, 1, 0], [0, 0, 1]]
+    expected = np.array([[1, 1, 0.8], [1, 1, 0.8], [0.8, 0.8, 1]])
+    assert IterativeAutoNovel().similarity(features) == pytest.approx(expected)
 
 
 def test_odd_grids_are_reconstructed_in_their_size() -> None:
@@ -89,3 +100,18 @@ def test_odd_grids_are_reconstructed_in_their_size() -> None:
     model = Autoencoder(3, (4, 13, 27))
     assert model.encoder(windows).shape == (2, CODE)
     assert model(windows).shape == windows.shape
+
+
+def test_labelled_samples_keep_their_class_and_new_ones_get_clusters_of_their_own() -> None:
+    unknown, truth = clouds([2, 6, 7], 60, seed=1, apart=8.0)
+    known, labels = clouds([1, 2], 60, seed=2, apart=8.0)
+    found = semi_supervised(unknown, known, labels, 2)
+    assert (found[truth == 2] == 1).mean() > 0.95
+    assert set(np.unique(found[truth != 2])) <= {2, 3}
+    assert metrics.clustering(truth, found).accuracy > 0.95
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_the_number_of_new_classes_is_estimated_on_held_out_known_ones(count: int) -> None:
+    unknown, _ = clouds(list(range(6, 6 + count)), 60, seed=1, apart=8.0)
+    assert likely_classes(unknown, *clouds([1, 2, 3], 60, seed=2, apart=8.0)) == count

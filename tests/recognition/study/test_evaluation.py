@@ -155,3 +155,16 @@ def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
 def test_unknown_choices_are_named_with_the_known_ones(tmp_path: Path, option: dict[str, object], word: str) -> None:
     with pytest.raises(UsageError, match=f"there is no {word}"):
         protocol(tmp_path, tmp_path / "out", **option)  # type: ignore[arg-type]
+
+
+def test_reported_seeds_are_others_than_those_of_development(windows: Path, tmp_path: Path) -> None:
+    evaluation = Evaluation(windows, tmp_path, ProtocolSettings(None, view=GRID))
+    keys = evaluation.pending(3, ["open-set"], ["trfe", "trfe-own-rule", "random"], first=10)
+    assert {key.seed for key in keys} == {10, 11, 12}
+    for _ in evaluation.run([key for key in keys if key.round == 1]):
+        pass
+    write_report(evaluation, tmp_path)
+    header, *rows = table(tmp_path, "open-set")
+    p = {row[0]: row[header.index("p")] for row in rows}
+    assert p["**TRFE**"] == "–" and float(p["random"]) < 0.05
+    assert "seeds 10, 11, 12" in (tmp_path / "report.md").read_text()

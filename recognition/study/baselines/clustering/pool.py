@@ -10,6 +10,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.study.semi_supervised import likely_classes
+from recognition.trfe.config import Config
+from recognition.trfe.discovery.principal_axes import PrincipalAxes
+from recognition.trfe.prototypes import Prototypes
 from recognition.trfe.samples import Features
 from xodr.array_types import IntArray
 
@@ -23,6 +27,7 @@ class Pool:
         grids: of the same samples, uint8 (n, frames, channels, rows, columns).
         known, labels: features (m, d) and classes (m,) of the labelled samples.
         classes: true number of classes among the unknown samples; only methods that say so look at it.
+        tuned: from which column on features are of the encoder after fine-tuning.
     """
 
     features: Features
@@ -30,6 +35,7 @@ class Pool:
     known: Features
     labels: IntArray
     classes: int
+    tuned: int = 0
 
     @cached_property
     def codes(self) -> Features:
@@ -37,6 +43,23 @@ class Pool:
         from recognition.study.baselines.clustering.stae import stae_codes
 
         return stae_codes(self.grids, seed=0)
+
+    @cached_property
+    def directions(self) -> tuple[Features, Features]:
+        """The unknown and the labelled samples along the axes in which TRFE clusters, (n, c) and (m, c)."""
+        parts = np.split(self.known, [self.tuned], axis=1) if self.tuned else [self.known]
+        prototypes = [Prototypes.fit(part, self.labels) for part in parts]
+        axes = PrincipalAxes.fit(prototypes, self.features, Config().components)
+        return axes.project(self.features), axes.project(self.known)
+
+    @cached_property
+    def likely_classes(self) -> int:
+        """Number of classes among the unknown samples, estimated on held-out known classes along the axes of both together:
+        those of `directions` begin at the known classes, which are nowhere along them."""
+        unknown, known = self.standardised()
+        both = np.concatenate([unknown, known])
+        axes = np.linalg.svd(both - both.mean(axis=0), full_matrices=False)[2][: Config().components].T
+        return likely_classes(unknown @ axes, known @ axes, self.labels)
 
     def standardised(self) -> tuple[Features, Features]:
         """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
