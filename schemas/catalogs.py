@@ -188,7 +188,7 @@ class Catalogs:
             except (OSError, ValueError):
                 incomplete = True
                 place = f"{directory.file}:{directory.line}"
-                problems.append(f"the directory {directory.path} ({place}) does not exist or cannot be read")
+                problems.append(f"the directory {directory.path} ({place}) does not exist or can't be read")
                 continue
             files.update(dict.fromkeys(located.files))
             if located.assumed:

@@ -34,13 +34,13 @@ def read_bytes(path: Path) -> bytes:
         if not stat.S_ISREG(status.st_mode):
             raise InvalidFile("this is not a regular file", path=path)
         if status.st_size > MAX_BYTES:
-            raise InvalidFile(f"{status.st_size} bytes are more than the {MAX_BYTES} that are read", path=path)
+            raise InvalidFile(f"the file has {status.st_size} bytes, at most {MAX_BYTES} are read", path=path)
         return path.read_bytes()
     except FileNotFoundError:
         raise InvalidFile("no such file", path=path) from None
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise InvalidFile(f"the file cannot be read: {reason}", path=path) from None
+        raise InvalidFile(f"the file can't be read: {reason}", path=path) from None
 
 
 _ENDING = 2.0

@@ -86,7 +86,7 @@ def _compiled(schema: Schema) -> etree.XMLSchema:
     try:
         return etree.XMLSchema(parse(schema.path))
     except (etree.XMLSchemaParseError, InvalidFile) as error:
-        raise UsageError(f"the XSD cannot be used: {error}", path=schema.path) from None
+        raise UsageError(f"the XSD can't be used: {error}", path=schema.path) from None
 
 
 @cache
@@ -97,7 +97,7 @@ def _explainer(schema: Schema) -> Any:
     try:
         return kind(str(schema.path), allow="local")
     except xmlschema.XMLSchemaException as error:
-        raise UsageError(f"the XSD cannot be used: {error}", path=schema.path) from None
+        raise UsageError(f"the XSD can't be used: {error}", path=schema.path) from None
 
 
 def _explained(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:

@@ -109,7 +109,9 @@ def annotated(document: Document, tags: Sequence[Tag]) -> Document:
     """
     if document.version < (1, 2):
         version = ".".join(map(str, document.version))
-        raise Unsupported(f"OpenSCENARIO {version} has no Properties in the FileHeader, 1.2 has", path=document.path)
+        raise Unsupported(
+            f"OpenSCENARIO {version} has no Properties in the FileHeader; versions from 1.2 on do", path=document.path
+        )
     root = copy.deepcopy(document.root)
     header = root.find("FileHeader")
     if header is None:

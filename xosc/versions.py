@@ -58,7 +58,7 @@ def convert(document: Document, to: Version) -> Document:
     top.need("FileHeader").element.set("revMinor", str(to[1]))
     for problem in _violations(tree, to):
         node = _nearest(problem.element, document)
-        raise node.unsupported(f"cannot be said in OpenSCENARIO {to[0]}.{to[1]}: {problem.message}")
+        raise node.unsupported(f"can't be said in OpenSCENARIO {to[0]}.{to[1]}: {problem.message}")
     return Document(document.path, top.element, to, document.kind)
 
 
@@ -189,7 +189,7 @@ def say_left_open(element: etree._Element) -> None:
 
 def _with_direction(condition: etree._Element) -> None:
     if "direction" not in condition.attrib:
-        raise UsageError("without a direction it is about the total acceleration, of which versions before 1.2 do not know")
+        raise UsageError("without a direction it is the total acceleration, which versions before 1.2 do not have")
 
 
 def _tag(new: str) -> Change:

@@ -121,7 +121,7 @@ def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Actions:
     """
     found = Actions.joined([_extracted(source, Path(roads)) for source in open_data(path, roads).sources])
     if not len(found):
-        raise UsageError("nobody in these recordings cuts in for long enough", path=path)
+        raise UsageError("these recordings have no cut-in that lasts long enough", path=path)
     return found
 
 

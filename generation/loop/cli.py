@@ -89,7 +89,7 @@ def _model(labels: str, model: Path | None) -> Path | None:
             raise UsageError("--model and --labels rules exclude each other")
         return None
     if model is not None and not model.is_dir():
-        raise UsageError("there is no model in this folder; --labels rules does without", path=model)
+        raise UsageError("there is no model in this folder; --labels rules needs none", path=model)
     return model or SHIPPED
 
 

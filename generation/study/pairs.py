@@ -98,7 +98,7 @@ def coordinated(posed: Posed, alone: Mapping[str, Path], sut: str) -> Posed:
     """
     problem = posed.problem
     if problem.twin is None:
-        raise Unsupported("two adversaries are told apart on the twin, which can't play this")
+        raise Unsupported("two adversaries are distinguished on the twin, which can't play this")
     twins = {name: Twin(path, problem.space, RunSettings(sut=sut)) for name, path in alone.items()}
     return posed._replace(problem=replace(problem, twin=Coordinated(problem.twin, twins)))
 

@@ -40,7 +40,7 @@ def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Work
             try:
                 yield from pool.map(work, tasks)
             except BrokenProcessPool:
-                raise ToolchainError("a process died, perhaps for want of memory; go on with fewer --jobs") from None
+                raise ToolchainError("a process died, perhaps because memory ran out; go on with fewer --jobs") from None
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
 

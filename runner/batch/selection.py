@@ -88,7 +88,7 @@ class Selection:
                 found.add(index)
                 tries = 0
         if not found:
-            raise UsageError(f"of {len(rejected)} samples none keeps the constraints of {space.scenario}")
+            raise UsageError(f"none of {len(rejected)} samples satisfies the constraints of {space.scenario}")
         return sorted(found)
 
 

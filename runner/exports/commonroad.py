@@ -59,7 +59,9 @@ def scenario(result: RunResult, name: str) -> etree._Element:
     for track in tracks.values():
         if track.columns["time"][0] > 0.0:
             raise unsupported(
-                result, track.name, f"{track.name!r} appears at {track.columns['time'][0]:g} s, CommonRoad's at 0 s"
+                result,
+                track.name,
+                f"{track.name!r} appears at {track.columns['time'][0]:g} s, but obstacles of CommonRoad start at 0 s",
             )
     numbers = count(1)
     root = etree.Element("commonRoad", _header(result, name))

@@ -72,7 +72,7 @@ def write_trace(result: RunResult, path: Path) -> None:
         "data_sources": "simulation",
     }
     if not writer.open(path, metadata=metadata):
-        raise UsageError("the trace cannot be written", path=path)
+        raise UsageError("the trace can't be written", path=path)
     channel = {
         "net.asam.osi.trace.channel.osi_version": osi.osi_version,
         "net.asam.osi.trace.channel.protobuf_version": osi.protobuf_version,

@@ -191,7 +191,7 @@ class Simulation:
         entity.vx, entity.vy = vx, vy
         entity.acceleration = (speed - entity.speed) / dt
         if not math.isfinite(entity.ax + entity.ay + entity.acceleration):
-            raise entity.declared.invalid(f"{entity.name!r} moves beyond all numbers at {self.time:g} s")
+            raise entity.declared.invalid(f"{entity.name!r} moves too fast for a number at {self.time:g} s")
         entity.speed = speed
         distance = speed * dt
         entity.odometer += distance if distance > 0.0 else -distance

@@ -146,7 +146,7 @@ def _speeds(axes: Axes, tracks: list[Track], colours: dict[str, str], impact: Im
 def _criticality(axes: Axes, result: RunResult, impact: Impact | None) -> None:
     measures = result.criticality
     if measures is None:
-        axes.text(0.5, 0.5, "no ego, or nobody else", ha="center", va="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "no ego, or no other participant", ha="center", va="center", transform=axes.transAxes)
         axes.set_axis_off()
         return
     table = measures.table()

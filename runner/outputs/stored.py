@@ -156,7 +156,7 @@ def _network(recorded: Path | None, given: Path | None, path: Path) -> RoadNetwo
     from xodr.reader import load
 
     if given is None and not os.path.isfile(file):  # unlike Path.is_file it takes names of any length
-        raise InvalidFile(f"the road network {recorded} of this run is not there any more; name it by --road", path=path)
+        raise InvalidFile(f"the road network {recorded} of this run no longer exists; give it by --road", path=path)
     return load(file)
 
 

@@ -106,7 +106,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         self._seen = session.observation
         if self._seen is None:
             self.close()
-            raise UsageError("the scenario has no ego that is ever there", path=self._sets[number][0])
+            raise UsageError("the ego of the scenario never appears", path=self._sets[number][0])
         return self._view.of(self._seen), self._info(session, False)
 
     def step(self, action: Rows) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:

@@ -41,7 +41,7 @@ def write_film(results: Sequence[RunResult], path: Path) -> None:
     """
     ffmpeg = shutil.which("ffmpeg")
     if ffmpeg is None:
-        raise UsageError("an .mp4 needs ffmpeg, which is not installed; a .gif does without", path=path)
+        raise UsageError("an .mp4 needs ffmpeg, which is not installed; a .gif does not", path=path)
     made = frames(results, _times(results, _MP4))
     first = next(made)
     size = f"{first.width}x{first.height}"

@@ -70,7 +70,7 @@ def _program() -> str:
     home = Path(sumo.__file__).parent
     found = shutil.which("sumo-gui", path=str(home / "bin")) or shutil.which("sumo-gui")
     if found is None:
-        raise UsageError("--gui needs sumo-gui, which comes with eclipse-sumo; install that anew")
+        raise UsageError("--gui needs sumo-gui, which comes with eclipse-sumo; reinstall that")
     return found
 
 

@@ -43,7 +43,7 @@ def read(path: Path) -> Roads:
     """Read a road network; cached until the file changes.
 
     Raises:
-        InvalidFile: the file cannot be read, or is no OpenDRIVE file.
+        InvalidFile: the file can't be read, or is no OpenDRIVE file.
     """
     return _read(path, stamp(path))
 

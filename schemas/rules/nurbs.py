@@ -20,4 +20,4 @@ def check(document: Document) -> Iterator[Finding]:
             yield Finding(element, f"{len(knots)} knots, but {points} control points of order {order:g} need {points + order:g}")
         values = [value for knot in knots if (value := document.number(knot, "value")) is not None]
         if values != sorted(values):
-            yield Finding(element, "the knots do not ascend")
+            yield Finding(element, "the knots must ascend")

@@ -39,4 +39,4 @@ def _ascending(document: Document, records: list[etree._Element], names: tuple[s
             yield Finding(after, f"{place} is less than that of the record before it")
         elif here == start:
             alike = before.items() == after.items()
-            yield Finding(after, f"{place} is that of the record before it, too", "warning" if alike else None)
+            yield Finding(after, f"{place} must differ from that of the record before it", "warning" if alike else None)

@@ -40,7 +40,8 @@ def test_criteria_are_judged_when_the_run_is_over() -> None:
     result = run()
     assert result.verdict.passed and not result.verdict.reasons and not remarks(result)
     collision, distance = result.verdict.criteria
-    assert (collision.name, collision.entity, collision.passed, collision.reason) == ("CollisionTest", "hero", True, "hit nobody")
+    found = (collision.name, collision.entity, collision.passed, collision.reason)
+    assert found == ("CollisionTest", "hero", True, "no collision")
     assert distance.value == pytest.approx(10.0 * result.end_time) and distance.unit == "m"
 
 
@@ -150,5 +151,5 @@ def test_results_are_in_the_files_of_a_run(tmp_path: Path) -> None:
     assert load_run(tmp_path / "run").verdict.criteria[1].state == "failed"
     write_junit([outcome], tmp_path / "junit.xml")
     found = {each.get("name"): each.get("value") for each in etree.parse(tmp_path / "junit.xml").iter("property")}
-    assert found["criteria_CollisionTest hero"] == "passed: hit nobody"
+    assert found["criteria_CollisionTest hero"] == "passed: no collision"
     assert found["criteria_DrivenDistanceTest hero"].startswith("failed: drove")

@@ -54,7 +54,7 @@ def test_the_road_may_have_moved(copy: Path) -> None:
     values = json.loads((copy / RESULT).read_text())
     road, values["files"]["road"] = Path(values["files"]["road"]), "/absent/road.xodr"
     (copy / RESULT).write_text(json.dumps(values))
-    with pytest.raises(InvalidFile, match="not there any more; name it by --road"):
+    with pytest.raises(InvalidFile, match="no longer exists; give it by --road"):
         load_run(copy)
     network = load_run(copy, road).recording.network
     assert network is not None and network.path == road

@@ -244,7 +244,7 @@ def test_an_entry_of_another_kind_is_not_the_entry(scenario, catalog):
         (LOCATIONS, '<ScenarioObject><CatalogReference entryName="car"/></ScenarioObject>', "'catalogName' is missing"),
         ("<VehicleCatalog/>", ego(), "Directory is missing"),
         ("<VehicleCatalog><Directory/></VehicleCatalog>", ego(), "'path' is missing"),
-        (f'<VehicleCatalog><Directory path="{"x" * 5000}"/></VehicleCatalog>', ego(), "cannot be read"),
+        (f'<VehicleCatalog><Directory path="{"x" * 5000}"/></VehicleCatalog>', ego(), "can't be read"),
     ],
 )
 def test_malformed_references_are_refused(scenario, catalog, locations, body, message):

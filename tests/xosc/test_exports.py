@@ -164,7 +164,7 @@ def test_what_a_version_cannot_say_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("road", "reason"), [("nowhere.xodr", "does not exist"), ("/dev/zero", "cannot be taken along: this is not a reg")]
+    ("road", "reason"), [("nowhere.xodr", "does not exist"), ("/dev/zero", "can't be taken along: this is not a reg")]
 )
 @pytest.mark.parametrize("target", ["1.1", "esmini", "carla"])
 def test_a_road_that_cannot_be_taken_along_is_named(road: str, reason: str, target: str, tmp_path: Path) -> None:

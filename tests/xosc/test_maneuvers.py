@@ -77,7 +77,7 @@ def test_places_along_a_trajectory_came_with_1_1(version: tuple[int, int]) -> No
     path = m.reference("paths", "t")
     actions = [m.teleport(m.trajectory_position(path, 12.5)), m.follow_path(path, 12.5)]
     if version == (1, 0):
-        with pytest.raises(Unsupported, match="cannot be said in OpenSCENARIO"):
+        with pytest.raises(Unsupported, match="can't be said in OpenSCENARIO"):
             driven([m.event("e", actions, m.simulation_time(1))], version)
     else:
         document = driven([m.event("e", actions, m.simulation_time(1))], version)

@@ -76,7 +76,7 @@ def ascending(elements: list[etree._Element], name: str, *, distinct: bool = Fal
         if value < start:
             raise invalid(element, f"{name}={value:g} follows {start:g}, but {name} must not decrease")
         if distinct and value == start and element.attrib != before.attrib:
-            raise invalid(element, f"{name}={value:g} is that of the record before, too")
+            raise invalid(element, f"{name}={value:g} must differ from that of the record before")
     return values
 
 

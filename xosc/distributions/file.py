@@ -66,7 +66,7 @@ def write_distribution(
 
     Raises:
         Unsupported: the version cannot say it: distributions came with 1.1, log-normal ones with 1.3.
-        UsageError: the file cannot be written.
+        UsageError: the file can't be written.
     """
     write(new_document(path, header, [distribution.write()], version), path)
 

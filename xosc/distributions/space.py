@@ -211,7 +211,7 @@ def _drawn(space: ParameterSpace, seed: float, enforce_constraints: bool) -> Ite
             yield variation
         else:
             rejections += 1
-    raise UsageError(f"of {MAX_REJECTIONS} samples none keeps the constraints of {space.scenario}")
+    raise UsageError(f"none of {MAX_REJECTIONS} samples satisfies the constraints of {space.scenario}")
 
 
 def _declarations(scenario: Document) -> list[Node]:

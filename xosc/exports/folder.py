@@ -54,7 +54,7 @@ class Folder:
             if not path.is_file() or path.read_bytes() != content:
                 raise UsageError("this is in the way of an export, which overwrites nothing", path=path) from None
         except OSError as error:
-            raise UsageError(f"the file cannot be written: {error.strerror or error}", path=path) from None
+            raise UsageError(f"the file can't be written: {error.strerror or error}", path=path) from None
 
     def write_by(self, name: str, writer: Callable[[Path], object]) -> None:
         """Write a file that a function writes to the path it is given; errors as in `write`."""

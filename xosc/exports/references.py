@@ -44,7 +44,7 @@ def take_roads(document: Document, draft: Draft) -> Path | None:
         try:
             content = read_bytes(source)
         except InvalidFile as error:
-            raise node.invalid(f"{source} cannot be taken along: {error.message}") from None
+            raise node.invalid(f"{source} can't be taken along: {error.message}") from None
         name = draft.folder.name(source, f"{ROADS if node.tag == 'LogicFile' else MODELS}/{source.name}")
         node.element.set("filepath", name)
         draft.add(name, content)
@@ -64,7 +64,7 @@ def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:
         try:
             files = [Path(file) for file in locate(source, document.path).files]
         except (OSError, ValueError):
-            raise node.invalid(f"the directory {source} does not exist or cannot be read") from None
+            raise node.invalid(f"the directory {source} does not exist or can't be read") from None
         for catalog in [load(file, strict=draft.settings.strict) for file in files]:
             if catalog.kind == "catalog":
                 draft.note(*catalog.remarks)

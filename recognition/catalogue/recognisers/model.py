@@ -150,6 +150,6 @@ def load(folder: Path, *, sorts: bool | None = None) -> ByModel:
         InvalidFile: it is not readable.
     """
     if not folder.is_dir():
-        raise UsageError("there is no model in this folder; --labels rules does without", path=folder)
+        raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
     model = storage.load(folder)
     return ByModel(model, sorts=objection(unseen_sites(folder)) is None if sorts is None else sorts)

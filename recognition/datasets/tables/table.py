@@ -226,4 +226,4 @@ def _unreadable(path: Path, error: Any) -> InvalidFile:
     if path.is_dir():
         return InvalidFile("this is a folder, a file is expected", path=path)
     reason = getattr(error, "strerror", None) or str(error)
-    return InvalidFile(f"the file cannot be read: {reason}", path=path)
+    return InvalidFile(f"the file can't be read: {reason}", path=path)

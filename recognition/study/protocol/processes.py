@@ -39,7 +39,9 @@ def run_beside(path: Path, out: Path, settings: ProtocolSettings, pending: Seque
                     one.result()
                 yield sum(map(store.has, pending))
         except BrokenProcessPool:
-            raise UsageError("a process of the evaluation died, perhaps for want of memory; go on with fewer --jobs") from None
+            raise UsageError(
+                "a process of the evaluation died, perhaps because memory ran out; go on with fewer --jobs"
+            ) from None
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 

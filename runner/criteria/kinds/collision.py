@@ -40,8 +40,8 @@ def evaluate(drive: Drive) -> Finding:
         speed = abs(columns["speed"][max(row - 1, 0)])
         return Finding(False, float(len(counted)), f"hit {contact.other} at {contact.time:.2f} s with {speed:.1f} m/s")
     if standing:
-        return Finding(True, 0.0, f"hit nobody; it stood when {standing[0].other} touched it at {standing[0].time:.2f} s")
-    return Finding(True, 0.0, "hit nobody")
+        return Finding(True, 0.0, f"no collision: it stood when {standing[0].other} touched it at {standing[0].time:.2f} s")
+    return Finding(True, 0.0, "no collision")
 
 
 def _same(contact: Contact, row: int, before: Contact, place: int, columns: dict[str, np.ndarray]) -> bool:

@@ -92,7 +92,7 @@ def test_path_that_is_not_there_is_refused(tmp_path: Path) -> None:
     [
         ("a.csv", b"", ":1: the file is empty"),
         ("a.csv", b"\xff\xfet\0r\0", ":1: this is not UTF-8 text"),
-        ("a.parquet", b"PAR1", ": the file cannot be read"),
+        ("a.parquet", b"PAR1", ": the file can't be read"),
         ("a.tar.xz", b"\xfd7zXZ\0", ": "),
         ("07_tracksMeta.csv", b"", ":1: the file is empty"),
     ],

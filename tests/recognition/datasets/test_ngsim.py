@@ -218,7 +218,7 @@ def test_columns_that_differ_in_spelling_only_are_refused(tmp_path: Path, write:
 @pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" + b"\0" * 100 + b"PAR1", b"Vehicle_ID,Frame_ID\n"])
 def test_file_that_is_no_parquet_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "t.parquet").write_bytes(content)
-    with pytest.raises(InvalidFile, match=r"t\.parquet: the file cannot be read: "):
+    with pytest.raises(InvalidFile, match=r"t\.parquet: the file can't be read: "):
         read(tmp_path)
 
 

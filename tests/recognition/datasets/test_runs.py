@@ -143,7 +143,7 @@ def test_run_on_no_road_names_none(run: Path) -> None:
 def test_damaged_trajectories_are_refused(run: Path) -> None:
     path = run / "trajectories.parquet"
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(InvalidFile, match=r"trajectories\.parquet: the file cannot be read"):
+    with pytest.raises(InvalidFile, match=r"trajectories\.parquet: the file can't be read"):
         read(run)
 
 

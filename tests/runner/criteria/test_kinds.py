@@ -98,7 +98,7 @@ def test_reached_region() -> None:
 
 def test_collision() -> None:
     driven = drive(ahead(0, 60))
-    assert judge("CollisionTest", driven) == (True, 0.0, "hit nobody")
+    assert judge("CollisionTest", driven) == (True, 0.0, "no collision")
     hits = (Contact(1.0, "A"), Contact(1.2, "B"), Contact(3.0, "A"), Contact(5.5, "C"))
     found = judge("CollisionTest", drive(ahead(0, 60), contacts=hits))
     assert found == (False, 2.0, "hit A at 1.00 s with 10.0 m/s")

@@ -96,7 +96,7 @@ def _lane_change(action: Node, scenario: Node, state: State, left_hand: bool) ->
     if dynamics.get("dynamicsDimension") == "distance":
         return ""
     if dynamics.get("dynamicsDimension") == "rate" or not now.speed:
-        raise dynamics.unsupported("scenario_runner changes lanes over a distance, and there is none known for this")
+        raise dynamics.unsupported("scenario_runner changes lanes over a distance, which is not known here")
     distance = dynamics.float("value") * now.speed
     dynamics.element.attrib.update({"dynamicsDimension": "distance", "value": repr(distance)})
     return f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that {now.speed:g} m/s make of it"
@@ -173,7 +173,7 @@ def _hero(document: Document) -> str:
         return f"{document.path}: no vehicle is called Ego or hero: CARLA runs it without an ego"
     old = named[0].get("name")
     if old != HERO and any(each.get("name") == HERO for each in objects):
-        raise named[0].unsupported(f"the ego is to be called {HERO}, and another entity is")
+        raise named[0].unsupported(f"the ego must be called {HERO}, which is the name of another entity")
     named[0].element.set("name", HERO)
     for element in document.root.iter():
         for attribute in ("entityRef", "masterEntityRef"):

@@ -55,6 +55,6 @@ def _lateral_distance(action: Node) -> None:
     """A side by the sign of the distance, positive to the right."""
     side = action.element.attrib.pop("displacement", "any")
     if side == "any":
-        raise action.unsupported("scenario_runner's distance is to one side: displacement is expected to say to which")
+        raise action.unsupported("scenario_runner keeps distances to one side: displacement must say to which")
     if side == "leftToReferencedEntity":
         _negate(action, "distance")

@@ -124,7 +124,7 @@ def _content(path: Path, member: str) -> bytes:
     try:
         archive, entry = _archive(path, path.stat().st_mtime_ns)[member]
         if entry.size > MAX_BYTES:
-            raise InvalidFile(f"{entry.size} bytes are more than the {MAX_BYTES} that are read", path=path / member)
+            raise InvalidFile(f"the file has {entry.size} bytes, at most {MAX_BYTES} are read", path=path / member)
         file = archive.extractfile(entry)
         return file.read() if file is not None else b""
     except _BROKEN as error:

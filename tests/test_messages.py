@@ -1,0 +1,75 @@
+"""The style of messages: what is wrong in lower case, active and short, and what would be right; no full stop."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation")
+CALLS = {"invalid", "unsupported", "remark", "UsageError", "InvalidFile", "Unsupported", "Finding", "Rule", "Omission"}
+"""What makes a message, or is given one."""
+VALUE = "…"
+"""Stands for a value in a text."""
+NAMES = re.compile(r"([A-Z][a-z]*[A-Z]\w*|[A-Z]{3,}\w*)('s)?\b|No-Maneuver")
+"""Names of others, of elements and of files that a message may begin with."""
+BANNED = re.compile(r"\b(told|wish|nobody|somebody|anybody|furniture|for want of|can not|cannot|please|sorry|oops)\b|!$", re.I)
+
+
+def _text(node: ast.expr) -> str:
+    """A text with its values left out; empty where it is none."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(each.value) if isinstance(each, ast.Constant) else VALUE for each in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return (_text(node.left) or VALUE) + (_text(node.right) or VALUE)
+    return ""
+
+
+def messages(module: Path) -> Iterator[tuple[int, str]]:
+    """Line and text of the sentences that a module says."""
+    for node in ast.walk(ast.parse(module.read_text("utf-8"))):
+        called = node.func if isinstance(node, ast.Call) else None
+        if isinstance(called, ast.Name | ast.Attribute) and (called.id if isinstance(called, ast.Name) else called.attr) in CALLS:
+            assert isinstance(node, ast.Call)
+            for given in [*node.args, *(keyword.value for keyword in node.keywords)]:
+                text = _text(given)
+                if " " in text.strip() and not text.startswith(("/", "//")):
+                    yield node.lineno, text
+
+
+def faults(text: str) -> list[str]:
+    """What is not in style."""
+    found = []
+    if text[0].isupper() and not NAMES.match(text):
+        found.append("begins with a capital")
+    if text.endswith(".") and not text.endswith("…."):
+        found.append("ends with a full stop")
+    if "  " in text or "\n" in text:
+        found.append("is not one line of single spaces")
+    return found + [f"says {word.group()!r}" for word in BANNED.finditer(text)]
+
+
+MODULES = [module for package in PACKAGES for module in sorted((ROOT / package).rglob("*.py"))]
+
+
+def test_messages_are_in_one_style() -> None:
+    said = [(module, line, text) for module in MODULES for line, text in messages(module)]
+    assert len(said) > 500
+    wrong = [f"{module.relative_to(ROOT)}:{line}: {fault}: {text}" for module, line, text in said for fault in faults(text)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("text", ["The file is empty", "the file is empty.", "nobody drives", "it cannot be read", "two  spaces"])
+def test_other_styles_are_found(text: str) -> None:
+    assert faults(text)
+
+
+@pytest.mark.parametrize("text", ["CARLA has no trailers", "SUMO's drivers drive cars", "EntityRef or ByType is expected"])
+def test_names_of_others_keep_their_case(text: str) -> None:
+    assert not faults(text)
