@@ -121,7 +121,7 @@ def generate(
 
     Runs are kept in the folder as they come: after an interruption the same call goes on where it was, and one with another
     budget, seed or method extends the search. Edge cases are chosen from all runs that are kept; files of a search before that
-    nobody has changed are replaced.
+    nobody has changed are replaced. Draws of the density and runs of an estimate are among those that cases are chosen from.
 
     Args:
         scenario: the file.
@@ -152,10 +152,10 @@ def generate(
         problem = Problem(space, evaluate, reward, real.theta, found, prior, _twin(scenario, space, settings))
         history = search(problem, settings.budget, settings.seed)
         judged = prior.judged if gate.refusal is None else prior.unjudged
-        kept = _rewarded(memory, reward)
-        every = kept if len(kept.theta) else history
-        cases = choose(space, every, judged, evaluator, settings.choice, found, problem.twin)
+        every = _joined([_rewarded(each, reward) for each in (memory, draws)])
         rate = _estimate(problem, source, more, evaluator, every, settings) if settings.estimate else None
+        every = _joined([every, _rewarded(more, reward)])
+        cases = choose(space, every, judged, evaluator, settings.choice, found, problem.twin)
         if rate is not None:
             of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
             write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
@@ -163,8 +163,7 @@ def generate(
         written.withdraw()
         files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
         written.note()
-    episodes = _joined([every, *(_rewarded(each, reward) for each in (draws, more))])
-    return Generated(space, real, prior, history, episodes, cases, files, gate, memory.reused, rate)
+    return Generated(space, real, prior, history, every, cases, files, gate, memory.reused, rate)
 
 
 def _rewarded(memory: Memory, reward: Reward) -> Episodes:

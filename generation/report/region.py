@@ -1,6 +1,7 @@
 """Where a system fails: a quadratic boundary over the tester's measures, cross-validated, in slices that can be drawn.
 
-Logistic regression on all products of two measures: the simplest boundary that can be closed. It separates the runs that there
+Logistic regression on all products of two measures: the simplest boundary that can be closed. What is drawn is that of the
+measures that matter most, so that a slice holds one measure and not ten. It separates the runs that there
 are. These were sought near failures, so that it is no probability of a failure in traffic (`generation.estimation` is).
 """
 
@@ -32,7 +33,7 @@ class Slice(NamedTuple):
 
     Attributes:
         across, up: indices of the measures.
-        held: values of all measures (k,): those of the middle failure.
+        held: medians (k,) over the failures, of all measures.
         boundary: lines (n, 2) where as much speaks for a failure as against it, among the runs that there are.
     """
 
@@ -51,13 +52,16 @@ class Region:
             right; ½ is chance. spread: its standard deviation over folds.
         area: under the receiver's characteristic, likewise.
         weights: how much of the accuracy goes when a measure's values are shuffled, by its index, the greatest first.
-        slices: of the measures that matter most.
+        drawn: indices of the measures that matter most. alone: accuracy of a model of these alone.
+        slices: of that model.
     """
 
     accuracy: float
     spread: float
     area: float
     weights: dict[int, float]
+    drawn: list[int]
+    alone: float
     slices: list[Slice]
 
 
@@ -70,13 +74,16 @@ def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
         return "one measure varies: there is nothing to draw over two"
     rows = np.stack([each.values for each in measures], axis=1)
     scores = _scores(rows, failing)
-    model = _model().fit(rows, failing)
-    weights = _weights(model, rows, failing)
-    pairs = combinations(list(weights)[:_SLICED], 2)
-    held = np.median(rows[failing], axis=0)
-    slices = [Slice(across, up, held, _boundary(model, rows, held, across, up)) for across, up in pairs]
+    weights = _weights(_model().fit(rows, failing), rows, failing)
+    drawn, held = list(weights)[:_SLICED], np.median(rows[failing], axis=0)
+    few = rows[:, drawn]
+    model, alone = _model().fit(few, failing), _scores(few, failing)["test_balanced_accuracy"]
+    slices = [
+        Slice(drawn[across], drawn[up], held, _boundary(model, few, held[drawn], across, up))
+        for across, up in combinations(range(len(drawn)), 2)
+    ]
     accuracy, area = scores["test_balanced_accuracy"], scores["test_roc_auc"]
-    return Region(float(accuracy.mean()), float(accuracy.std()), float(area.mean()), weights, slices)
+    return Region(float(accuracy.mean()), float(accuracy.std()), float(area.mean()), weights, drawn, float(alone.mean()), slices)
 
 
 def _model() -> Pipeline:

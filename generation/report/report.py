@@ -151,7 +151,7 @@ def _region(found: Region | str) -> Json:
         }
         for each in found.slices
     ]
-    scores = {"accuracy": found.accuracy, "spread": found.spread, "area": found.area}
+    scores = {"accuracy": found.accuracy, "spread": found.spread, "area": found.area, "drawn": found.drawn, "alone": found.alone}
     return {**scores, "weights": [[index, round(weight, 3)] for index, weight in found.weights.items()], "slices": slices}
 
 
