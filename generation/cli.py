@@ -13,7 +13,7 @@ import typer
 from generation.adversary import NAME as ADVERSARY
 from generation.adversary.command import adversary
 from generation.density.model import JUDGE
-from generation.options import Density, Free, Jobs, Kind, Map, Method, Pin, Quiet, Recorded, Sut, Timestep
+from generation.options import Density, Free, Jobs, Kind, Map, Method, Pin, Quiet, Ray, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
@@ -96,6 +96,7 @@ def xosc_generate(
         str, typer.Option(metavar="NAME", help="World of runs: sumo, or kinematic (scripted motion alone).")
     ] = "sumo",
     jobs: Jobs = 2,
+    ray: Ray = None,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -116,7 +117,7 @@ def xosc_generate(
     if method != ADVERSARY:
         search_of(method)  # what it needs is better asked for before recordings are read
     settings = SearchSettings(
-        RunSettings(sut=sut, timestep=timestep, world=world), method, budget, seed, density, weight, rss, jobs,
+        RunSettings(sut=sut, timestep=timestep, world=world), method, budget, seed, density, weight, rss, jobs, ray,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))

@@ -54,6 +54,7 @@ class SearchSettings:
         weight: of realism in the reward; None for the one of `Reward`.
         rss: name of the RSS parameter set.
         processes: how many runs at a time.
+        ray: address of a Ray cluster that does the runs, or `local`; None for processes of one's own.
         pinned: values of parameters that are not searched.
         free: names of parameters to search besides the default ones.
         marginals: densities, and ranges, of parameters to search besides.
@@ -71,6 +72,7 @@ class SearchSettings:
     weight: float | None = None
     rss: str = "ad-rss"
     processes: int = 2
+    ray: str | None = None
     pinned: Mapping[str, str] = field(default_factory=dict)
     free: Sequence[str] = ()
     marginals: Mapping[str, Marginal] = field(default_factory=dict)
@@ -232,7 +234,7 @@ def _twin(scenario: Path, space: Space, settings: SearchSettings) -> Twin | None
 
 
 def _evaluator(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
-    return Evaluator(scenario, space, run=settings.run, rss=settings.rss, processes=settings.processes)
+    return Evaluator(scenario, space, run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray)
 
 
 def evidence(settings: SearchSettings) -> Evidence:

@@ -46,6 +46,8 @@ def read_bytes(path: Path) -> bytes:
 _ENDING = 2.0
 """Time (s) that the workers of a process that was killed have to notice it and to end"""
 
+LOCK = ".lock"
+"""Name of the file by which `alone` keeps others out"""
 Stamp = tuple[int, int]
 """Modification time in nanoseconds and size in bytes: together they tell whether a file has changed."""
 
@@ -155,7 +157,7 @@ def alone(folder: Path, what: str) -> Iterator[None]:
     """
     with writing("the folder", folder):
         folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / ".lock", timeout=_ENDING)
+        lock = FileLock(folder / LOCK, timeout=_ENDING)
         try:
             lock.acquire()
         except Timeout:

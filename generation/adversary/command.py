@@ -31,7 +31,14 @@ def adversary(source: Path, out: Path, settings: SearchSettings, ask: Ask, quiet
     if ask.free or ask.maps or ask.kind is not None or settings.estimate:
         raise UsageError(f"--free, --map, --kind and --estimate are about parameters, which the method {NAME} does not search")
     chosen = Settings(
-        settings.run, settings.budget, settings.choice.most, settings.seed, ask.recordings, settings.processes, ask.pinned
+        settings.run,
+        settings.budget,
+        settings.choice.most,
+        settings.seed,
+        ask.recordings,
+        settings.processes,
+        settings.ray,
+        ask.pinned,
     )
     with progress_bar(source.stem, chosen.search.rounds * chosen.search.episodes, quiet) as progress:
         written = generate(source, out, chosen, progress)

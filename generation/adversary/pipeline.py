@@ -43,7 +43,7 @@ class Settings:
         budget: most runs. most: most files.
         seed: of the search.
         recorded: a table of recorded actions; None for our own.
-        processes: how many runs at a time.
+        processes, ray: as of `generation.outcomes.evaluator.Simulator`.
         pinned: values of parameters of the scenario that are not drawn.
         search: how the adversary searches.
     """
@@ -54,6 +54,7 @@ class Settings:
     seed: int = 0
     recorded: Path | None = None
     processes: int = 2
+    ray: str | None = None
     pinned: Mapping[str, str] = field(default_factory=dict)
     search: AdversarySettings = field(default_factory=AdversarySettings)
 
@@ -132,7 +133,7 @@ def starts_of(scenario: Path, pinned: Mapping[str, str]) -> Starts:
 def _run(files: list[Path], settings: Settings) -> dict[str, Outcomes]:
     """What comes of the files with the system under test, and with the judges."""
     systems = dict.fromkeys([system_name(settings.run.sut), *JUDGES])
-    with Simulator(run=settings.run, processes=settings.processes) as simulator:
+    with Simulator(run=settings.run, processes=settings.processes, ray=settings.ray) as simulator:
         jobs = [Episode(f"{name} {path.stem}", path, path, {}, sut=name) for name in systems for path in files]
         outcomes = simulator.of(jobs)
     return {name: outcomes.take(np.arange(len(files)) + number * len(files)) for number, name in enumerate(systems)}

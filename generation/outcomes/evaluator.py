@@ -22,6 +22,7 @@ from xodr.array_types import FloatArray
 
 if TYPE_CHECKING:
     from generation.search.space import Space
+    from runner.batch.ray_pool import RayPool
     from runner.interpreter.result import RunResult
 
 
@@ -51,21 +52,26 @@ class Simulator:
             verdict there.
         rss: the RSS parameter set of R_risk.
         processes: how many run at a time.
+        ray: address of a Ray cluster that does the runs, or `local` (`runner.batch.ray_pool`); None for processes of one's own.
 
     Raises:
-        UsageError: a setting is wrong.
+        UsageError: a setting is wrong, or there is no such cluster.
     """
 
     _: KW_ONLY
     run: RunSettings = field(default_factory=RunSettings)
     rss: str = "ad-rss"
     processes: int = 2
+    ray: str | None = None
     calls: int = field(default=0, init=False)
     """Runs so far: what a budget of simulator calls counts"""
 
     def __post_init__(self) -> None:
         parameter_set(self.rss)
-        self._pool = Pool(self.processes, partial(_episode, settings=self.run, rss=self.rss), _lost)
+        work = partial(_episode, settings=self.run, rss=self.rss)
+        self._pool: Pool | RayPool = (
+            Pool(self.processes, work, _lost) if self.ray is None else _cluster(self.ray, self.processes, work)
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -123,6 +129,12 @@ def measures(result: RunResult, rss: str) -> dict[str, Any]:
     }
     impact = seen.impact
     return found if impact is None else found | {"impact_speed": impact.speed, "side": impact.side, "striking": impact.striking}
+
+
+def _cluster(address: str, processes: int, work: Callable[[Job], Outcome]) -> RayPool:
+    from runner.batch.ray_pool import RayPool
+
+    return RayPool(address, processes, work, _lost)
 
 
 def _row(found: Outcome) -> dict[str, Any]:

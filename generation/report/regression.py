@@ -112,7 +112,7 @@ def regression(before: Before, scenario: Path, generated: Generated, settings: S
     unknown = sorted({name for values in before.values for name in values} - declared)
     if unknown:
         raise UsageError(f"--against: the scenario has no parameter {unknown[0]} any more", path=before.folder)
-    with Simulator(run=settings.run, rss=settings.rss, processes=settings.processes) as simulator:
+    with Simulator(run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray) as simulator:
         jobs = (Episode(str(number), scenario, scenario, dict(each)) for number, each in enumerate(before.values))
         replayed = simulator.of(jobs)
     far = _far(cases, before, space, settings.choice.apart)

@@ -72,7 +72,9 @@ def write_report(
 
 
 def _written(scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None) -> Path:
-    with Evaluator(scenario, generated.space, run=settings.run, rss=settings.rss, processes=settings.processes) as drivers:
+    with Evaluator(
+        scenario, generated.space, run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray
+    ) as drivers:
         examples = counterexamples(scenario, generated, settings, drivers, out)
     theta, outcomes, _ = generated.episodes
     of, failing = _measures(generated, theta[outcomes.executed]), outcomes.collision[outcomes.executed]

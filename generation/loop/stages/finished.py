@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 from generation.loop.stages.findings import Finding
 from generation.loop.stages.records import from_json
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import check_settings, read_object, write_object
+from schemas.storage import LOCK, check_settings, read_object, write_object
 
 _FOLDER = "stages"
 _SETTINGS = "loop.json"
@@ -54,7 +54,7 @@ class FinishedStages:
         self._folder, self._report = out / _FOLDER, report
         path = out / _SETTINGS
         check_settings(path, settings, "a loop")
-        if not path.exists() and out.is_dir() and any(out.iterdir()):
+        if not path.exists() and out.is_dir() and any(each.name != LOCK for each in out.iterdir()):
             raise UsageError("there is something else in this folder: a loop needs one of its own", path=out)
         write_object(settings, path)
 

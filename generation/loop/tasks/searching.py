@@ -58,7 +58,7 @@ def search(
         distinct=found.collisions,
         new=found.new,
         cases=list(_cases(made, out)),
-        failed=found.theta.tolist(),
+        failed=failures(made.space, made.episodes, known).theta.tolist(),  # cases may be draws of the density as well
         real=_thinned(real).tolist(),
         tried=_thinned(made.history.theta).tolist(),
     )
