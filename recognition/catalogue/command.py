@@ -13,9 +13,8 @@ from schemas.commands.options import Verbose, Version, interruptible, out_folder
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from recognition.catalogue.pipeline import Progress, Recogniser, Summary
+    from recognition.catalogue.pipeline import Item, Progress, Recogniser, Summary
     from recognition.catalogue.stages import CatalogueSettings
-    from recognition.datasets import Source
     from xosc.versions import Version as Standard
 
 NAME = "xosc-recognize"
@@ -145,14 +144,14 @@ def _print_note(note: str, quiet: bool) -> None:
 def _progress(quiet: bool) -> Progress:
     """A bar on standard error, where that is a terminal."""
 
-    def plain(sources: Sequence[Source], doing: str) -> Iterable[Source]:
-        return sources
+    def plain(items: Sequence[Item], doing: str) -> Iterable[Item]:
+        return items
 
-    def bar(sources: Sequence[Source], doing: str) -> Iterable[Source]:
+    def bar(items: Sequence[Item], doing: str) -> Iterable[Item]:
         from rich.console import Console
         from rich.progress import track
 
-        return track(sources, doing, total=len(sources), console=Console(stderr=True), transient=True)
+        return track(items, doing, total=len(items), console=Console(stderr=True), transient=True)
 
     return plain if quiet or not sys.stderr.isatty() else bar
 

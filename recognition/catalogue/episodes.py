@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from recognition.catalogue.recognisers.findings import Finding
-from recognition.catalogue.usable import passage
+from recognition.catalogue.usable import Vehicle
 from recognition.labels.classes import Label
-from runner.recording import Track
 
 VEHICLES = "vehicles"
 """Folder of the scenes of whole vehicles"""
@@ -67,18 +66,17 @@ def of_findings(recording: str, findings: Iterable[Finding], around: Around) -> 
     return _distinct(episodes)
 
 
-def of_vehicles(recording: str, tracks: Iterable[Track], findings: Sequence[Finding]) -> list[Episode]:
+def of_vehicles(recording: str, vehicles: Iterable[Vehicle], findings: Sequence[Finding]) -> list[Episode]:
     """A scenario for each vehicle, of all that was recorded of it."""
     episodes = []
-    for track in tracks:
-        own = [finding for finding in findings if finding.moment.ego == track.name]
+    for ego, start, end, passage in vehicles:
+        own = [finding for finding in findings if finding.moment.ego == ego]
         best = max(
             own, key=lambda finding: (_LABELS.get(finding.moment.title, Label.UNKNOWN), -finding.moment.time), default=None
         )
         title, state = (best.moment.title, best.moment.state) if best is not None else (UNLABELLED, UNLABELLED)
-        time = track.columns["time"]
-        name = f"{plain(recording)}_{plain(track.name)}"
-        episodes.append(Episode(VEHICLES, name, title, state, track.name, float(time[0]), float(time[-1]), best, passage(track)))
+        name = f"{plain(recording)}_{plain(ego)}"
+        episodes.append(Episode(VEHICLES, name, title, state, ego, start, end, best, passage))
     return _distinct(episodes)
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from recognition.catalogue import stages
 from recognition.catalogue.beside import Workers, results
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Moment, by_rules
 from recognition.catalogue.shelf import Shelf
-from recognition.catalogue.stages import CatalogueSettings, Place, Seen, Told
+from recognition.catalogue.stages import Block, CatalogueSettings, Place, Seen
 from recognition.catalogue.writing.catalogue import Catalogue
 from recognition.catalogue.writing.index import recordings_of
 from recognition.datasets import Source
@@ -80,8 +80,17 @@ class Summary(NamedTuple):
     failures: dict[str, ToolchainError]
 
 
-Progress = Callable[[Sequence[Source], str], Iterable[Source]]
-"""Goes through sources while showing how far it is, under a word for what is being done"""
+Item = TypeVar("Item")
+_EPISODES = 25
+"""Scenarios of a recording that are written at a time"""
+
+
+class Progress(Protocol):
+    """Shows how far work is."""
+
+    def __call__(self, items: Sequence[Item], doing: str, /) -> Iterable[Item]:
+        """Goes through items while showing how far it is, under a word for what is being done."""
+        ...
 
 
 def build(
@@ -104,7 +113,7 @@ def build(
         InvalidFile: there is no recording of a known format in a path.
         UsageError: the folder can't be written or has the catalogue of other recordings, or two recordings have one name.
     """
-    stages.opened.cache_clear()  # another call in this process may be of other files with the same names
+    stages.forget()  # another call in this process may be of other files with the same names
     sources = stages.opened(tuple(paths))
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
@@ -149,22 +158,22 @@ class _Work:
 
     def read(self, sources: Sequence[Source], progress: Progress) -> None:
         """Read and label the recordings, and have the recogniser look at them in their order."""
-        found = results(partial(stages.read, self._settings.rules), [self._place(one) for one in sources], self._workers)
+        found = results(partial(stages.read, self._settings), [self._place(one) for one in sources], self._workers)
         for source, seen in zip(progress(sources, "recognising"), found, strict=True):
             if isinstance(seen, ToolchainError):
                 self._failures[source.name] = seen
                 continue
-            self._recogniser.look(source.name, self._shelf.get(source).recording, seen.site(), seen.events)
+            self._recogniser.look(source.name, self._shelf.get(source).recording, seen.ground.site, seen.events)
             self.seen[source.name] = seen
 
     def write(self, sources: Sequence[Source], progress: Progress) -> None:
         """Write the scenarios of the recordings."""
         work = partial(stages.write, self._out, self._settings, self._recogniser.sorted_by)
-        done = results(work, [self._told(source) for source in sources], self._workers)
-        for source, one in zip(progress(sources, "writing"), done, strict=True):
-            self._catalogue.take(source, one.written, one.exclusions)
+        blocks = [block for source in sources for block in self._blocks(source)]
+        for block, one in zip(progress(blocks, "writing"), results(work, blocks, self._workers), strict=True):
+            self._catalogue.take(one.written)
             if one.error is not None:
-                self._failures[source.name] = one.error
+                self._failures[block.ground.place.name] = one.error
 
     def close(self) -> Summary:
         """Finish the catalogue."""
@@ -185,8 +194,11 @@ class _Work:
     def _place(self, source: Source) -> Place:
         return Place(self._paths, source.name, self._out / _SHELF)
 
-    def _told(self, source: Source) -> Told:
-        """A recording as it is to be written; its road is written, and the index tells of it."""
+    def _blocks(self, source: Source) -> Iterator[Block]:
+        """What is to be written of a recording; its road is written, and the index has it."""
         seen = self.seen[source.name]
-        self._catalogue.tell(source, seen.report)
-        return Told(self._place(source), seen, self._recogniser.moments(source.name), self._catalogue.road(seen.road))
+        self._catalogue.register(source, seen.report, seen.exclusions)
+        road = self._catalogue.road(seen.ground.road)
+        episodes = stages.episodes(self._settings, seen, self._recogniser.moments(source.name))
+        for start in range(0, len(episodes), _EPISODES):
+            yield Block(seen.ground, road, episodes[start : start + _EPISODES])

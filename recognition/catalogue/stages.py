@@ -3,16 +3,17 @@
 1. read: the recording, smoothed, on the roads of its site (`read`).
 2. label: the events that the rules find in it (`read`).
 3. recognise: moments, labelled by rules and model, joined into findings (a `Recogniser`, in the order of the recordings).
-4. cut: an episode for each finding or vehicle, and the scene of it (`write`).
-5. write: the scenario of each scene (`write`).
+4. plan: an episode for each finding or vehicle (`episodes`).
+5. write: the scene of each episode and its scenario (`write`), some episodes at a time, so that several processes share a long
+   recording.
 
-Between 2 and 4 a recording lies on the shelf. What is done for one recording needs no other one, but for 3: a model learns as it
+Between 2 and 5 a recording lies on the shelf. What is done for one recording needs no other one, but for 3: a model learns as it
 goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -20,11 +21,13 @@ from typing import NamedTuple
 
 from recognition import datasets
 from recognition.catalogue import usable
-from recognition.catalogue.episodes import Around, of_findings, of_vehicles
+from recognition.catalogue.episodes import Around, Episode, of_findings, of_vehicles
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Moment
+from recognition.catalogue.scenes.scenes import Scope
 from recognition.catalogue.shelf import Shelf, loaded
-from recognition.catalogue.writing.chapter import CatalogueConfig, Chapter, Written
+from recognition.catalogue.usable import Vehicle
+from recognition.catalogue.writing.chapter import CatalogueConfig, Chapter, Material, Written
 from recognition.datasets import Exclusion, Report, Source, cache_roads
 from recognition.labels import Event, Rules, label
 from recognition.sites import Roles, Site, site_of
@@ -69,33 +72,44 @@ class Place(NamedTuple):
         return next(source for source in opened(self.paths) if source.name == self.name)
 
 
-class Seen(NamedTuple):
-    """What reading and labelling a recording gave, but the recording itself."""
+class Ground(NamedTuple):
+    """A recording that has been read, and what it is on."""
 
-    report: Report
+    place: Place
     road: Path
     roles: Roles
-    events: list[Event]
 
+    @property
     def site(self) -> Site:
         """Its site."""
         return Site(self.road, loaded(self.road), self.roles)
 
 
-class Told(NamedTuple):
-    """A recording to be written: what was seen of it, its moments, and the name of its road in the catalogue."""
+class Seen(NamedTuple):
+    """What reading and labelling a recording gave, but the recording itself.
 
-    place: Place
-    seen: Seen
-    moments: list[Moment]
+    egos, exclusions: the vehicles that are egos of scenes of vehicles, and those that are not.
+    """
+
+    ground: Ground
+    report: Report
+    events: list[Event]
+    egos: list[Vehicle]
+    exclusions: list[Exclusion]
+
+
+class Block(NamedTuple):
+    """Episodes of a recording to be written, and the name of its road in the catalogue."""
+
+    ground: Ground
     road: str
+    episodes: Sequence[Episode]
 
 
 class Done(NamedTuple):
-    """What became of a recording: what has been written of it, vehicles that are no egos, and what went wrong."""
+    """What has been written of a recording, and what went wrong."""
 
     written: Written
-    exclusions: Sequence[Exclusion]
     error: ToolchainError | None
 
 
@@ -116,39 +130,52 @@ def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[Event]]:
     return recording, site, label(recording, site, source.name, rules)
 
 
-def read(rules: Rules, place: Place) -> Seen | ToolchainError:
+def read(settings: CatalogueSettings, place: Place) -> Seen | ToolchainError:
     """Read a recording, unless it is on the shelf already, put it there, and label it; or what is wrong with it."""
     source, shelf = place.source, Shelf(place.shelf)
     try:
         if shelf.has(source):
             recording, report = shelf.get(source)
             site = site_of(source, recording, cache_roads())
-            return Seen(report, site.path, site.roles, label(recording, site, source.name, rules))
-        recording, site, events = looked(source, rules)
-        assert source.report is not None, "the recording has been read"
-        shelf.put(source, recording, source.report)
+            events = label(recording, site, source.name, settings.rules)
+        else:
+            recording, site, events = looked(source, settings.rules)
+            assert source.report is not None, "the recording has been read"
+            report = source.report
+            shelf.put(source, recording, report)
     except _REFUSALS as error:
         return _of(source, error)
-    return Seen(source.report, site.path, site.roles, events)
+    egos, exclusions = usable.vehicles(recording, site.network, settings.needs) if settings.scenes == VEHICLES else ([], [])
+    return Seen(Ground(place, site.path, site.roles), report, events, egos, exclusions)
 
 
-def write(out: Path, settings: CatalogueSettings, sorted_by: str, told: Told) -> Done:
-    """Write the scenarios of a recording into the folder of a catalogue."""
-    source, site = told.place.source, told.seen.site()
+def episodes(settings: CatalogueSettings, seen: Seen, moments: Iterable[Moment]) -> list[Episode]:
+    """What scenarios are made of a recording."""
+    name, found = seen.ground.place.name, findings.joined(moments, settings.gap)
+    return of_findings(name, found, settings.around) if settings.scenes == EVENTS else of_vehicles(name, seen.egos, found)
+
+
+def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> Done:
+    """Write scenarios of a recording into the folder of a catalogue."""
     chapter = Chapter(out, settings.config, sorted_by)
-    exclusions: list[Exclusion] = []
     try:
-        recording = Shelf(told.place.shelf).get(source).recording
-        found = findings.joined(told.moments, settings.gap)
-        if settings.scenes == EVENTS:
-            episodes = of_findings(source.name, found, settings.around)
-        else:
-            names, exclusions = usable.vehicles(recording, site.network, settings.needs)
-            episodes = of_vehicles(source.name, [recording.tracks[name] for name in names], found)
-        chapter.add(source, recording, site, told.road, episodes)
+        chapter.add(_material(block.ground, settings.config.scope), block.road, block.episodes)
     except _REFUSALS as error:
-        return Done(chapter.written, exclusions, _of(source, error))
-    return Done(chapter.written, exclusions, None)
+        return Done(chapter.written, _of(block.ground.place.source, error))
+    return Done(chapter.written, None)
+
+
+@lru_cache(maxsize=1)
+def _material(ground: Ground, scope: Scope) -> Material:
+    """A recording from the shelf, which is kept for its other blocks."""
+    source = ground.place.source
+    return Material(source, Shelf(ground.place.shelf).get(source).recording, ground.site, scope)
+
+
+def forget() -> None:
+    """Keep nothing of what was opened: other files may have the same names."""
+    opened.cache_clear()
+    _material.cache_clear()
 
 
 def _of(source: Source, error: ToolchainError) -> ToolchainError:

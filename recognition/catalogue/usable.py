@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,12 +34,21 @@ class Usable:
     on_road: float = 0.5
 
 
-def vehicles(recording: Recording, network: RoadNetwork, needs: Usable) -> tuple[list[str], list[Exclusion]]:
-    """Names of the vehicles that are egos, and an exclusion for each other vehicle.
+class Vehicle(NamedTuple):
+    """A vehicle that is an ego: its name, when it was recorded first and last (s), and how it passes."""
+
+    name: str
+    start: float
+    end: float
+    passage: str
+
+
+def vehicles(recording: Recording, network: RoadNetwork, needs: Usable) -> tuple[list[Vehicle], list[Exclusion]]:
+    """The vehicles that are egos, and an exclusion for each other vehicle.
 
     The recording must have its road coordinates.
     """
-    names, exclusions = [], []
+    found, exclusions = [], []
     for track in recording.tracks.values():
         if track.kind != "vehicle":
             continue
@@ -46,8 +56,9 @@ def vehicles(recording: Recording, network: RoadNetwork, needs: Usable) -> tuple
         if reasons:
             exclusions.append(Exclusion(track.name, len(track.columns["time"]), "; ".join(reasons)))
         else:
-            names.append(track.name)
-    return names, exclusions
+            time = track.columns["time"]
+            found.append(Vehicle(track.name, float(time[0]), float(time[-1]), passage(track)))
+    return found, exclusions
 
 
 def _reasons(track: Track, network: RoadNetwork, needs: Usable) -> Iterator[str]:

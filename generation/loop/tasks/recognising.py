@@ -8,7 +8,7 @@ from pathlib import Path
 
 from generation.loop.settings import Bar
 from generation.loop.stages.findings import Measured, Recognised
-from recognition.catalogue.pipeline import ByRules, build
+from recognition.catalogue.pipeline import ByRules, Item, build
 from recognition.catalogue.stages import CatalogueSettings
 from recognition.catalogue.writing.index import rows_of
 from recognition.datasets import Source, cache_roads
@@ -29,10 +29,10 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
         keep: folder for the model as it is afterwards; None to forget it.
     """
 
-    def along(sources: Sequence[Source], doing: str) -> Iterable[Source]:
-        with bar(doing, len(sources)) as advance:
-            for source in sources:
-                yield source
+    def along(items: Sequence[Item], doing: str) -> Iterable[Item]:
+        with bar(doing, len(items)) as advance:
+            for item in items:
+                yield item
                 advance(1)
 
     if model is None:

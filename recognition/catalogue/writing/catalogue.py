@@ -44,17 +44,17 @@ class Catalogue:
             self.store.write(self._roads[key], content)
         return self._roads[key]
 
-    def tell(self, source: Source, report: Report) -> None:
-        """Have the index tell of a recording and what reading it found."""
-        told = {"rows": report.rows, "tracks": report.tracks, "missing_rows": report.missing}
+    def register(self, source: Source, report: Report, exclusions: Iterable[Exclusion]) -> None:
+        """Enter a recording into the index, with what reading it found, and which vehicles are no egos."""
+        found = {"rows": report.rows, "tracks": report.tracks, "missing_rows": report.missing}
         excluded = [exclusion._asdict() for exclusion in report.exclusions]
-        recording = {"name": source.name, "data_set": source.format, "site": source.site, **told}
+        recording = {"name": source.name, "data_set": source.format, "site": source.site, **found}
         self._recordings.append({**recording, "excluded_rows": excluded, "remarks": report.remarks})
-
-    def take(self, source: Source, written: Written, exclusions: Iterable[Exclusion]) -> None:
-        """Take in what has been written of a recording, and which vehicles are no egos."""
-        self.rows += written.rows
         self.exclusions += ({"recording": source.name, **exclusion._asdict()} for exclusion in exclusions)
+
+    def take(self, written: Written) -> None:
+        """Take in what has been written of a recording."""
+        self.rows += written.rows
         self.store.take(written.files, written.edited)
         for place, entries in written.entries.items():
             own = self._entries.setdefault(place, {})

@@ -95,8 +95,22 @@ class Written(NamedTuple):
     edited: list[str]
 
 
+class Material:
+    """A recording, which has its road coordinates, ready for scenes and manoeuvres to be taken from it.
+
+    Attributes:
+        source, site: where it is from.
+        scenes: cuts scenes.
+        maneuvers: measures manoeuvres.
+    """
+
+    def __init__(self, source: Source, recording: Recording, site: Site, scope: Scope) -> None:
+        self.source, self.site = source, site
+        self.scenes, self.maneuvers = SceneCutter(recording, scope), Maneuvers(recording, site)
+
+
 class Chapter:
-    """The scenarios of a recording, being written into the folder of a catalogue.
+    """Scenarios of recordings, being written into the folder of a catalogue.
 
     Args:
         root: the folder.
@@ -112,23 +126,18 @@ class Chapter:
         self._config, self._sorted_by = config, sorted_by
         self._entries: Entries = {}
 
-    def add(self, source: Source, recording: Recording, site: Site, road: str, episodes: Iterable[Episode]) -> None:
-        """Write the scenarios of a recording, which has its road coordinates, on the catalogue's road file of this name."""
-        stage, recorded = SceneCutter(recording, self._config.scope), Maneuvers(recording, site)
+    def add(self, material: Material, road: str, episodes: Iterable[Episode]) -> None:
+        """Write the scenarios of a recording on the catalogue's road file of this name."""
         for episode in episodes:
-            self._write(_Context(source, site, road, episode, stage.cut(episode.ego, episode.start, episode.end), recorded))
-            self._write_catalogs([place for place in self._entries if place.kind == "Trajectory"])
-        self._write_catalogs([place for place in self._entries if place.part])
+            scene = material.scenes.cut(episode.ego, episode.start, episode.end)
+            self._write(_Context(material, road, episode, scene))
+            for place in sorted(place for place in self._entries if place.kind == "Trajectory"):  # of this scenario alone
+                write_catalog(self._store, place, self._entries.pop(place), self._config.version)
 
     @property
     def written(self) -> Written:
         """What has been written so far."""
         return Written(self._rows, self._entries, self._store.written, self._store.edited)
-
-    def _write_catalogs(self, places: Iterable[Place]) -> None:
-        """Write catalogues that nothing more will be entered in, and forget them."""
-        for place in sorted(places):
-            write_catalog(self._store, place, self._entries.pop(place), self._config.version)
 
     def _enter(self, entries: Iterable[_Entry]) -> None:
         for each in entries:
@@ -138,7 +147,7 @@ class Chapter:
         episode, scene = context.episode, context.scene
         facts = _facts(context, self._sorted_by)
         tagged = annotation.tags(episode.name, episode.title, scene, facts)
-        described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.source.name}"
+        described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.material.source.name}"
         properties = tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
         header = Header(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, properties)
         row = facts | {
@@ -171,11 +180,11 @@ class Chapter:
         return replay.scenario(path, header, scene, road=road, entries=participants, catalogs=catalogs, version=version)
 
     def _variation(self, context: _Context, header: Header) -> Document:
-        episode, network, finding = context.episode, context.site.network, context.episode.finding
+        episode, network, finding = context.episode, context.material.site.network, context.episode.finding
         if finding is None or episode.passage is not None:
             raise Unsupported("this is the scene of a whole vehicle, not of one manoeuvre")
         partner, span = finding.moment.partner, Span(finding.start, finding.moment.time, finding.end)
-        measured = context.maneuvers.of(episode.label, episode.ego, partner, span)
+        measured = context.material.maneuvers.of(episode.label, episode.ego, partner, span)
         participants = [entry(track) for track in (measured.ego, measured.other) if track is not None]
         entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants]
         other = context.name_of(measured.other)
@@ -208,17 +217,15 @@ def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
 class _Context(NamedTuple):
     """A scenario being written, and where it comes from."""
 
-    source: Source
-    site: Site
+    material: Material
     road: str
     episode: Episode
     scene: Scene
-    maneuvers: Maneuvers
 
     @property
     def recorded(self) -> str:
         """What distinguishes catalogues of this recording."""
-        return plain(self.source.name)
+        return plain(self.material.source.name)
 
     def entry(self, kind: str, name: str, built: Any, part: str = "") -> _Entry:
         """An entry of a catalogue of the scenario's class."""
@@ -232,7 +239,7 @@ class _Context(NamedTuple):
 
 def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
     """The scenario's row of the index, but for its files."""
-    source, episode, scene = context.source, context.episode, context.scene
+    source, episode, scene = context.material.source, context.episode, context.scene
     moment = episode.finding.moment if episode.finding is not None else None
     rule = moment.rule.title if moment is not None and moment.rule else None
     measured = {name: None if value is None else round(value, 3) for name, value in annotation.measures(scene).items()}

@@ -41,6 +41,22 @@ def test_several_make_the_same_bytes_as_one(recordings: Path, tmp_path: Path) ->
     assert not (tmp_path / "several" / ".recordings").exists()
 
 
+@pytest.mark.parametrize("scenes", ["events", "vehicles"])
+def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[tuple[str, int]] = []
+
+    def seen(items: Sequence[object], doing: str) -> Sequence[object]:
+        shown.append((doing, len(items)))
+        return items
+
+    whole = build([recordings / "01"], tmp_path / "whole", CatalogueSettings(scenes=scenes), ByRules(), seen, Workers())
+    monkeypatch.setattr("recognition.catalogue.pipeline._EPISODES", 2)
+    build([recordings / "01"], tmp_path / "parts", CatalogueSettings(scenes=scenes), ByRules(), seen, Workers(2))
+    assert content(tmp_path / "whole") == content(tmp_path / "parts")
+    assert shown == [("recognising", 1), ("writing", 1), ("recognising", 1), ("writing", -(-whole.classes.total() // 2))]
+    assert shown[-1][1] > 2
+
+
 def test_what_was_read_before_an_interruption_is_not_read_again(
     recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
