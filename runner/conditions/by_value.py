@@ -134,6 +134,8 @@ class _NamedValueCondition(Condition):
     def __init__(self, name: str, expected: _Expected) -> None:
         self.name = name
         self.expected = expected
+        self._compared: tuple[Value | None, bool] = (None, False)
+        """the value that was looked at last, and whether the comparison is true for it"""
 
     @abstractmethod
     def value(self, run: Instant) -> Value | None:
@@ -142,7 +144,11 @@ class _NamedValueCondition(Condition):
     def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true; false where there is no value."""
         value = self.value(run)
-        return value is not None and self.expected.holds(value)
+        before, held = self._compared
+        if value is not before:
+            held = value is not None and self.expected.holds(value)
+            self._compared = value, held
+        return held
 
     def describe(self, run: Instant) -> str:
         """The present value."""

@@ -100,8 +100,8 @@ class ByEntityCondition(Condition):
         """True when the expression holds for any, or all, of the entities that are present."""
         if self._near is not None and run.displacement.total < self._asleep:
             return False
-        condition = self.condition
-        held = tuple(entity for entity in self.entities if entity.active and condition.holds(entity, run))
+        holds = self.condition.holds
+        held = tuple([entity for entity in self.entities if entity.active and holds(entity, run)])
         self.triggering = held
         if self._near is not None and not held and run.step_index % _SLEEPLESS == 0:
             self._asleep = run.displacement.after(self._way(self._near, run))

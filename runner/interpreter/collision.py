@@ -92,7 +92,8 @@ class Contacts:
 
     def of(self, entity: Entity) -> Sequence[Entity]:
         """Those that an entity touches now, by name."""
-        return sorted(self._partners.get(entity.name, ()), key=_by_name)
+        touched = self._partners.get(entity.name)
+        return sorted(touched, key=_by_name) if touched else ()
 
 
 def _counts(a: Entity, b: Entity) -> bool:

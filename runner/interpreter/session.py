@@ -140,9 +140,11 @@ class Session:
         Args:
             progress: called after each step with the simulation time (s).
         """
+        if isinstance(self._system, Commanded):
+            self._system.command = Control()
         try:
             while self.running:
-                self.step()
+                self._advance()
                 if progress is not None:
                     progress(self.time)
         finally:

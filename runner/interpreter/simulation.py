@@ -131,9 +131,16 @@ class Simulation:
                     self._move(entity, entity.controls.target_speed, dt)
         self.step_index += 1
         self.time = round(self.step_index * dt, 9)
-        self.world.mirror(entity for entity in self.entities.values() if entity.active and not entity.controls.world_driven)
+        scripted: list[Entity] = []
+        driven: list[Entity] = []
+        for entity in self.entities.values():
+            if entity.controls.world_driven:
+                driven.append(entity)
+            elif entity.active:
+                scripted.append(entity)
+        self.world.mirror(scripted)
         self.world.step()
-        for entity in [entity for entity in self.entities.values() if entity.controls.world_driven]:
+        for entity in driven:
             self._read(entity)
         self.contacts.update()
         for observe in self.observers:
@@ -236,6 +243,7 @@ class Simulation:
     def element_changed(self, element: Element, transition: Transition, reason: str) -> None:
         """A storyboard element has made a transition; conditions see it from the next step on."""
         self._changed.append(element)
+        self.storyboard.changed()
         self.note(transition.value, element.path, reason)
 
     def _publish(self) -> None:
@@ -251,6 +259,7 @@ class Simulation:
     def element_rearmed(self, element: Element) -> None:
         """A storyboard element is back in standby without a transition; conditions see it from the next step on."""
         self._changed.append(element)
+        self.storyboard.changed()
 
     def call_next_step(self, call: Callable[[StoryboardRun], None]) -> None:
         """Have something called at the beginning of the next step."""

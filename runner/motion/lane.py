@@ -46,11 +46,11 @@ class LaneMotion:
         """
         road, section, t = entity.road, entity.section, entity.t
         assert road is not None and section is not None
-        distance, turn = speed * dt, 0.0
-        steered = entity.controls.target_offset is not None
-        if entity.controls.easing is not None:
-            self._ease(entity, entity.controls.easing, abs(distance))
-        if entity.controls.target_offset is not None:
+        distance, turn, controls = speed * dt, 0.0, entity.controls
+        steered = controls.target_offset is not None
+        if controls.easing is not None:
+            self._ease(entity, controls.easing, abs(distance))
+        if controls.target_offset is not None:
             distance, turn = self._sidestep(entity, distance)
         lane = section.lanes[entity.lane]
         center, constant = lane.center, lane.center.constant
@@ -134,12 +134,15 @@ class LaneMotion:
         road, direction = entity.road, entity.direction
         assert road is not None and entity.section is not None
         if road.flat:
-            entity.x, entity.y, h = road.from_above(entity.s, entity.t)
+            x, y, h = road.line.at(entity.s)
+            entity.x, entity.y = x - entity.t * math.sin(h), y + entity.t * math.cos(h)
             entity.z, entity.pitch, entity.roll = 0.0, direction * 0.0, direction * 0.0
         else:
             entity.x, entity.y, entity.z, h, pitch, roll = road.pose(entity.s, entity.t)
             entity.pitch, entity.roll = direction * pitch, direction * roll
-        h = h + slant(road, entity.section, entity.lane, entity.s, entity.t) + entity.heading_offset + turn
+        if entity.section.lanes[entity.lane].center.constant is None:
+            h += slant(road, entity.section, entity.lane, entity.s, entity.t)
+        h = h + entity.heading_offset + turn
         entity.h = h + math.pi if direction < 0 else h
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:

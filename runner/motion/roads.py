@@ -45,7 +45,8 @@ class Roads:
         """Whether an entity's reference point is on no lane of the road network; never where there is no road network."""
         if entity.on_lane and entity.section is not None:
             lane = entity.section.lanes[entity.lane]
-            if lane.type != "none" and abs(entity.offset) <= lane.width(entity.s) / 2:
+            width = lane.width.constant
+            if lane.type != "none" and abs(entity.offset) <= (lane.width(entity.s) if width is None else width) / 2:
                 return False
         point = self.road_point(entity)
         return point is not None and self.network is not None and not self.network.on_road(point)

@@ -196,6 +196,12 @@ class Act(Element):
     def arm(self, run: StoryboardRun) -> None:
         """Wait for the start trigger."""
 
+    @property
+    def looks(self) -> bool:
+        """Whether it has a trigger to look at, or starts now."""
+        running = self.state is ElementState.RUNNING
+        return self.stop_trigger is not None if running else self.state is ElementState.STANDBY
+
     def waiting(self) -> Iterator[Event]:
         """Events that wait for their triggers."""
         if self.state is ElementState.RUNNING:
@@ -233,6 +239,10 @@ class Storyboard:
         self.stories: list[Story] = []
         self.stop_trigger: Trigger | None = None
         self.ends_with_stories = False
+        self._looking: list[Act] = []
+        """acts whose triggers are to be looked at"""
+        self._waiting: list[Event] | None = None
+        """events that wait for their triggers; None where elements have changed since these were found"""
 
     @property
     def acts(self) -> list[Act]:
@@ -268,7 +278,11 @@ class Storyboard:
             element.execute(run, [actor] if actor is not None else [])
         for story in self.stories:
             story.start(run)
-        self._acts = self.acts
+        self.changed()
+
+    def changed(self) -> None:
+        """To be called when an element has changed its state: others may have triggers to look at."""
+        self._waiting = None
 
     def evaluate(self, run: StoryboardRun) -> bool:
         """One step of triggers; true when the storyboard's stop trigger ends the run.
@@ -279,9 +293,13 @@ class Storyboard:
             for story in self.stories:
                 story.stop(run, self.stop_trigger.reason)
             return True
-        for act in self._acts:
+        if self._waiting is None:
+            self._looking = [act for act in self.acts if act.looks]
+        for act in self._looking:
             act.evaluate(run)
-        due = [event for act in self._acts for event in act.waiting() if event.due(run)]
+        if self._waiting is None:
+            self._waiting = [event for act in self.acts for event in act.waiting()]
+        due = [event for event in self._waiting if event.due(run)]
         for event in due:
             if event.waits:
                 event.begin(run)

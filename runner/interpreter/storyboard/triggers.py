@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, Self
 
 from runner.contracts.condition import Condition
@@ -37,7 +38,7 @@ class TimedCondition:
     is an edge (7.6.3). A delay looks up the edge-filtered value of `delay` seconds ago, false before that.
     """
 
-    __slots__ = ("_history", "_previous", "condition", "delay", "edge", "keeps_memory", "name")
+    __slots__ = ("_history", "_previous", "condition", "delay", "edge", "evaluate", "keeps_memory", "name")
 
     def __init__(self, name: str, condition: Condition, edge: str, delay: float) -> None:
         self.name = name
@@ -45,6 +46,8 @@ class TimedCondition:
         self.edge = edge
         self.delay = delay
         self.keeps_memory = edge != "none" or delay > 0.0
+        self.evaluate: Callable[[Instant], bool] = self._remembered if self.keeps_memory else condition.evaluate
+        """The condition at the current time; to be called once each step."""
         self.rearm()
 
     @classmethod
@@ -66,11 +69,8 @@ class TimedCondition:
         self._previous: bool | None = None
         self._history: deque[tuple[float, bool]] = deque()
 
-    def evaluate(self, run: Instant) -> bool:
-        """The condition at the current time; to be called once each step."""
+    def _remembered(self, run: Instant) -> bool:
         value = self.condition.evaluate(run)
-        if not self.keeps_memory:
-            return value
         if self.edge != "none":
             before, self._previous = self._previous, value
             rising, falling = before is False and value, before is True and not value
@@ -78,11 +78,14 @@ class TimedCondition:
         return self._delayed(run.time, value) if self.delay > 0.0 else value
 
     def _delayed(self, time: float, value: bool) -> bool:
+        """The value of `delay` ago, with this one added to the history, where it is not the same as the one before."""
         history, then = self._history, time - self.delay + _EPSILON
-        history.append((time, value))
+        if not history or history[-1][1] != value:
+            history.append((time, value))
         while len(history) > 1 and history[1][0] <= then:
             history.popleft()
-        return history[0][0] <= then and history[0][1]
+        since, value = history[0]
+        return value and since <= then
 
     @property
     def missed(self) -> bool:
