@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -19,6 +20,8 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _DECLARATION = re.compile(rb"<\?xml\s[^?<>]*\?>")
 _DOCTYPE = re.compile(rb"<!DOCTYPE\s[^\[<>]*(?:\[\s*\]\s*)?>")
 _COMMENT_OR_CDATA = re.compile(rb"<!--|<!\[CDATA\[")
+_START_TAG = re.compile(rb"<[A-Za-z_](?:[^<>\"']|\"[^<\"]*\"|'[^<']*')*>")
+_ATTRIBUTE = re.compile(rb"""\s([A-Za-z_][\w:.-]*)\s*=\s*("[^"]*"|'[^']*')""")
 _HINTS_OF_THE_PARSER = re.compile(r", (?:line \d+, column \d+.*|(?:use|try) XML_PARSE_HUGE.*)$", re.DOTALL)
 
 
@@ -98,7 +101,8 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
     """The content of a file without the faults that concern nothing in it, every line where it was, and what was done.
 
     These are a byte-order mark that is doubled or not at the beginning, an XML declaration that is not at the beginning, a
-    DOCTYPE that declares nothing, and `--` in comments. Encodings in which these have other bytes are left alone.
+    DOCTYPE that declares nothing, `--` in comments, and attributes that are there twice with the same value. Encodings in which
+    these have other bytes are left alone.
     """
     remarks: list[Remark] = []
 
@@ -125,7 +129,7 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
         position = next(i for i, (old, new) in enumerate(zip(fixed, comments, strict=True)) if old != new)
         line = fixed.count(b"\n", 0, position) + 1
         remarks.append(Remark(rule_of(path), "there is '--' in a comment; it does not end the comment", str(path), line))
-    return comments, remarks
+    return _without_doubled_attributes(comments, note), remarks
 
 
 def _without_double_hyphens(data: bytes) -> bytes:
@@ -143,6 +147,22 @@ def _without_double_hyphens(data: bytes) -> bytes:
         parts += [data[position : begin.end()], text]
         position = end
     return b"".join([*parts, data[position:]])
+
+
+def _without_doubled_attributes(data: bytes, note: Callable[[int, str], None]) -> bytes:
+    """The content, of the same length, without attributes that repeat what their element has said before."""
+
+    def once(tag: re.Match[bytes]) -> bytes:
+        text, seen = tag[0], set[tuple[bytes, bytes]]()
+        for attribute in _ATTRIBUTE.finditer(text):
+            given = attribute[1], attribute[2][1:-1]
+            if given in seen:
+                note(tag.start() + attribute.start(1), f"the attribute {given[0].decode()!r} is there twice, with one value")
+                text = text[: attribute.start()] + _blank(attribute[0]) + text[attribute.end() :]
+            seen.add(given)
+        return text
+
+    return _START_TAG.sub(once, data)
 
 
 def _blank(text: bytes) -> bytes:

@@ -13,8 +13,9 @@ from lxml import etree
 from schemas.errors import InvalidFile, Unsupported
 from schemas.registry import OPENSCENARIO, detect
 from schemas.remarks import Remark, Remarks
+from schemas.rules.valid_schema import UID
 from schemas.storage import Stamp, stamp, writing
-from schemas.xml import line_of, parse
+from schemas.xml import line_of, local_name, parse
 from xosc.node import OWN, Node
 from xosc.repairs import repair
 
@@ -96,13 +97,16 @@ def _load(path: str, _: Stamp) -> Document:
     root = tree.getroot()
     etree.strip_attributes(tree, *OWN)
     node = Node(root, Path(path))
+    if root.tag != OPENSCENARIO and local_name(root) == OPENSCENARIO:
+        remarks.append(node.remark(UID, "OpenSCENARIO elements are in no XML namespace; that of the file is left out"))
+        for element in root.iter(etree.Element):
+            element.tag = local_name(element)
+        etree.cleanup_namespaces(tree)
     if root.tag == OPENSCENARIO:
         remarks += repair(node, VERSIONS)
     found = detect(tree)
     if found.standard != OPENSCENARIO:
         raise InvalidFile(f"this is {found.standard}, an OpenSCENARIO file is expected", path=path, line=line_of(root))
-    if root.tag != OPENSCENARIO:
-        raise InvalidFile("OpenSCENARIO elements are in no XML namespace", path=path, line=line_of(root), element=str(root.tag))
     if found.version not in VERSIONS:
         message = f"{found} is not supported, only versions 1.0 to 1.3 of OpenSCENARIO XML are"
         raise Unsupported(message, path=path, line=line_of(root))

@@ -190,8 +190,12 @@ class _Inliner:
         """Replace the references below `top`, which lies inside those entries and whose attributes are literals."""
         references = [(element, _scope_around(element, scopes)) for element in top.element.iter("CatalogReference")]
         for element, scope in references:
-            entry = self._entry(Node(element, top.path), scope, inside)
-            cast(etree._Element, element.getparent()).replace(element, entry)
+            reference, parent = Node(element, top.path), cast(etree._Element, element.getparent())
+            if parent.tag == "Trailer" and not reference.get("entryName"):
+                self._remarks.add(reference.remark(ENTRIES, "entryName is empty; the vehicle has no trailer"))
+                _leave_out_trailer(parent)
+            else:
+                parent.replace(element, self._entry(reference, scope, inside))
 
     def _find(self, reference: Node) -> Entry | None:
         """The entry that is referred to; None for a controller, which is not executed, that is not there."""
@@ -237,6 +241,14 @@ class _Inliner:
         scopes = _bind(node, outer, _assignments(reference), self._report, self._remarks)
         self.inline(node, scopes, (*inside, entry))
         return element
+
+
+def _leave_out_trailer(trailer: etree._Element) -> None:
+    """Remove a Trailer, and the one around it."""
+    vehicle = cast(etree._Element, trailer.getparent())
+    if vehicle.tag == "Trailer":
+        trailer, vehicle = vehicle, cast(etree._Element, vehicle.getparent())
+    vehicle.remove(trailer)
 
 
 def _empty_controller(reference: Node) -> etree._Element:

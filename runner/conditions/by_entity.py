@@ -14,6 +14,7 @@ from runner.contracts.condition import EntityCondition
 from runner.contracts.registry import condition
 from runner.spacing.closing import velocity
 from schemas.rules.durations import UID as NOT_NEGATIVE
+from schemas.rules.empty_elements import UID as EMPTY
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -122,7 +123,10 @@ class CollisionCondition(EntityCondition):
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> CollisionCondition:
-        """Read the EntityRef (an entity or a selection) or ByType."""
+        """Read the EntityRef (an entity or a selection) or ByType; without either any contact counts."""
+        if not node.children():
+            context.repair(node, EMPTY, "EntityRef or ByType is expected; contact with any entity is assumed")
+            return cls(frozenset(e.name for e in context.declared.values()), "any entity")
         target = node.only()
         if target.tag == "EntityRef":
             return cls(frozenset(e.name for e in context.entities(target)), target.get("entityRef"))

@@ -20,6 +20,7 @@ _PARTS = {
     "Private": ("PrivateAction",),
     "ConditionGroup": ("Condition",),
     "TriggeringEntities": ("EntityRef",),
+    "CollisionCondition": ("EntityRef", "ByType"),
 }
 _CHOICES = (
     "PrivateAction", "GlobalAction", "UserDefinedAction",
@@ -31,7 +32,7 @@ _CHOICES = (
 
 @rule(UID)
 def check(document: Document) -> Iterator[Finding]:
-    """A story, act, maneuver group, maneuver, event, action or condition group must not be empty.
+    """A story, act, maneuver group, maneuver, event, action, condition group or collision condition must not be empty.
 
     A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
     """

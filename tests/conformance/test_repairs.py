@@ -82,6 +82,13 @@ UNBOXED_CAR = (
     '<Vehicle name="v" vehicleCategory="car"><Performance maxSpeed="50" maxAcceleration="5" maxDeceleration="9"/>'
     f"<Axles><FrontAxle {AXLE}/><RearAxle {AXLE}/></Axles><Properties/></Vehicle>"
 )
+CAR_WITHOUT_TRAILER = UNBOXED_CAR.replace(
+    "<Performance",
+    '<BoundingBox><Center x="1.5" y="0" z="0.75"/><Dimensions width="2" length="5" height="1.5"/></BoundingBox><Performance',
+).replace(
+    "</Vehicle>",
+    '<Trailer><Trailer name="t"><CatalogReference catalogName="Vehicles" entryName=""/></Trailer></Trailer></Vehicle>',
+)
 UNBOXED_PEDESTRIAN = '<Pedestrian name="p" mass="80" pedestrianCategory="pedestrian"><Properties/></Pedestrian>'
 
 
@@ -144,6 +151,8 @@ FAULTS = {
     "byte-order mark twice": Fault(DECLARATION, BOM + BOM + DECLARATION, XML, 1),
     "XML declaration in the second line": Fault(DECLARATION, "\n" + DECLARATION, XML, 2),
     "document type": Fault(DECLARATION, DECLARATION.strip() + " <!DOCTYPE OpenSCENARIO>\n", XML, 1),
+    "attribute twice": Fault('name="later"', 'name="later" name = "later"', XML, 80),
+    "namespace": Fault("<OpenSCENARIO>", '<OpenSCENARIO xmlns="http://example.org/xosc">', VALID, 2),
     "hyphens in a comment": Fault("  <Entities>", "  <!-- a -- b --><Entities>", XML, 22),
     "wrong revision": Fault('revMinor="3"', 'revMinor="0"', VALID, 3),
     "later revision": Fault('revMinor="3"', 'revMinor="9"', VALID, 3),
@@ -164,6 +173,7 @@ FAULTS = {
     "attribute in capitals of others": Fault("conditionEdge", "conditionedge", VALID, 80),
     "attribute with a letter less": Fault("conditionEdge", "conditionEge", VALID, 80),
     "element with a letter less": Fault("<LogicFile", "<LogicFil", VALID, 20),
+    "name of a reference without its end": Fault("<Private entityRef", "<Private entity", VALID, 37),
     "former name of an attribute": Fault('conditionEdge="rising"', 'edge="rising"', VALID, 80),
     "nothing of visibility": Fault("        </Private>\n", "        " + VISIBLE + "</Private>\n", VALID, 55),
     "no type of a relative speed": Fault(
@@ -225,6 +235,7 @@ FAULTS = {
         EMPTY,
         94,
     ),
+    "collision with no one": Fault('<SpeedCondition rule="greaterThan" value="1"/>', "<CollisionCondition/>", EMPTY, 98, 10.0),
     "name of the condition beside it": Fault('<Condition name="later"', f'{CONDITION}<Condition name="later"', NAMES, 80),
     "negative duration": Fault(
         '<SpeedCondition rule="greaterThan" value="1"/>', '<StandStillCondition duration="-1"/>', DURATION, 98, 10.0
@@ -256,6 +267,7 @@ FAULTS = {
     "file is elsewhere": Fault('path="catalogs"', 'path="elsewhere/vehicles.xosc"', DIRECTORY, 13),
     "directory is elsewhere": Fault('path="catalogs"', 'path="../library/catalogs"', DIRECTORY, 13),
     "catalogue by its file": Fault('catalogName="Vehicles"', 'catalogName="vehicles"', ENTRY, 24),
+    "trailer without a name": Fault(ENTRY_OF_CAR, CAR_WITHOUT_TRAILER, ENTRY, 24),
     "no such controller": Fault('entryName="driver"', 'entryName="pilot"', ENTRY, 30),
     "no catalogue of controllers": Fault('catalogName="Controllers"', 'catalogName="Pilots"', ENTRY, 30),
 }
