@@ -8,17 +8,19 @@ so is taken: some public libraries rely on it.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, Protocol
+from urllib.parse import unquote
 
 from lxml import etree
 
 from schemas.errors import ToolchainError, nearest
 from schemas.remarks import Remark, Remarks
-from schemas.storage import Stamp, stamp
+from schemas.storage import Stamp, in_any_case, stamp
 from schemas.values import quoted
 
 ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
@@ -199,8 +201,13 @@ class Catalogs:
 
 
 def referred(file: Path, reference: str) -> Path:
-    """The path that a file refers to; a relative one starts at the file's folder."""
-    return file.parent / reference.replace("\\", "/")
+    """The path that a file refers to, also as a `file:` URI; a relative one starts at the file's folder."""
+    plain = unquote(_URI.sub("", reference)) if _URI.match(reference) else reference
+    return file.parent / plain.replace("\\", "/")
+
+
+_URI = re.compile(r"file:(//[^/]*)?(/(?=[A-Za-z]:))?", re.IGNORECASE)
+"""What comes before the path in a URI; the third slash of file:///C:/maps is no part of it."""
 
 
 class Located(NamedTuple):
@@ -214,7 +221,8 @@ def locate(path: Path, scenario: Path) -> Located:
     """Where the files of a catalogue directory are.
 
     A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: what does not exist is
-    looked for by its name in the scenario's folder and in the folders in that, then by its relative path in the folders above.
+    looked for in other case, by its name in the scenario's folder and in the folders in that, then by its relative path in the
+    folders above.
 
     Raises:
         OSError, ValueError: there is no such directory, or it cannot be read.
@@ -233,6 +241,9 @@ def locate(path: Path, scenario: Path) -> Located:
 
 def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:
     """Where a catalogue directory may be that is not where the scenario says."""
+    spelt = in_any_case(path)
+    if spelt is not None:
+        yield spelt
     name = os.path.basename(os.path.normpath(path))
     yield from (place / name for place in (scenario.parent, *sorted(scenario.parent.iterdir())))
     if path.is_relative_to(scenario.parent):

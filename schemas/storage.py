@@ -43,6 +43,22 @@ def read_bytes(path: Path) -> bytes:
         raise InvalidFile(f"the file can't be read: {reason}", path=path) from None
 
 
+def in_any_case(path: Path) -> Path | None:
+    """The one file or folder that a path names where upper and lower case are the same, as on Windows; None without one."""
+    found = Path(path.anchor)
+    for part in path.parts[bool(path.anchor) :]:
+        if not os.path.exists(found / part):  # unlike that of Path it takes names of any length
+            try:
+                alike = [name for name in os.listdir(found) if name.lower() == part.lower()]
+            except (OSError, ValueError):
+                return None
+            if len(alike) != 1:
+                return None
+            part = alike[0]
+        found /= part
+    return found
+
+
 _ENDING = 2.0
 """Time (s) that the workers of a process that was killed have to notice it and to end"""
 

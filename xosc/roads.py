@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from os import PathLike
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import NamedTuple
 
 from schemas.remarks import Remark
+from schemas.storage import in_any_case
 from xosc.node import Node
 
 VARIABLE = "XOSC_ROAD_PATH"
@@ -31,7 +32,7 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     """The road network that a LogicFile names.
 
     A file that is not there is looked for by its name, with and without the ending .xodr: in the folders that were asked for,
-    then where it should be and in the folder of the scenario and all folders above that.
+    then where it should be, in other case, and in the folder of the scenario and all folders above that.
 
     Args:
         logic: the element LogicFile, its attributes literals.
@@ -43,13 +44,14 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     named = logic.file("filepath")
     if os.path.exists(named) and not os.path.isdir(named):  # unlike those of Path they take names of any length
         return RoadFile(named, None)
-    names = _names(PurePosixPath(logic.get("filepath").replace("\\", "/")).name)
+    names = _names(named.name)
     asked_for = [Path(folder) for folder in (*folders, *filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)))]
     found = _first(asked_for, names)
     if found is not None:
         return RoadFile(found, None)
     scenario = Path(os.path.abspath(logic.path)).parent
-    found = _first((named.parent, scenario, *scenario.parents), names)
+    alike = in_any_case(named)
+    found = alike if alike and os.path.isfile(alike) else _first((named.parent, scenario, *scenario.parents), names)
     if found is None:
         raise logic.invalid(
             f"the road network {named} does not exist: put it there, name its folder with --road-path (or in {VARIABLE}), "

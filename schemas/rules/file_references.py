@@ -5,6 +5,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
+from schemas.storage import in_any_case
 
 _LEVELS = {"LogicFile": "error", "ScenarioFile": "error", "SceneGraphFile": "warning", "File": "warning"}
 
@@ -22,4 +23,6 @@ def check(document: Document) -> Iterator[Finding]:
             if name and not document.has_file(name):
                 absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute()
                 place = "" if absolute else f" in {document.path.parent}"
-                yield Finding(element, f"{tag}: there is no file {name!r}{place}", "warning" if absolute else level)
+                alike = in_any_case(document.file(name))
+                spelt = f"; {alike} differs in upper and lower case" if alike else ""
+                yield Finding(element, f"{tag}: there is no file {name!r}{place}{spelt}", "warning" if absolute else level)

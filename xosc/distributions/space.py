@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
+from schemas.catalogs import referred
 from schemas.errors import UsageError, nearest
 from schemas.expressions import ExpressionError, references
 from schemas.values import meant, quoted, type_named
@@ -64,7 +65,7 @@ class ParameterSpace:
         self.node = node = document.node.need("ParameterValueDistribution")
         self.distribution = ParameterValueDistribution.read(node)
         self.size = self.distribution.definition.size
-        self.scenario = Path(os.path.normpath(document.path.parent / self.distribution.scenario_file.replace("\\", "/")))
+        self.scenario = Path(os.path.normpath(referred(document.path, self.distribution.scenario_file)))
         if not os.path.isfile(self.scenario):  # unlike Path.is_file it takes names of any length
             raise node.need("ScenarioFile").invalid(f"the scenario {self.scenario} does not exist")
         scenario = load(self.scenario)

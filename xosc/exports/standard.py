@@ -141,7 +141,7 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
     node = document.node.need("ParameterValueDistribution", "ScenarioFile")
     trial = draft.copy()
     try:
-        varied = load(document.path.parent / node.get("filepath").replace("\\", "/"), strict=draft.settings.strict)
+        varied = load(node.file("filepath"), strict=draft.settings.strict)
         add(varied, version, trial)
         changed = copied(in_version(document, version or document.version, trial))
         reference = changed.node.need("ParameterValueDistribution", "ScenarioFile")

@@ -1,0 +1,163 @@
+"""What Windows and macOS do otherwise, simulated: their paths, processes that are spawned, modules that are not there."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import runner
+import schemas
+from runner.batch import pool
+from runner.settings import RunSettings
+from schemas.catalogs import locate, referred
+from schemas.errors import UsageError
+from schemas.storage import in_any_case
+from tests.runner.files import distribution, scenario
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation")
+MODULES = [module for package in PACKAGES for module in sorted((ROOT / package).rglob("*.py"))]
+SETTINGS = RunSettings(world="kinematic", sut="none", max_time=0.5)
+NOT_ON_WINDOWS = {"fcntl", "grp", "posix", "pwd", "resource", "termios", "tty", "syslog"}
+NOT_OF_OS = {"fork", "forkpty", "getuid", "geteuid", "getpgid", "killpg", "mkfifo", "setsid", "sched_getaffinity", "uname"}
+TEXTS = {"open": 1, "read_text": 0, "write_text": 1}
+"""What reads and writes texts, by the place of the argument before or at which the encoding is looked for."""
+
+
+def calls(module: Path) -> list[ast.Call]:
+    """All calls in a module."""
+    return [node for node in ast.walk(ast.parse(module.read_text("utf-8"))) if isinstance(node, ast.Call)]
+
+
+def is_binary(call: ast.Call) -> bool:
+    """Whether a call opens a file for bytes."""
+    modes = [each.value for each in call.args if isinstance(each, ast.Constant) and isinstance(each.value, str)]
+    return any("b" in mode for mode in modes)
+
+
+def test_texts_have_an_encoding() -> None:
+    """Windows would take its own code page."""
+    found = [
+        f"{module.relative_to(ROOT)}:{call.lineno}"
+        for module in MODULES
+        for call in calls(module)
+        if isinstance(call.func, ast.Attribute)
+        and call.func.attr in ("read_text", "write_text")
+        and len(call.args) <= TEXTS[call.func.attr]
+        and not any(keyword.arg in ("encoding", None) for keyword in call.keywords)
+    ]
+    opened = [
+        f"{module.relative_to(ROOT)}:{call.lineno}"
+        for module in MODULES
+        for call in calls(module)
+        if isinstance(call.func, ast.Name)
+        and call.func.id == "open"
+        and not is_binary(call)
+        and not any(keyword.arg == "encoding" for keyword in call.keywords)
+    ]
+    assert found + opened == []
+
+
+def test_nothing_needs_what_windows_lacks() -> None:
+    """Modules that are not there are imported only where their absence is caught."""
+    found = []
+    for module in MODULES:
+        tree = ast.parse(module.read_text("utf-8"))
+        caught = {each for node in ast.walk(tree) if isinstance(node, ast.Try) for part in node.body for each in ast.walk(part)}
+        for node in ast.walk(tree):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+            if NOT_ON_WINDOWS.intersection(names) and node not in caught:
+                found.append(f"{module.relative_to(ROOT)}:{node.lineno}: {names}")
+            if (
+                isinstance(node, ast.Attribute)
+                and isinstance(node.value, ast.Name)
+                and node.value.id == "os"
+                and (node.attr in NOT_OF_OS)
+            ):
+                found.append(f"{module.relative_to(ROOT)}:{node.lineno}: os.{node.attr}")
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        (r"..\maps\town.xodr", "/project/scenarios/../maps/town.xodr"),
+        ("file:///maps/town%20one.xodr", "/maps/town one.xodr"),
+        ("FILE://localhost/maps/town.xodr", "/maps/town.xodr"),
+        ("file:///C:/maps/town.xodr", "/project/scenarios/C:/maps/town.xodr"),
+        ("file:maps/town.xodr", "/project/scenarios/maps/town.xodr"),
+        ("maps/100%25.xodr", "/project/scenarios/maps/100%25.xodr"),
+    ],
+)
+def test_paths_as_other_systems_write_them(written: str, meant: str) -> None:
+    assert referred(Path("/project/scenarios/a.xosc"), written) == Path(meant)
+
+
+@pytest.mark.parametrize("written", [r".\Straight.XODR", r"C:\Users\me\maps\straight.xodr", "file:///C:/maps/straight.xodr"])
+def test_a_road_of_another_system_is_found_and_said(written: str, tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    path.write_text(path.read_text("utf-8").replace('filepath="straight.xodr"', f'filepath="{written}"'), "utf-8")
+    (remark,) = runner.run(path, SETTINGS).remarks
+    assert str(tmp_path / "straight.xodr") in remark and "is taken" in remark
+
+
+def test_a_catalogue_folder_in_other_case_is_found_and_said(tmp_path: Path) -> None:
+    (tmp_path / "maps" / "Vehicles").mkdir(parents=True)
+    (tmp_path / "maps" / "Vehicles" / "cars.XOSC").touch()
+    found = locate(tmp_path / "Maps" / "vehicles", tmp_path / "a.xosc")
+    assert found.files == [str(tmp_path / "maps" / "Vehicles" / "cars.XOSC")]
+    assert found.assumed.endswith(f"{tmp_path / 'maps' / 'Vehicles'} is taken, by its name")
+
+
+def test_checks_name_a_file_that_differs_in_case(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    path.write_text(path.read_text("utf-8").replace('filepath="straight.xodr"', 'filepath="Straight.xodr"'), "utf-8")
+    (problem,) = [each for each in schemas.check(path) if "Straight.xodr" in each.message]
+    assert problem.level == "error" and f"{tmp_path / 'straight.xodr'} differs in upper and lower case" in problem.message
+
+
+def test_two_names_that_differ_in_case_are_no_answer(tmp_path: Path) -> None:
+    for name in ("road.xodr", "ROAD.xodr"):
+        (tmp_path / name).touch()
+    assert in_any_case(tmp_path / "Road.xodr") is None
+    assert in_any_case(tmp_path / "ROAD.xodr") == tmp_path / "ROAD.xodr"
+    assert in_any_case(tmp_path / "nothing" / "x") is None
+
+
+def test_without_the_module_that_limits_memory_the_option_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pool, "resource", None)
+    with pytest.raises(UsageError, match="leave --max-memory out"):
+        pool.Pool(1, print, print, max_memory=1.0)  # type: ignore[arg-type]
+    pool.Pool(1, print, print).close()  # type: ignore[arg-type]
+
+
+SPAWNED = """
+import multiprocessing, sys
+from runner.cli import main
+
+if __name__ == "__main__":
+    multiprocessing.set_start_method("spawn")
+    main()
+"""
+
+
+def test_spawned_processes_give_the_same_bytes(tmp_path: Path) -> None:
+    """As on Windows and macOS, where nothing of the parent's memory is there."""
+    scenario(tmp_path / "files")
+    path = distribution(tmp_path / "files", "gaps", {"Gap": (30, 50, 10)})
+    script = tmp_path / "spawned.py"
+    script.write_text(SPAWNED, "utf-8")
+    for name, jobs in (("one", "1"), ("two", "2")):
+        arguments = [str(path), "--out", str(tmp_path / name), "--jobs", jobs, "--world", "kinematic", "--sut", "none", "--quiet"]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run([sys.executable, str(script), *arguments], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+    files = sorted(file.relative_to(tmp_path / "one") for file in (tmp_path / "one").rglob("*.parquet"))
+    assert len(files) > 3
+    assert all((tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes() for file in files)
