@@ -23,6 +23,7 @@ class OneShotCondition(TimedCondition):
     def __init__(self, name: str, condition: Condition, edge: str, delay: float) -> None:
         super().__init__(name, condition, "none", delay)
         self.keeps_memory = True
+        self.evaluate = self._lasting
 
     def rearm(self) -> None:
         """Forget that it has been true."""
@@ -31,7 +32,7 @@ class OneShotCondition(TimedCondition):
         self._measuring = False
         self._reason = ""
 
-    def evaluate(self, run: Instant) -> bool:
+    def _lasting(self, run: Instant) -> bool:
         """Whether it has been true since its trigger waits; to be called once each step."""
         if self._begun is None:
             self._begun = run.time
