@@ -51,6 +51,9 @@ Replay = Annotated[
     bool,
     typer.Option("--replay", help="Write an HTML page that plays each run, to --out with a report, else to this folder."),
 ]
+Against = Annotated[
+    Path | None, typer.Option(metavar="BATCH", help="Folder of an earlier batch that the report of --replay compares with.")
+]
 MaxMemory = Annotated[
     float | None, typer.Option(min=0.1, metavar="GIB", help="Memory that a process may take; a run that needs more is an error.")
 ]
@@ -73,6 +76,7 @@ def xosc_run(
     osi: Osi = None,
     plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
     replay: Replay = False,
+    against: Against = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play each run in SUMO's own window.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
@@ -92,6 +96,8 @@ def xosc_run(
 
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
+    if against is not None:
+        _need_report(against, replay and not dry_run, out)
     if max_memory is not None and (ray is not None or dry_run):
         raise UsageError("--max-memory is for runs on this machine: leave --ray and --dry-run out")
     selection = Selection(spans(only) if only is not None else (), sample, settings.seed, None if dry_run else repeat)
@@ -113,8 +119,17 @@ def xosc_run(
     if replay and out is not None and not dry_run:
         from runner.replay.report import write_report
 
-        write_report(out)
+        write_report(out, against)
     raise typer.Exit(code)
+
+
+def _need_report(against: Path, replay: bool, out: Path | None) -> None:
+    """Find out before the runs whether their report can be compared with an earlier batch."""
+    from runner.batch.journal import settings as settings_of
+
+    if not replay or out is None:
+        raise UsageError("--against is for the report, which --replay writes into the --out folder")
+    settings_of(against)
 
 
 @contextmanager

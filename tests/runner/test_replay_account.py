@@ -97,7 +97,7 @@ def test_late_braking_is_told(tmp_path: Path) -> None:
 
 def test_without_contact_the_nearest_is_told(tmp_path: Path) -> None:
     texts = [each.text for each in account(run(tmp_path, 300.0, None))]
-    assert texts[0].startswith("Ego touched nobody; the least distance was ")
+    assert texts[0].startswith("Ego had no contact; the least distance was ")
     assert "to B, at 6.00 s" in texts[0]
 
 

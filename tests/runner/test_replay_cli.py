@@ -77,6 +77,13 @@ def test_a_film_is_made_where_ffmpeg_is_and_refused_in_one_line_where_it_is_not(
 def test_batches_are_compared_by_name_only_as_batches(command: Command, batch: Path, run: Path) -> None:
     assert command("xosc-replay", batch, "--against", batch)[0] == 0
     assert '"against":{"title":"out"' in (batch / "report.html").read_text()
+    again = batch.parent / "again"
+    scenario_file = batch.parent / "gaps.xosc"
+    assert command("xosc-run", scenario_file, "--world", "kinematic", "--out", again, "--replay", "--against", batch)[0] in (0, 1)
+    assert '"against":{"title":"out"' in (again / "report.html").read_text("utf-8")
+    for wrong in (["--out", again], ["--replay"]):
+        code, _, error = command("xosc-run", scenario_file, "--against", batch, *wrong)
+        assert code == 2 and "--against is for the report" in error
     code, _, error = command("xosc-replay", run, "--against", batch)
     assert code == 2
     assert "--against compares whole batches" in error

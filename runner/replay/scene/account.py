@@ -115,10 +115,10 @@ def _without_contact(result: RunResult, ego: Track, measures: Criticality) -> It
     summary = measures.summary
     nearest, ttc = summary["min_distance"], summary["min_ttc"]
     if nearest is None:
-        yield Sentence(f"{ego.name} met nobody.")
+        yield Sentence(f"{ego.name} met no other participant.")
     else:
         close = f"{nearest['value']:.2f} m to {nearest['other']}"
-        yield Sentence(f"{ego.name} touched nobody; the least distance was {close}, at {nearest['time']:.2f} s.", nearest["time"])
+        yield Sentence(f"{ego.name} had no contact; the least distance was {close}, at {nearest['time']:.2f} s.", nearest["time"])
     if ttc is not None and ttc["value"] < 10.0:
         to = f"{ttc['value']:.2f} s to {ttc['other']}"
         yield Sentence(f"The least time to collision was {to}, at {ttc['time']:.2f} s.", ttc["time"])

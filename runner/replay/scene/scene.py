@@ -102,6 +102,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         "account": account(result),
         "passed": result.verdict.passed,
         "reasons": _reasons(result),
+        "remarks": list(result.remarks),
         "status": result.status,
         "end": result.end_time,
         "sut": result.sut,
@@ -123,10 +124,10 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
 
 
 def _reasons(result: RunResult) -> list[str]:
-    """Why the run failed, and what is remarkable, without the contact that the account begins with."""
+    """Why the run failed, without the contact that the account begins with."""
     impact = result.criticality.impact if result.criticality is not None else None
     first = f"collision with {impact.other} at {impact.time:.2f} s" if impact is not None else ""
-    return [reason for reason in (*result.verdict.reasons, *result.remarks) if reason != first]
+    return [reason for reason in result.verdict.reasons if reason != first]
 
 
 def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, Stretches]:

@@ -17,6 +17,13 @@ function sentences(run, seek) {
   return el("ol", { class: "account", "aria-label": "What happened" }, ...parts);
 }
 
+// remarks that are shown without being asked for
+const FEW = 1;
+
+function list(lines) {
+  return lines.length ? el("ul", { class: "reasons muted" }, ...lines.map(line => el("li", null, line))) : null;
+}
+
 function headline(runs, i, seek) {
   const run = runs[i];
   return el(
@@ -31,7 +38,10 @@ function headline(runs, i, seek) {
       el("span", { class: "muted" }, `${seconds(run.end)}, ended by ${ENDS[run.status]}`),
     ),
     sentences(run, seek),
-    run.reasons.length ? el("ul", { class: "reasons muted" }, ...run.reasons.map(reason => el("li", null, reason))) : null,
+    list(run.reasons),
+    run.remarks.length > FEW
+      ? el("details", null, el("summary", { class: "muted" }, `${run.remarks.length} remarks`), list(run.remarks))
+      : list(run.remarks),
     el(
       "details",
       null,

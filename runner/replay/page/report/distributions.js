@@ -26,7 +26,7 @@ function histogram(column) {
       .filter(value => typeof value === "number")
       .sort((a, b) => a - b);
     const beyond = sorted.filter(value => value > high).length,
-      called = column.beyond ? `are ${column.beyond}` : `are beyond ${short(high)}`;
+      called = `${beyond === 1 ? "is" : "are"} ${column.beyond || `beyond ${short(high)}`}`;
     told.textContent = sorted.length
       ? `${many(sorted.length, "run")}, from ${short(sorted[0])}` +
         (beyond ? `; ${beyond} ${called} (last bar)` : ` to ${short(sorted.at(-1))}`) +
