@@ -54,12 +54,14 @@ def _least(ego: Motion, others: Sequence[Motion], step: float, longest: int) -> 
     best: tuple[int, float, str] = (longest + 1, 0.0, "")
     for own, its in _near(a, b, near):
         lag = np.abs(mine[0][own] - theirs[0][its])
-        worth = np.flatnonzero(lag <= min(best[0], longest))
-        own, its, lag = own[worth], its[worth], lag[worth]
-        hits = np.flatnonzero(boxes_overlap(a.at(own), b.at(its)))
-        hits = hits[lag[hits] == lag[hits].min(initial=longest + 1)]
-        names = (others[index].name for index in who[theirs[1][its[hits]]])
-        best = min([best, *zip(lag[hits].tolist(), a.time[own[hits]].tolist(), names, strict=True)])
+        for more, most in pairwise((-1, longest // 8, longest // 4, longest // 2, longest)):  # no longer ones after a hit
+            band = np.flatnonzero((lag > more) & (lag <= min(most, best[0])))
+            hits = band[boxes_overlap(a.at(own[band]), b.at(its[band]))]
+            if hits.size:
+                hits = hits[lag[hits] == lag[hits].min()]
+                names = (others[index].name for index in who[theirs[1][its[hits]]])
+                best = min([best, *zip(lag[hits].tolist(), a.time[own[hits]].tolist(), names, strict=True)])
+                break
     return Extreme(best[0] * step, best[1], best[2]) if best[0] <= longest else None
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
 from lxml import etree
 from scenariogeneration import xosc as sg
 
@@ -47,7 +48,10 @@ class Polyline(sg.Trajectory):
 
     def __init__(self, name: str, columns: Mapping[str, Sequence[float]]) -> None:
         super().__init__(name, False)
-        time, *places = ([number(float(value)) for value in column] for column in columns.values())
+        values = np.array(list(columns.values()), np.float64)
+        for value in values[~np.isfinite(values)].tolist():
+            number(value)  # refuses it
+        time, *places = values.tolist()
         vertex = '<Vertex time="{}"><Position><WorldPosition ' + " ".join(f'{axis}="{{}}"' for axis in [*columns][1:])
         vertices = map((vertex + "/></Position></Vertex>").format, time, *places)
         shape = f"<Shape><Polyline>{''.join(vertices)}</Polyline></Shape>"
@@ -73,9 +77,11 @@ def rendered(built: Any) -> etree._Element:
         sg.VersionBase().setVersion(*before)
 
 
-def _copied(element: Any) -> etree._Element:
+def _copied(element: Any, parent: etree._Element | None = None) -> etree._Element:
     """An element of the standard library's XML tree as one of lxml's."""
-    copied = etree.Element(element.tag, dict(element.attrib))
+    tag, attributes = element.tag, element.attrib
+    copied = etree.Element(tag, attributes) if parent is None else etree.SubElement(parent, tag, attributes)
     copied.text = element.text
-    copied.extend(_copied(child) for child in element)
+    for child in element:
+        _copied(child, copied)
     return copied
