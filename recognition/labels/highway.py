@@ -17,10 +17,13 @@ from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
 def free_cruise(scene: Scene) -> Hits:
-    """1: steady speed on one lane, without a lead or with one far ahead, in the window and its margins."""
+    """1: steady speed on one lane, without a lead or with one far ahead, in the window and its margins.
+
+    Who stands has no headway, whoever stands ahead.
+    """
     rules = scene.rules
     far = ~scene.leads.thw.valid | (scene.leads.thw.value > rules.following_headway)
-    calm = np.abs(scene.acceleration) < rules.cruise_acceleration
+    calm = (np.abs(scene.acceleration) < rules.cruise_acceleration) & (scene.speed >= rules.cruise_speed)
     half = scene.rows(0.5 * rules.window + rules.margin)
     flags = _steady_on_main(scene) & always(far & calm, half, scene.first, scene.last)
     flags &= deviation(scene.speed, half, scene.first, scene.last) < rules.cruise_speed_deviation

@@ -17,6 +17,7 @@ class Rules:
         sight: how far ahead a lead is looked for.
         smoothing: time over which accelerations are averaged before they are compared.
         cruise_acceleration, cruise_speed_deviation: greatest |a| and standard deviation of the speed in free cruise.
+        cruise_speed: least speed of free cruise: who stands in a jam is as steady.
         following_headway: greatest THW of following, and least of free cruise.
         following_ttc: TTC below which following gets the tag `ttc_below_4s`.
         hold: how long a lane is held before and after a change; shorter stays in a lane are none.
@@ -55,6 +56,7 @@ class Rules:
     smoothing: float = 1.0
     cruise_acceleration: float = 0.3
     cruise_speed_deviation: float = 0.5
+    cruise_speed: float = 5.0
     following_headway: float = 4.0
     following_ttc: float = 4.0
     hold: float = 1.0

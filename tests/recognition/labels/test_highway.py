@@ -49,6 +49,12 @@ def test_slowly_wandering_speeds_are_no_cruise(motorway: Site) -> None:
     assert labels(motorway, track("ego", gentle, MIDDLE), config=Rules(cruise_speed_deviation=0.4)) == []
 
 
+@pytest.mark.parametrize("speed", [0.0, 4.0])
+def test_who_stands_or_creeps_behind_another_does_not_cruise(motorway: Site, speed: float) -> None:
+    jam = [track(name, ahead(x, speed, SECONDS), MIDDLE) for name, x in (("ego", 100.0), ("lead", 120.0))]
+    assert Label.FREE_CRUISE not in {event.label for event in labels(motorway, *jam)}
+
+
 @pytest.mark.parametrize(("gap", "expected"), [(119.0, Label.CAR_FOLLOWING), (121.0, Label.FREE_CRUISE)])
 def test_a_headway_of_four_seconds_parts_following_from_cruising(motorway: Site, gap: float, expected: Label) -> None:
     lead = track("lead", ahead(100 + gap + 4.5, 30, SECONDS), MIDDLE)
