@@ -16,6 +16,7 @@ from runner.run_options import Param, with_run_settings
 from runner.settings import RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
 from schemas.errors import UsageError
+from schemas.storage import writing
 
 if TYPE_CHECKING:
     from runner.batch.batch import Also
@@ -140,8 +141,9 @@ def _reporting(junit: Path | None) -> Iterator[list[Outcome] | None]:
         return
     from runner.outputs.report import write_junit
 
-    junit.parent.mkdir(parents=True, exist_ok=True)
-    junit.open("a").close()  # what can't be written is better known before the runs than after them
+    with writing("the report", junit):
+        junit.parent.mkdir(parents=True, exist_ok=True)
+        junit.open("a").close()  # what can't be written is better known before the runs than after them
     outcomes: list[Outcome] = []
     try:
         yield outcomes

@@ -14,6 +14,8 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 
 
 def receive(connection):
+    """The next message, whose length comes before it; ends the program where the run is over."""
+
     def exactly(count):
         data = b""
         while len(data) < count:

@@ -19,6 +19,7 @@ from runner.exports.osi_lanes import Lanes, around
 from runner.exports.osi_objects import Osi, fill_base, fill_type
 from schemas.errors import UsageError
 from schemas.packages import version
+from schemas.storage import writing
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome
@@ -71,6 +72,8 @@ def write_trace(result: RunResult, path: Path) -> None:
         "authors": "xosc-toolchain",
         "data_sources": "simulation",
     }
+    with writing("the trace", path):
+        path.open("wb").close()  # the writer would print why it can't, and not say
     if not writer.open(path, metadata=metadata):
         raise UsageError("the trace can't be written", path=path)
     channel = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,7 +64,9 @@ def write_picture(result: RunResult, path: Path) -> None:
     outcome = "passed" if result.verdict.passed else "failed: " + "; ".join(result.verdict.reasons)
     title = f"{result.scenario.stem}, {result.end_time:.2f} s, system under test {result.sut}, {outcome}"
     figure.suptitle(_plain(title), fontsize=11, wrap=True)
-    figure.savefig(path, dpi=110, metadata={"Software": None})
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # names may be in any script, and are boxes then
+        figure.savefig(path, dpi=110, metadata={"Software": None})
 
 
 def _named(result: RunResult, tracks: list[Track]) -> list[str]:
