@@ -53,6 +53,8 @@ class FieldParameters:
         return np.arange(1, round(self.ahead / self.step) + 1, dtype=np.float64) * self.step
 
 
+_erfc = np.frompyfunc(math.erfc, 1, 1)
+"""Complementary error function; few instants are asked for, and SciPy's would take longer to import than a run"""
 _SLACK = 1e-6
 """Of logarithms that are compared: more than they are rounded by"""
 
@@ -156,8 +158,6 @@ def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntA
 
 def _inside(mean: FloatArray, half: FloatArray, deviation: float) -> FloatArray:
     """Probability that a normal variable is between −half and half (n,)."""
-    from scipy.special import ndtr
-
-    scale = max(deviation, math.ulp(1.0))
-    found: FloatArray = ndtr((half - mean) / scale) - ndtr((-half - mean) / scale)
+    scale = -math.sqrt(2.0) * max(deviation, math.ulp(1.0))
+    found: FloatArray = 0.5 * (_erfc((half - mean) / scale) - _erfc((-half - mean) / scale)).astype(np.float64)
     return found

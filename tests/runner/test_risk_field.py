@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
 
 import runner
 from runner.measures.criticality import criticality
 from runner.measures.relations import Motion
-from runner.measures.risk_field import FieldParameters, risk_field
+from runner.measures.risk_field import FieldParameters, _inside, risk_field
 from runner.participants.declaration import BoundingBox
 from tests.commands import Command
 
@@ -100,3 +103,14 @@ def test_a_run_has_the_greatest_of_both_and_can_fail_by_them(command: Command) -
 
 def test_who_meets_nobody_has_no_field() -> None:
     assert criticality(car([0.0, 2.5]), []).summary["max_risk_field"] is None
+
+
+@given(
+    st.lists(st.tuples(st.floats(-200.0, 200.0), st.floats(0.01, 20.0)), min_size=1, max_size=5),
+    st.one_of(st.just(0.0), st.floats(1e-6, 100.0)),
+)
+def test_probabilities_are_those_of_the_normal_distribution(places: list[tuple[float, float]], deviation: float) -> None:
+    mean, half = np.array(places).T
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        expected = norm.cdf(half, mean, max(deviation, 1e-300)) - norm.cdf(-half, mean, max(deviation, 1e-300))
+    assert _inside(mean, half, deviation) == pytest.approx(expected, abs=1e-14)
