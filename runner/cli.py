@@ -90,8 +90,9 @@ def xosc_run(
     _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
-    from runner.batch.batch import rehearse_batch, run_batch
+    from runner.batch.batch import run_batch
     from runner.batch.jobs import jobs_of
+    from runner.batch.rehearsal import rehearse_batch
     from runner.batch.selection import Selection, runnable, spans
     from runner.outputs.terminal import Table
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,47 +24,6 @@ if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
 
 Also = Callable[["RunResult"], None]
-
-
-def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings, processes: int = 1) -> Generator[Outcome]:
-    """Load, resolve, compile and begin what is to be run, without a step of it; one outcome a file, the gravest of its sets."""
-    with closing(_each(iter(jobs), partial(_compiled, settings=settings), _lost, processes)) as outcomes:
-        for _, group in groupby(outcomes, key=lambda outcome: outcome.job.source):
-            yield _rehearsed(group)
-
-
-def _rehearsed(outcomes: Iterable[Outcome]) -> Outcome:
-    """What becomes of one file, from what became of its sets."""
-    first, count, failures, remarks = None, 0, list[Outcome](), dict[str, None]()
-    for outcome in outcomes:
-        count += 1
-        first = first or outcome.job
-        if outcome.state == "error":
-            failures.append(replace(outcome, trace="" if failures else outcome.trace))
-        remarks |= dict.fromkeys(outcome.remarks)
-    assert first is not None
-    varied = first.source != first.scenario
-    name = first.name.rpartition("~")[0] or first.name if varied else first.name
-    job = Job(name, first.source, first.scenario)
-    if not failures:
-        return Outcome(job, "loaded", 0, f"{count} parameter sets" * varied, status="compiled", remarks=[*remarks])
-    gravest = max(failures, key=lambda outcome: outcome.exit_code)
-    share = f"{len(failures)} of {count} parameter sets: " if count > 1 else ""
-    return replace(gravest, job=job, message=share + gravest.message)
-
-
-def _compiled(job: Job, settings: RunSettings) -> Outcome:
-    from runner.interpreter.execution import prepare
-
-    try:
-        remarks = assumed(job, settings.strict)
-        prepared = prepare(job.scenario, job.parameters, settings)
-        prepared.ego(settings.ego)
-        begun = prepared.rehearse(settings)
-    except Exception as error:  # a defect of ours is an outcome too, the other files go on
-        return failure(job, error)
-    remarks += map(str, (*prepared.scenario.remarks, *begun))
-    return Outcome(job, "loaded", 0, status="compiled", remarks=[one_line(remark) for remark in remarks])
 
 
 def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
@@ -180,13 +138,13 @@ def _outcomes(
         from runner.batch.ray_pool import RayPool
 
         enter = partial(journal.enter, out) if out is not None else None
-        with RayPool(ray, processes, partial(_run, **how), _lost, enter) as cluster:
+        with RayPool(ray, processes, partial(_run, **how), lost, enter) as cluster:
             yield from cluster.execute(jobs)
     else:
-        yield from _each(jobs, partial(execute, **how), partial(_died, out=out), processes, max_memory)
+        yield from each(jobs, partial(execute, **how), partial(_died, out=out), processes, max_memory)
 
 
-def _each(
+def each(
     jobs: Iterator[Job | Outcome],
     work: Callable[[Job], Outcome],
     died: Callable[[Job], Outcome],
@@ -211,12 +169,13 @@ def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
     return outcome
 
 
-def _lost(job: Job) -> Outcome:
+def lost(job: Job) -> Outcome:
+    """The outcome of a job whose process died."""
     return Outcome(job, "error", 5, "the process that ran it died, of too little memory or a defect of a library")
 
 
 def _died(job: Job, out: Path | None) -> Outcome:
-    outcome = _lost(job)
+    outcome = lost(job)
     if out is not None:
         journal.enter(out, outcome)
     return outcome

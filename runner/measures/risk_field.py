@@ -159,5 +159,4 @@ def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntA
 def _inside(mean: FloatArray, half: FloatArray, deviation: float) -> FloatArray:
     """Probability that a normal variable is between −half and half (n,)."""
     scale = -math.sqrt(2.0) * max(deviation, math.ulp(1.0))
-    found: FloatArray = 0.5 * (_erfc((half - mean) / scale) - _erfc((-half - mean) / scale)).astype(np.float64)
-    return found
+    return np.asarray(0.5 * (_erfc((half - mean) / scale) - _erfc((-half - mean) / scale)), dtype=np.float64)

@@ -13,8 +13,9 @@ import pytest
 import runner
 import schemas
 import xosc
-from runner.batch.batch import rehearse_batch, run_batch
+from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
+from runner.batch.rehearsal import rehearse_batch
 from tests.conformance.support import SCENARIOS, at, track
 
 

@@ -11,18 +11,23 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import combinations, islice
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from runner.batch.batch import rehearse_batch, run_batch
+from runner.batch import rehearsal
+from runner.batch.batch import run_batch
 from runner.batch.jobs import Job, Outcome, jobs_of, names_of
 from runner.batch.journal import finished
+from runner.batch.rehearsal import rehearse_batch
 from runner.interpreter.result import RunResult
 from runner.settings import RunSettings
 from schemas.errors import UsageError
@@ -131,6 +136,37 @@ def test_rehearsing_compiles_and_does_not_run(tmp_path: Path) -> None:
     assert outcomes[-1].message == "21 parameter sets"
     in_two = list(rehearse_batch(jobs_of(files, {}, True), QUICK, processes=2))
     assert [replace(outcome, trace="") for outcome in in_two] == [replace(outcome, trace="") for outcome in outcomes]
+
+
+@given(st.lists(st.tuples(*[st.sampled_from("abcd")] * 3)), st.integers(0, 5))
+def test_of_many_sets_those_are_rehearsed_in_which_values_meet_first(values: list[tuple[str, ...]], all_of: int) -> None:
+    file = Path("file.xosc")
+    jobs = [Job(str(k), file, file, dict(zip(("A", "B", "C"), each, strict=True))) for k, each in enumerate(values)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rehearsal, "ALL", all_of)
+        pairwise = rehearsal.Pairwise(jobs)
+        kept = [job for job in pairwise if isinstance(job, Job)]
+    assert kept[:all_of] == jobs[:all_of]
+    assert kept == [job for job in jobs if job in kept]
+    assert pairwise.sets == Counter({file: len(jobs)} if jobs else {})
+    there, met = ({pair for job in some for pair in combinations(job.parameters.items(), 2)} for some in (jobs, kept))
+    assert met == there
+    for number, job in enumerate(kept[all_of:], all_of):
+        before = {pair for other in kept[:number] for pair in combinations(other.parameters.items(), 2)}
+        assert not before.issuperset(combinations(job.parameters.items(), 2))
+
+
+def test_a_fault_of_one_value_among_many_sets_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rehearsal, "ALL", 5)
+    scenario(tmp_path, "scenario", init=place("Ego", 100, 10) + place("Lead", "${1/(20-$Gap)}", 10))
+    (fine,) = rehearse_batch(jobs_of([distribution(tmp_path, "fine", {"Gap": (21, 40, 1)})], {}, True), QUICK)
+    assert (fine.state, fine.message) == ("loaded", "20 parameter sets")
+    (short,) = rehearse_batch(jobs_of([distribution(tmp_path, "short", {"Gap": (10, 20, 1)})], {}, True), QUICK)
+    assert (short.state, short.exit_code) == ("error", 3)
+    assert short.message.startswith("1 of 11 parameter sets: ")
+    two = distribution(tmp_path, "two", {"Gap": (10, 13, 1), "Ego_Speed": (1, 4, 1)})
+    (both,) = rehearse_batch(jobs_of([two], {}, True), QUICK)
+    assert both.message == "16 parameter sets"
 
 
 # laziness -----------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import random
 import statistics
 from datetime import datetime
 from itertools import islice
@@ -44,6 +45,7 @@ from xosc.distributions import (
 from xosc.document import load
 from xosc.files import Header
 from xosc.node import Node
+from xosc.parameters import Assignment, Scope
 
 FILE_HEADER = Header("a test", "a tester", datetime(2024, 1, 31))
 HEADER = '<FileHeader revMajor="1" revMinor="3" date="2024-01-01T00:00:00" description="" author=""/>'
@@ -184,6 +186,33 @@ def test_combinations_outside_the_constraints_are_left_out_and_counted(written) 
     assert [tuple(each.values()) for _, each in found] == [("1", "1"), ("1", "2"), ("2", "1"), ("2", "2"), ("2", "3"), ("2", "4")]
     assert found.excluded == 2
     assert len(parameters(path)) == ParameterSpace(path).size == 8
+
+
+LINKED = """
+  <ParameterDeclaration name="Alone" parameterType="double" value="1">
+    <ConstraintGroup><ValueConstraint rule="lessOrEqual" value="2"/></ConstraintGroup>
+    <ConstraintGroup><ValueConstraint rule="equalTo" value="4"/></ConstraintGroup>
+  </ParameterDeclaration>
+  <ParameterDeclaration name="Half" parameterType="double" value="${$Speed / 2}">
+    <ConstraintGroup><ValueConstraint rule="lessThan" value="$Lane"/></ConstraintGroup>
+  </ParameterDeclaration>
+"""
+
+
+def test_constraints_hold_by_groups_as_they_do_together(written) -> None:
+    draws = random.Random(0)
+    names = ("Speed", "Limit", "Lane", "Alone", "Half")
+    path = written("<Deterministic>" + "".join(single(name, values("1", "2")) for name in names) + "</Deterministic>")
+    scenario = path.parent / "scenario.xosc"
+    scenario.write_text(SCENARIO.replace("</ParameterDeclarations>", LINKED + "</ParameterDeclarations>"))
+    declarations = load(scenario).node.need("ParameterDeclarations").children()
+    found, verdicts = ParameterSpace(path), []
+    for _ in range(300):
+        texts = {name: str(draws.randrange(6)) for name in names if draws.random() < 0.7}
+        assigned = {name: Assignment(value, UsageError) for name, value in texts.items()}
+        verdicts.append(not list(Scope(declarations, None, assigned).violations()))
+        assert found.admits(texts) == verdicts[-1], texts
+    assert {*verdicts} == {True, False}
 
 
 def test_an_astronomic_space_is_counted_and_reached_into_but_never_enumerated(written) -> None:

@@ -10,6 +10,7 @@ import math
 import os
 import random
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 
@@ -29,6 +30,9 @@ MAX_REJECTIONS = 10_000
 
 MAX_EXCLUDED = 20_000
 """So many variations in a row outside the constraints (a few seconds) end an enumeration, which could go on for years."""
+
+_REMEMBERED = 10_000
+"""So many answers on values are kept."""
 
 Variation = tuple[Path, dict[str, str]]
 """A scenario and values of its parameters."""
@@ -78,7 +82,9 @@ class ParameterSpace:
             if name not in self._declarations:
                 message = f"{scenario.path.name} declares no parameter {quoted(name)}; {nearest(name, self._declarations)}"
                 raise place.invalid(message)
-        self._constrained = _constrained(self._declarations)
+        self._constrained = _groups(_constrained(self._declarations))
+        self._keeps = lru_cache(_REMEMBERED)(self._group_keeps)  # one value meets many others, with the same answer
+        self._check = lru_cache(_REMEMBERED)(self._check_type)
 
     @property
     def varying(self) -> set[str]:
@@ -110,9 +116,14 @@ class ParameterSpace:
         """
         if self.distribution is None or not self._constrained:
             return True
-        assigned = {name: self._assigned(name, value) for name, value in parameters.items() if name in self._constrained}
-        scope = Scope(self._constrained.values(), None, assigned)
-        return next(scope.violations(), None) is None
+        kept = [self._keeps(number, tuple(map(parameters.get, group))) for number, group in enumerate(self._constrained)]
+        return all(kept)
+
+    def _group_keeps(self, number: int, values: tuple[str | None, ...]) -> bool:
+        """Whether values, in their order, keep the constraints of a group; None where the default counts."""
+        group = self._constrained[number]
+        assigned = {name: self._assigned(name, value) for name, value in zip(group, values, strict=True) if value is not None}
+        return next(Scope(group.values(), None, assigned).violations(), None) is None
 
     def _assignment(self, index: int, seed: float | None) -> dict[str, str]:
         if self.distribution is None:
@@ -126,7 +137,7 @@ class ParameterSpace:
             self._check(name, value)
         return values
 
-    def _check(self, name: str, value: str) -> None:
+    def _check_type(self, name: str, value: str) -> None:
         """Refuse, at its place in this file, a value that is not of its parameter's type."""
         try:
             meant(type_named(self._types[name]), value)
@@ -245,9 +256,24 @@ def _constrained(declarations: dict[str, Node]) -> dict[str, Node]:
         if name in needed or name not in declarations:
             continue
         needed[name] = declarations[name]
-        for node in declarations[name].iter("ParameterDeclaration", "ValueConstraint"):
-            try:
-                pending.extend(references(node.get("value")))
-            except ExpressionError as error:
-                raise node.invalid(error.message) from None
+        pending.extend(_needs(declarations[name]))
     return needed
+
+
+def _needs(declaration: Node) -> Iterator[str]:
+    """Names of the parameters that a declaration's value and constraints depend on."""
+    for node in declaration.iter("ParameterDeclaration", "ValueConstraint"):
+        try:
+            yield from references(node.get("value"))
+        except ExpressionError as error:
+            raise node.invalid(error.message) from None
+
+
+def _groups(constrained: dict[str, Node]) -> list[dict[str, Node]]:
+    """The declarations in groups that do not depend on each other, in their order."""
+    groups: list[set[str]] = []
+    for name, declaration in constrained.items():
+        joined = {name, *_needs(declaration)}
+        apart = [group for group in groups if group.isdisjoint(joined)]
+        groups = [*apart, joined.union(*(group for group in groups if group not in apart))]
+    return [{name: node for name, node in constrained.items() if name in group} for group in groups]

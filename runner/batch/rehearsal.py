@@ -1,0 +1,98 @@
+"""Dry runs: what is to be run is loaded, compiled and brought to time 0, without a step of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from itertools import combinations_with_replacement, groupby
+from pathlib import Path
+
+from runner.batch.batch import each, lost
+from runner.batch.jobs import Job, Outcome, assumed, failure
+from runner.settings import RunSettings
+from schemas.errors import one_line
+
+ALL = 1000
+"""So many parameter sets of a file are rehearsed whatever their values are."""
+
+
+def rehearse_batch(jobs: Iterable[Job | Outcome], settings: RunSettings, processes: int = 1) -> Generator[Outcome]:
+    """Load, resolve, compile and begin what is to be run; one outcome a file, the gravest of its sets.
+
+    What a set can break is decided by one of its values or by two that meet, as a rule. Of a file with more than `ALL` sets those
+    that follow are rehearsed where two of their values meet for the first time (pairwise testing: Kuhn, Wallace, Gallo, Software
+    Fault Interactions and Implications for Software Testing, IEEE Transactions on Software Engineering 30, 2004).
+    """
+    chosen = Pairwise(jobs)
+    with closing(each(iter(chosen), partial(_compiled, settings=settings), lost, processes)) as outcomes:
+        for _, group in groupby(outcomes, key=lambda outcome: outcome.job.source):
+            yield _rehearsed(group, chosen.sets)
+
+
+class Pairwise:
+    """Jobs without those parameter sets in which no two values meet for the first time; the first `ALL` of a file are kept.
+
+    Attributes:
+        sets: how many sets of each file there have been, those left out among them.
+    """
+
+    def __init__(self, jobs: Iterable[Job | Outcome]) -> None:
+        self._jobs = jobs
+        self.sets: Counter[Path] = Counter()
+
+    def __iter__(self) -> Iterator[Job | Outcome]:
+        met: set[tuple[tuple[str, str], tuple[str, str]]] = set()
+        source: Path | None = None
+        for job in self._jobs:
+            if isinstance(job, Outcome):
+                self.sets[job.job.source] += 1
+                yield job
+                continue
+            if job.source != source:
+                source = job.source
+                met.clear()
+            self.sets[source] += 1
+            pairs = set(combinations_with_replacement(job.parameters.items(), 2))
+            if self.sets[source] <= ALL or not pairs <= met:
+                met |= pairs
+                yield job
+
+
+def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
+    """What becomes of one file, from what became of its sets."""
+    first, count, failures, remarks = None, 0, list[Outcome](), dict[str, None]()
+    for outcome in outcomes:
+        count += 1
+        first = first or outcome.job
+        if outcome.state == "error":
+            failures.append(replace(outcome, trace="" if failures else outcome.trace))
+        remarks |= dict.fromkeys(outcome.remarks)
+    assert first is not None
+    varied = first.source != first.scenario
+    name = first.name.rpartition("~")[0] or first.name if varied else first.name
+    job = Job(name, first.source, first.scenario)
+    every = sets[first.source]
+    pairwise = f", {count} of them rehearsed: every two values that meet" if count < every else ""
+    if not failures:
+        said = f"{every} parameter sets{pairwise}" * varied
+        return Outcome(job, "loaded", 0, said, status="compiled", remarks=[*remarks])
+    gravest = max(failures, key=lambda outcome: outcome.exit_code)
+    share = f"{len(failures)} of {count} parameter sets: " if count > 1 else ""
+    return replace(gravest, job=job, message=share + gravest.message)
+
+
+def _compiled(job: Job, settings: RunSettings) -> Outcome:
+    from runner.interpreter.execution import prepare
+
+    try:
+        remarks = assumed(job, settings.strict)
+        prepared = prepare(job.scenario, job.parameters, settings)
+        prepared.ego(settings.ego)
+        begun = prepared.rehearse(settings)
+    except Exception as error:  # a defect of ours is an outcome too, the other files go on
+        return failure(job, error)
+    remarks += map(str, (*prepared.scenario.remarks, *begun))
+    return Outcome(job, "loaded", 0, status="compiled", remarks=[one_line(remark) for remark in remarks])
