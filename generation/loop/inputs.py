@@ -42,6 +42,13 @@ class Inputs(NamedTuple):
         return cls(folder, recordings, scenarios)
 
     @property
+    def names(self) -> dict[Path, str]:
+        """A name for each scenario, no two the same: its file's, with the folders below ours where others have that too."""
+        stems = [path.stem for path in self.scenarios]
+        inside = {path: path.relative_to(self.folder).with_suffix("") for path in self.scenarios}
+        return {path: path.stem if stems.count(path.stem) == 1 else "_".join(inside[path].parts) for path in self.scenarios}
+
+    @property
     def identity(self) -> str:
         """A short name for the files of the folder, by their names and sizes."""
         files = sorted(path for path in self.folder.rglob("*") if path.is_file())

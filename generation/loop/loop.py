@@ -109,7 +109,9 @@ class _Loop:
             self._once(Stage("measure"), Measured, partial(recognising.units, self._inputs.recordings, table, self._bar))
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
-        targets, refused = split(chain(listed, (of_input(path, own, self._settings.ask) for path in self._inputs.scenarios)))
+        names = self._inputs.names
+        asked = (of_input(path, own, self._settings.ask, names[path]) for path in self._inputs.scenarios)
+        targets, refused = split(chain(listed, asked))
         return found, targets, refused
 
     def round(self, number: int, targets: Iterable[Target]) -> Round:

@@ -7,7 +7,9 @@ function avoided() {
     collisions = cases.filter(each => each.verdict === "collision").length;
   const told = found.length
     ? `${many(found.length, "collision")} that a careful driver would have avoided`
-    : "No collision that a careful driver would have avoided";
+    : collisions
+      ? `${many(collisions, "collision")}, of which the careful driver of UN R157 avoids none`
+      : "No collision that a careful driver would have avoided";
   const previews = shown.map(each => new Preview(each.preview, `${each.title}: ${each.preview.told}`));
   const cards = shown.map((each, i) =>
     el(
@@ -32,7 +34,8 @@ function avoided() {
       "p",
       { class: "muted" },
       `System under test: ${data.settings.sut}. The careful driver is the competent and careful human of UN R157. ` +
-        `Of ${many(collisions, "collision")} written as edge cases it avoids ${found.length}. Click one to see it whole.`,
+        `Of ${many(collisions, "collision")} written as edge cases it avoids ${found.length}` +
+        `${collisions > found.length ? "; r157-cc or fsm survives each of them" : ""}.${shown.length ? " Click one to see it whole." : ""}`,
     ),
     previews.length ? playing(previews) : null,
     el("ul", { class: "previews" }, ...cards),

@@ -35,8 +35,30 @@ function problems() {
     "section",
     { class: "panel" },
     el("h2", null, "Problems"),
-    el("ul", null, ...listed.map(each => el("li", null, each))),
+    el("ul", { class: "problems" }, ...[...alike(listed)].map(([message, places]) => problem(message, places))),
   );
+}
+
+/** Places, as file:line, by message: a file that is copied into every folder says the same in each of them. */
+function alike(problems) {
+  const found = new Map();
+  for (const each of problems) {
+    const [, place, message] = each.match(/^(.*?:\d+): (.*)$/s) ?? [null, "", each];
+    found.set(message, [...(found.get(message) ?? []), place]);
+  }
+  return found;
+}
+
+function problem(message, [first, ...others]) {
+  const more = others.length
+    ? el(
+        "details",
+        null,
+        el("summary", null, `and in ${many(others.length, "other place")}`),
+        el("ul", null, ...others.map(place => el("li", null, place))),
+      )
+    : null;
+  return el("li", null, `${first ? `${first}: ` : ""}${message} `, ...[more].filter(Boolean));
 }
 
 document.body.append(

@@ -108,18 +108,20 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
     return Target(name, title, path, recorded, prior)
 
 
-def of_input(path: Path, own: Samples | None, ask: Ask) -> Target | Refused:
+def of_input(path: Path, own: Samples | None, ask: Ask, name: str = "") -> Target | Refused:
     """A scenario or a variation file of the user: as the options say, else by its name.
 
     Options count for those scenarios that declare the parameters that they name.
 
     Args:
         own: units of the user's recordings; None for none.
+        name: of the target; by default the file's.
     """
+    name = name or path.stem
     try:
         asking = _concerning(ask, path)
         if asking == Ask() and xosc.load(path).kind == "scenario":
-            return of_scenario(path, own)
+            return of_scenario(path, own, name, name)
         asked = asking.of(path)
         space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
         found = asked.recorded(space)
@@ -127,9 +129,9 @@ def of_input(path: Path, own: Samples | None, ask: Ask) -> Target | Refused:
         if count < LEAST:
             raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
     except (UsageError, Unsupported) as error:
-        return Refused(path.stem, error.message)
+        return Refused(name, error.message)
     stated = len(found.marginals) == len(space.names)
-    return Target(path.stem, path.stem, asked.scenario, asked.recorded, Prior(0 if stated else count, own=False), asked)
+    return Target(name, name, asked.scenario, asked.recorded, Prior(0 if stated else count, own=False), asked)
 
 
 def _concerning(ask: Ask, path: Path) -> Ask:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
+from generation.logical.library import SCENARIOS
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
 from generation.loop.settings import LoopSettings
@@ -54,3 +56,11 @@ def test_other_files_are_another_identity(tmp_path: Path) -> None:
     assert Inputs.of(tmp_path).identity == before
     (tmp_path / "more.txt").write_text("more")
     assert Inputs.of(tmp_path).identity != before
+
+
+def test_scenarios_of_the_same_name_have_names_of_their_own(tmp_path: Path) -> None:
+    for folder in ("a", "b/c"):
+        (tmp_path / folder).mkdir(parents=True)
+        shutil.copy(SCENARIOS / "simple_cut_in.xosc", tmp_path / folder / "mine.xosc")
+    shutil.copy(SCENARIOS / "simple_cut_in.xosc", tmp_path / "other.xosc")
+    assert sorted(Inputs.of(tmp_path).names.values()) == ["a_mine", "b_c_mine", "other"]
