@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import xosc
 from generation.density.declared_prior import Admits, DeclaredPrior, JointPrior
 from generation.density.marginals import Marginal, uniform
+from generation.density.model import judge
 from generation.density.prior import Prior
 from generation.density.recorded_prior import Box, RecordedPrior
 from generation.density.roles import NUISANCES, ROLES, Role, roles_of
@@ -76,7 +77,7 @@ class Recorded(NamedTuple):
         """
         if len(self.marginals) == len(space.names):
             return self._stated(space, space.admits)
-        told = self.recorded_prior(space, density)
+        told = self.recorded_prior(space, judge(density, self.pairs is not None))
         if not self.marginals and space.constraints is None and self.pairs is None:
             return told
         parts = (told, self._stated(space)) if self.marginals or self.pairs is None else (told,)
@@ -197,7 +198,8 @@ def _unlikely(names: Sequence[str]) -> str:
     listed = ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
     return (
         f"nothing says which values are likely: its name is not that of a manoeuvre, as cut_in_highway.xosc. Give ranges, as "
-        f"--free {names[0]}=LOW..HIGH (it declares {listed}), or name recorded units that are like it by --kind"
+        f"--free {names[0]}=LOW..HIGH (it declares {listed}), or --density uniform for all that has limits, or name recorded "
+        "units that are like it by --kind"
     )
 
 

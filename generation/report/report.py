@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from generation.density.model import judge
 from generation.density.roles import roles_of
 from generation.estimation.estimate import Estimate
 from generation.estimation.rates import Rate
@@ -245,7 +246,8 @@ def _against(report: Report, out: Path) -> Json | None:
 
 def _settings(report: Report) -> dict[str, str]:
     settings, generated = report.settings, report.generated
-    units = f"{settings.density}, {len(generated.recorded.theta)} units within the limits"
+    name = judge(settings.density, generated.recorded.pairs is not None)
+    units = f"{name}, {len(generated.recorded.theta)} units within the limits"
     pinned = ", ".join(f"{name} = {value}" for name, value in generated.space.pinned.items())
     return {
         "scenario": report.scenario.name,

@@ -15,12 +15,13 @@ from scipy.stats import gaussian_kde, multivariate_normal
 from generation.density import fitting
 from generation.density.base import Density, Whitening, folds
 from generation.density.fitting import fitted, held_out
-from generation.density.model import model, models
+from generation.density.model import JUDGE, judge, model, models
 from generation.density.models.flow import Couplings, Flow
 from generation.density.models.gaussian import Gaussian
 from generation.density.models.independent import Independent
 from generation.density.models.kde import KDE, scott
 from generation.density.models.mixture import Mixture
+from generation.density.models.student import Student
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray
 
@@ -170,3 +171,29 @@ def test_a_model_of_the_same_rows_is_worked_out_once(monkeypatch: pytest.MonkeyP
     assert fitted("gaussian", theta, of) is not first
     with pytest.raises(ValueError, match="read-only"):
         outside[0] = 0.0
+
+
+def test_rows_not_seen_lie_no_further_out_than_draws_where_tails_are_heavy() -> None:
+    generator = np.random.default_rng(4)
+    rows = generator.standard_normal((1800, 4)) / np.sqrt(generator.chisquare(5, (1800, 1)) / 5)
+    beyond, likelihood = {}, {}
+    for name in ("student", "gaussian"):
+        found = model(name).fit(rows[:300], recordings(300))
+        likelihood[name] = found.log_density(rows[300:]).mean()
+        limit = np.quantile(found.log_density(found.sample(20_000, generator)), 0.01)
+        beyond[name] = (found.log_density(rows[300:]) < limit).mean()
+    assert beyond["student"] <= 0.015 < 0.02 < beyond["gaussian"]
+    assert likelihood["student"] > likelihood["gaussian"] + 0.05
+
+
+def test_a_students_t_of_any_freedom_is_a_density() -> None:
+    rows = normal(200)
+    found = Student(6.0, exceeded=True).fit(rows)
+    assert found.gaussians is not None
+    assert np.exp(found.gaussians.log_weights).sum() == pytest.approx(1.0)
+    spread = found.sample(40_000, np.random.default_rng(0)).std(axis=0)
+    assert (spread > np.sqrt(np.diag(COVARIANCE))).all(), "where rows are few, it is wider than the Gaussian"
+
+
+def test_pairs_are_judged_by_heavier_tails_where_nothing_else_is_asked_for() -> None:
+    assert (judge(JUDGE, False), judge(JUDGE, True), judge("kde", True)) == (JUDGE, "student", "kde")
