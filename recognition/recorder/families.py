@@ -32,8 +32,9 @@ Draw = np.random.Generator
 def family(seed: int, count: int) -> dict[str, Site]:
     """So many sites, each with a map of its own: `KINDS` one after the other, everything about them drawn.
 
-    Lane counts and widths, radii, angles, arms, speed limits, lengths of ramps, density and pace of traffic, and noise, dropped
-    tracks and cut tracks of the sensor differ from site to site. Sites of different seeds have no map in common.
+    Lane counts and widths, radii, angles, arms, lights, speed limits, lengths of ramps, density and pace of traffic, and noise,
+    distortion, dropped tracks and cut tracks of the sensor differ from site to site. Sites of different seeds have no map in
+    common.
     """
     kinds = list(KINDS.items())
     found = {}
@@ -49,7 +50,10 @@ def _sensor(rng: Draw) -> Sensor:
     """Half of all sensors are exact."""
     if rng.random() < 0.5:
         return EXACT
-    return Sensor(noise=float(rng.uniform(0.02, 0.25)), dropped=float(rng.uniform(0.0, 0.1)), cut=float(rng.uniform(0.0, 0.3)))
+    return Sensor(
+        noise=float(rng.uniform(0.02, 0.25)), distortion=float(rng.uniform(0.0, 0.7)), dropped=float(rng.uniform(0.0, 0.1)),
+        cut=float(rng.uniform(0.0, 0.6)),
+    )  # fmt: skip
 
 
 def _paced(fleet: Fleet, rng: Draw) -> Fleet:
@@ -164,24 +168,25 @@ def _roundabout(name: str, rng: Draw) -> Site:
 
 
 def _crossing_sizes(rng: Draw) -> dict[str, float]:
+    """Of small junctions and large ones, half of them with lights."""
     return {
-        "lanes": int(rng.integers(1, 3)), "lane_width": float(rng.uniform(2.8, 4.0)),
-        "corner_radius": float(rng.uniform(5.0, 15.0)),
-        "speed_limit": float(rng.uniform(30.0, 60.0)) * _KMH,
+        "lanes": int(rng.integers(1, 4)), "lane_width": float(rng.uniform(2.8, 4.0)),
+        "corner_radius": float(rng.uniform(5.0, 25.0)),
+        "speed_limit": float(rng.uniform(30.0, 60.0)) * _KMH, "signals": bool(rng.random() < 0.5),
     }  # fmt: skip
 
 
 def _crossing(name: str, rng: Draw) -> Site:
     build = partial(four_way_intersection, **_crossing_sizes(rng))  # type: ignore[arg-type]
     flows = evenly("1234", float(rng.uniform(150.0, 450.0)))
-    return replace(junction(name, build, 110.0, flows, 1, 4.0), fleet=_paced(TOWN, rng))
+    return replace(junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0), fleet=_paced(TOWN, rng))
 
 
 def _t_junction(name: str, rng: Draw) -> Site:
     build = partial(t_junction, **_crossing_sizes(rng))  # type: ignore[arg-type]
     usual = {"31": 500.0, "41": 350.0, "13": 300.0, "14": 120.0, "34": 120.0, "43": 150.0}
     flows = {way: rate * float(rng.uniform(0.5, 1.5)) for way, rate in usual.items()}
-    return replace(junction(name, build, 110.0, flows, 1, 4.0), fleet=_paced(TOWN, rng))
+    return replace(junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0), fleet=_paced(TOWN, rng))
 
 
 KINDS: dict[str, Callable[[str, Draw], Site]] = {

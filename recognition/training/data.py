@@ -87,11 +87,12 @@ def _made(path: Path, cache: Path, view: View, most: int | None, background: boo
 
 
 def _moments(recording: Recording, site: Site, name: str, view: View, background: bool) -> list[Moment]:
-    """Events and perhaps moments at the stride whose window lies within the ego's track."""
+    """Events, at junctions with lights too, and perhaps moments at the stride whose window lies within the ego's track."""
+    rules = Rules(signalised=True)
     if background:
-        events, regular = events_and_background(recording, site, name, Rules())
+        events, regular = events_and_background(recording, site, name, rules)
     else:
-        events, regular = label(recording, site, name), []
+        events, regular = label(recording, site, name, rules), []
     found = [*(Moment(one.recording, one.ego, one.time, int(one.label)) for one in events), *regular]
     return list(compress(found, visible(recording, [(one.ego, one.time) for one in found], view)))
 

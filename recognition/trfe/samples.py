@@ -14,6 +14,8 @@ UNKNOWN = 0
 """Label of what belongs to no known class; the same as `recognition.labels.Label.UNKNOWN`."""
 BACKGROUND = 100
 """Label of windows in which nothing happens that a class is for; a known class to the model, and nothing to be found."""
+_QUIET = 3
+"""Samples of the background that are drawn for each one of a class: it is of many kinds, and most of what a recording holds."""
 
 
 def matrix(features: ArrayLike, width: int | None = None, least: int = 0) -> Features:
@@ -52,8 +54,15 @@ def class_labels(labels: ArrayLike, samples: int, least_classes: int = 1) -> Int
 
 
 def drawn_of_each(labels: IntArray, most: int | None, generator: np.random.Generator) -> IntArray:
-    """Numbers of at most so many samples of each class among labels (n,), drawn; class by class, in the order drawn."""
-    drawn = [generator.permutation(np.flatnonzero(labels == label))[:most] for label in np.unique(labels)]
+    """Numbers of at most so many samples of each class among labels (n,), drawn; class by class, in the order drawn.
+
+    Of the background there may be three times as many.
+    """
+
+    def limit(label: int) -> int | None:
+        return most if most is None or label != BACKGROUND else _QUIET * most
+
+    drawn = [generator.permutation(np.flatnonzero(labels == label))[: limit(label)] for label in np.unique(labels)]
     return np.concatenate(drawn) if drawn else np.zeros(0, dtype=np.int64)
 
 

@@ -31,7 +31,7 @@ from xodr.array_types import IntArray
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder
 
-_PRETRAINING, _FINETUNING = 100, 300
+_PRETRAINING, _FINETUNING = 100, 100
 """Fewest steps of each training of the encoder."""
 MOST_FITTED = 400
 """Training samples of each class that methods are fitted on, as forests of more take hours at paper scale; the encoder learns

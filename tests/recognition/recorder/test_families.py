@@ -64,7 +64,7 @@ def test_sensors_miss_vehicles_and_cut_tracks() -> None:
     seen = Sensor(dropped=0.3, cut=0.5).sees(moving(), np.random.default_rng(0))
     vehicles, rows = np.unique(seen.vehicle, return_counts=True)
     assert 100 < len(vehicles) < 180
-    assert rows.min() >= 9
+    assert rows.min() >= 4
     assert 0.3 < np.mean(rows < 20) < 0.7
     for one in vehicles:
         assert (np.diff(seen.frame[seen.vehicle == one]) == 1).all()
@@ -74,3 +74,18 @@ def test_noise_is_as_great_as_said() -> None:
     seen = Sensor(noise=0.2).sees(moving(), np.random.default_rng(0))
     assert seen.y.std() == pytest.approx(0.2, rel=0.1)
     assert (seen.x - moving().x).std() == pytest.approx(0.2, rel=0.1)
+
+
+def test_distortion_is_as_great_as_said_and_varies_slowly_from_place_to_place() -> None:
+    true = moving(400, 60)
+    seen = Sensor(distortion=0.5).sees(true, np.random.default_rng(1))
+    assert seen.y.std() == pytest.approx(0.5, rel=0.3)
+    for one in (0, 1):
+        rows = seen.vehicle == one
+        assert np.abs(np.diff(seen.y[rows])).max() < 0.35
+        along = np.gradient(seen.y[rows], true.x[rows])
+        assert seen.vy[rows] == pytest.approx(10.0 * along, abs=0.2)
+        assert np.tan(seen.h[rows]) == pytest.approx(seen.vy[rows] / seen.vx[rows], abs=1e-6)
+    offsets = seen.y.reshape(400, 60)
+    assert 0.05 < offsets.mean(axis=0).std() < 0.5
+    assert offsets.std(axis=0).mean() == pytest.approx(0.5 / np.sqrt(2.0), rel=0.2)
