@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -40,7 +41,8 @@ def sites(
     """Measure how a model agrees with the rules on recordings, at their events and at a regular stride.
 
     With the windows that trained it, forests on a map without vehicles, on thirteen numbers of motion, and linear classifiers on
-    the encoder before fine-tuning and on a random one are held against it.
+    the encoder before fine-tuning and on a random one are held against it; and a linear classifier that learns from the other
+    recordings too, each time without those that it is measured on.
     """
     from recognition.labels import Rules
     from recognition.training.agreement import agreement, site_windows, table
@@ -95,6 +97,21 @@ def _rows(trfe: TRFE, training: Windows, view: View, seen: list[SiteWindows]) ->
     ):
         recognise = _fitted(made, training, linear="linear" in name)
         yield name, [agreement(recognise, one) for one in seen]
+    tuned: Made = partial(features, trfe.encoders[-1])
+    others = [joined(training, [other for other in seen if other is not one]) for one in seen]
+    found = [agreement(_fitted(tuned, known, linear=True), one) for known, one in zip(others, seen, strict=True)]
+    yield "fine-tuned encoder, linear, other recordings too", found
+
+
+def joined(training: Windows, sites: Sequence[SiteWindows]) -> Windows:
+    """Windows and those of other recordings, at events and at the stride, no more of each class."""
+    from recognition.training.windows import Windows
+    from recognition.trfe.samples import drawn_of_each
+
+    parts = [training]
+    for windows in (windows for site in sites for windows in (site.events, site.regular)):
+        parts.append(windows.select(np.sort(drawn_of_each(windows.labels, _OF_EACH, np.random.default_rng(0)))))
+    return Windows(*(np.concatenate(columns) for columns in zip(*(part.columns for part in parts), strict=True)))
 
 
 def _fitted(made: Made, training: Windows, linear: bool) -> Recognise:
