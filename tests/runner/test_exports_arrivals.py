@@ -120,3 +120,10 @@ def test_delays_of_what_others_do_are_times_for_carla(tmp_path: Path) -> None:
     assert any("at which it holds in a run" in remark for remark in remarks)
     assert {each.get("delay") for each in xosc.load(copy).root.iter("Condition")} == {"0"}
     assert distance(path, copy) < CLOSE
+
+
+def test_delays_in_files_for_carla_stay_as_scenario_runner_reads_them(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Lead", [(1.0, BRAKE)]).replace('name="time" delay="0"', 'name="time" delay="2"'))
+    path.write_text(path.read_text("utf-8").replace('description="test"', 'description="CARLA:test"'), "utf-8")
+    copy, _ = exported(path, "carla", tmp_path / "out")
+    assert {each.get("delay") for each in xosc.load(copy).root.iter("Condition")} == {"2"}

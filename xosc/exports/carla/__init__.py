@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from xosc.dialects.carla import is_for_carla
 from xosc.document import Document, load, to_bytes
 from xosc.exports.carla.beginning import begin
 from xosc.exports.carla.changes import change
@@ -45,7 +46,8 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         Unsupported: scenario_runner can't say it, named with file, line and reason.
         InvalidFile, UsageError: a file can't be read, or not be written.
     """
-    if load(source, strict=settings.strict).kind == "catalog":
+    document = load(source, strict=settings.strict)
+    if document.kind == "catalog":
         return [f"{source}: its entries are part of the scenarios that use them"]
     draft = Draft(folder, settings)
     for name, scenario in concrete_scenarios(source, strict=settings.strict):
@@ -60,7 +62,9 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         draft.note(*remarks(scenario, IGNORED))
         state = as_expected(scenario.node, known, geometry.during) if geometry else as_started(scenario.node, known)
         network = take_roads(scenario, draft)
-        draft.note(*settle(scenario, network), *change(scenario, known, state, network), *no_delays(scenario, geometry))
+        draft.note(*settle(scenario, network), *change(scenario, known, state, network))
+        if not is_for_carla(document.node):  # whose delays are scenario_runner's already
+            draft.note(*no_delays(scenario, geometry))
         written = in_version(scenario, (1, 0), draft)
         steer(written)
         draft.add(folder.name(scenario.path, f"{name}.xosc"), to_bytes(written))
