@@ -17,6 +17,9 @@ from generation.outcomes.outcomes import Outcomes
 from recognition.study.report.tables import Table, spread
 from xodr.array_types import FloatArray
 
+_LEAST = 0.01
+"""Share of its own draws that a density finds less likely than a recorded unit may be"""
+
 
 def comparison(theta: FloatArray, recordings: NDArray[Any], names: Sequence[str] | None = None) -> Table:
     """Table of the models' held-out log-likelihoods, best first.
@@ -53,13 +56,25 @@ def gated(priors: Mapping[str, RecordedPrior], run: Callable[[FloatArray], Outco
         drawn = prior.sample(draws, np.random.default_rng(0))
         outcomes = run(drawn)
         gate = Gate(replayed, Share.of(outcomes))
-        likely = int((outcomes.collision & prior.foreseeable(drawn)).sum())
-        figures = f"{prior.held_out.mean():.3f}", f"{prior.possible_share:.1%}", str(gate.drawn), str(likely)
+        likely = prior.foreseeable(drawn)
+        least = np.quantile(prior.log_density(drawn), _LEAST) + np.log(prior.possible_share)
+        shares = f"{prior.possible_share:.1%}", f"{likely.mean():.2%}", f"{(prior.held_out < least).mean():.1%}"
+        figures = f"{prior.held_out.mean():.3f}", *shares, str(gate.drawn), str(int((outcomes.collision & likely).sum()))
         rows.append((models()[name].title, *figures, "passed" if gate.refusal is None else "refused"))
     note = (
         f"Replays of recorded units with their own values: {replayed} collide. Likelihood: natural, in the parameters' units, "
         "mean over units by the density of other recordings. Possible: draws inside the limits of the parameters and of physics; "
-        "others are drawn again. Gate: refused where certainly more draws than replays collide (95 % intervals, exact)."
+        "others are drawn again. Foreseeable: of these draws. Beyond: recorded units less likely, by the density of other recordings, "
+        "than 99 % of the draws; 1 % where the density is as sure as it may be. Gate: refused where certainly more draws than replays collide (95 % intervals, exact)."
     )
-    header = ("density", "held-out log-likelihood", "possible", "draws that collide", "foreseeable ones", "gate")
+    header = (
+        "density",
+        "held-out log-likelihood",
+        "possible",
+        "foreseeable",
+        "beyond",
+        "draws that collide",
+        "foreseeable ones",
+        "gate",
+    )
     return Table("gate", "Priors of what is foreseeable", note, header, rows)

@@ -57,6 +57,13 @@ def test_outcomes_do_not_depend_on_the_number_of_processes_nor_on_what_ran_befor
     assert same(evaluator(theta[::-1].copy()), Outcomes(*(getattr(two, name)[::-1] for name in two.__dataclass_fields__)))
 
 
+def test_on_a_ray_cluster_outcomes_are_the_same(evaluator: Evaluator) -> None:
+    pytest.importorskip("ray", reason="Ray is not installed (extra: ray)")
+    theta = SPACE.draw(6, np.random.default_rng(2))
+    with Evaluator(CUT_IN, SPACE, run=RunSettings(timestep=0.1), processes=2, ray="local") as cluster:
+        assert same(cluster(theta), evaluator(theta))
+
+
 def test_calls_are_counted(evaluator: Evaluator) -> None:
     before = evaluator.calls
     assert len(evaluator(np.empty((0, 3)))) == 0
