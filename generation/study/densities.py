@@ -64,8 +64,9 @@ def gated(priors: Mapping[str, RecordedPrior], run: Callable[[FloatArray], Outco
     note = (
         f"Replays of recorded units with their own values: {replayed} collide. Likelihood: natural, in the parameters' units, "
         "mean over units by the density of other recordings. Possible: draws inside the limits of the parameters and of physics; "
-        "others are drawn again. Foreseeable: of these draws. Beyond: recorded units less likely, by the density of other recordings, "
-        "than 99 % of the draws; 1 % where the density is as sure as it may be. Gate: refused where certainly more draws than replays collide (95 % intervals, exact)."
+        "others are drawn again. Foreseeable: of these draws. Beyond: recorded units less likely, by the density of other "
+        "recordings, than 99 % of these draws. Gate: refused where certainly more draws than replays collide (95 % intervals, "
+        "exact)."
     )
     header = (
         "density",

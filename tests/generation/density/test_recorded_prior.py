@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.physics import quantities
+from generation.density.physics import Limits, quantities
 from generation.density.recorded_prior import RecordedPrior
 from generation.logical.library import SCENARIOS
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
+from recognition.maneuvers.parameters import PARAMETERS
 from schemas.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -97,3 +98,18 @@ def test_accelerations_follow_from_speeds_and_times() -> None:
     assert found["acceleration"].tolist() == [0.0, 1.0]
     assert found["jerk"].tolist() == [0.0, pytest.approx(3.0 / 4.5)]
     assert found["lateral acceleration"][0] == pytest.approx(0.5 * np.pi**2 * 3.5 / 4.0)
+
+
+def test_a_jerk_that_traffic_does_not_have_is_not_possible() -> None:
+    """Braking and accelerating within the limits of each, one right after the other."""
+    units = of_recordings(None, "cut_in")
+    limits = Limits.of(dict(zip(PARAMETERS, units.theta.T, strict=True)))
+    most, duration, rest = limits.most, 4.0, 1.0
+    braked, regained = -0.9 * most["deceleration"], 0.9 * most["acceleration"]
+    values = {"start_speed": 30.0, "end_speed": 30.0 + braked * duration, "duration": duration, "rest_time": rest}
+    jerky = values | {"final_speed": values["end_speed"] + regained * rest}
+    gentle = values | {"final_speed": values["end_speed"] + braked * rest}
+    alone, other = ({name: np.array([value]) for name, value in each.items()} for each in (jerky, gentle))
+    exceeded = [name for name, found in quantities(alone).items() if found[0] > most[name]]
+    assert exceeded == ["jerk"]
+    assert (limits.kept(alone)[0], limits.kept(other)[0]) == (False, True)
