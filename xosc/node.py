@@ -163,7 +163,11 @@ class Node:
         """This element and its descendants with one of `tags`, in document order."""
         for element in self.element.iter(*tags):
             if isinstance(element.tag, str):
-                yield Node(element, _source_of(element, self.path))
+                yield self.at(element)
+
+    def at(self, element: etree._Element) -> Node:
+        """An element inside this one, as a node of the file that it came from."""
+        return Node(element, _source_of(element, self.path))
 
     def text(self) -> str:
         """Text content, stripped."""

@@ -103,7 +103,8 @@ def resolve(
     remarks.add(*document.remarks)
     scopes = _bind(node, None, assigned, report, remarks)
     _Inliner(Catalogs(document.path, partial(_directory, node), load, remarks), report, remarks).inline(node, scopes, ())
-    remarks.add(*absent_values.repair(node, document.version))
+    if any(each.get("value") in absent_values.NOTHING for each in root.iter("ParameterDeclaration")):  # literals: see `load`
+        remarks.add(*absent_values.repair(node, document.version))
     for_carla = is_for_carla(node)
     remarks.add(*to_standard(node))
     return Resolved(

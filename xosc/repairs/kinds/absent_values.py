@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
 from lxml import etree
 
@@ -13,16 +14,18 @@ from xosc.repairs.declared import attributes
 
 BREAKS_SCHEMA = True
 
-_NOTHING = ("", "None", "null", "undefined")
-_saying_nothing = etree.XPath(f"descendant-or-self::*[@*[{' or '.join(f'. = {text!r}' for text in _NOTHING)}]]")
+NOTHING = ("", "None", "null", "undefined")
+"""Values that say so."""
+_saying_nothing = etree.XPath(f"descendant-or-self::*[@*[{' or '.join(f'. = {text!r}' for text in NOTHING)}]]")
 
 
 def repair(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
     """Leave out optional ones whose type has no such value."""
     declared = attributes(version)
-    for node in root.iter() if _saying_nothing(root.element) else ():
+    for element in cast(list[etree._Element], _saying_nothing(root.element)):
+        node = root.at(element)
         for name, attribute in declared.get(node.tag, {}).items():
             text = node.element.get(name)
-            if text in _NOTHING and not attribute.required and (attribute.kind or attribute.values):
+            if text in NOTHING and not attribute.required and (attribute.kind or attribute.values):
                 del node.element.attrib[name]
                 yield node.remark(UID, f"{name}={text!r} is no value; the attribute is left out")
