@@ -1,10 +1,11 @@
 """A batch of variation files: `xosc-run` as a whole against bare loops of libsumo with as many steps and participants.
 
-    python benchmarks/ncap_batch.py FOLDER [--jobs N] [--timestep S]
+    python benchmarks/ncap_batch.py FOLDER [--jobs N] [--timestep S] [--world NAME]
 
 All parameter value distributions below the folder are run in one call of the command, outputs off, once without a system
 under test and once with `cas`. Then as many processes do nothing but libsumo: the same networks, the same number of steps,
-and the same number of participants moved by moveToXY and read back in each.
+and the same number of participants moved by moveToXY and read back in each. Times are processor times of all processes together,
+which other work on the machine changes least.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from __future__ import annotations
 import argparse
 import math
 import multiprocessing
+import resource
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from time import perf_counter
 from typing import NamedTuple
 
 import libsumo
@@ -49,19 +50,21 @@ def main() -> None:
     arguments.add_argument("folder", type=Path)
     arguments.add_argument("--jobs", type=int, default=2)
     arguments.add_argument("--timestep", type=float, default=0.01, help="s")
+    arguments.add_argument("--world", default="sumo")
     options = arguments.parse_args()
     files = [path for path in sorted(options.folder.rglob("*.xosc")) if xosc.load(path).kind == "distribution"]
     if not files:
         raise SystemExit("no parameter value distribution there")
     for sut in ("none", "cas"):
-        settings = RunSettings(timestep=options.timestep, sut=sut)
+        settings = RunSettings(timestep=options.timestep, sut=sut, world=options.world)
         outcomes = list(run_batch(jobs_of(files, {}, True), settings, processes=options.jobs))  # fills the cache of networks
         failed = [outcome for outcome in outcomes if outcome.exit_code not in _OK]
         loads = [_load(outcome, settings) for outcome in outcomes if outcome.exit_code in _OK]
         ours, theirs = _command(files, settings, options.jobs), _bare(loads, options.jobs)
         steps = sum(load.steps for load in loads)
         print(
-            f"sut {sut}: {len(outcomes)} runs of {len(files)} files, {len(failed)} errors, {steps} steps, --jobs {options.jobs}"
+            f"{options.world}, sut {sut}: {len(outcomes)} runs of {len(files)} files, {len(failed)} errors, {steps} steps, "
+            f"--jobs {options.jobs}"
         )
         for name, seconds in (("xosc-run", ours), ("bare libsumo", theirs)):
             a_run, a_step = seconds / len(loads) * 1e3, seconds / steps * 1e6
@@ -81,18 +84,27 @@ def _load(outcome: Outcome, settings: RunSettings) -> Load:
 
 def _command(files: list[Path], settings: RunSettings, jobs: int) -> float:
     """Seconds of the command, start-up included."""
-    command = [sys.executable, "-m", "runner.cli", *map(str, files), "--sut", str(settings.sut), "--quiet"]
-    start = perf_counter()
-    subprocess.run([*command, "--timestep", str(settings.timestep), "--jobs", str(jobs)], stdout=subprocess.DEVNULL, check=False)
-    return perf_counter() - start
+    command = [sys.executable, "-m", "runner.cli", *map(str, files), "--sut", str(settings.sut), "--world", settings.world]
+    command += ["--timestep", str(settings.timestep), "--jobs", str(jobs), "--quiet"]
+    start = _spent()
+    subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
+    return _spent() - start
+
+
+def _spent() -> float:
+    """Processor time (s) of all processes that were waited for."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _bare(loads: list[Load], jobs: int) -> float:
     """Seconds of libsumo alone, in as many processes."""
-    start = perf_counter()
+    start = _spent()
     with multiprocessing.Pool(jobs) as pool:
         pool.map(_loop, loads, chunksize=4)
-    return perf_counter() - start
+        pool.close()
+        pool.join()
+    return _spent() - start
 
 
 def _loop(load: Load) -> None:

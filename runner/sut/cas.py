@@ -64,8 +64,6 @@ class CollisionAvoidance:
 
     def _danger(self, ego: Participant, other: Participant, way: float) -> str:
         """Why a participant is dangerous for an ego that drives forwards (way +1) or backwards (−1); empty where it is not."""
-        if gap(ego, other) > self.sensor_range:
-            return ""
         p = self._parameters
         seen = outlook(ego, other)
         if way * seen.x <= 0.0:
@@ -78,7 +76,7 @@ class CollisionAvoidance:
         if 0.0 < ahead >= safe_ahead:
             return ""
         safe_aside = safe_sideways(seen.y > 0.0, ego.vx * s - ego.vy * c, other.vx * s - other.vy * c, p)
-        if abs(aside) >= safe_aside:
+        if abs(aside) >= safe_aside or gap(ego, other) > self.sensor_range:  # the gap last: it takes longest
             return ""
         return (
             f"{other.name} is {ahead:.1f} m ahead and {abs(aside):.1f} m aside, "
