@@ -95,6 +95,9 @@ def xosc_generate(
     world: Annotated[
         str, typer.Option(metavar="NAME", help="World of runs: sumo, or kinematic (scripted motion alone).")
     ] = "sumo",
+    max_time: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")
+    ] = RunSettings.max_time,
     jobs: Jobs = 2,
     ray: Ray = None,
     _verbose: Verbose = False,
@@ -116,8 +119,9 @@ def xosc_generate(
 
     if method != ADVERSARY:
         search_of(method)  # what it needs is better asked for before recordings are read
+    run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time)
     settings = SearchSettings(
-        RunSettings(sut=sut, timestep=timestep, world=world), method, budget, seed, density, weight, rss, jobs, ray,
+        run, method, budget, seed, density, weight, rss, jobs, ray,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
