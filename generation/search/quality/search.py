@@ -25,8 +25,8 @@ from generation.search.screen import Screen
 from recognition.training.seeding import seeded
 from xodr.array_types import FloatArray
 
-EMITTERS = ("line",)
-"""Those that are used unless others are named"""
+EMITTERS, ALONE = ("line",), ("line", "policy")
+"""Those that are used unless others are named: with a twin, and without one"""
 _FAR, _HARD = 5.0, 8.0
 """Clearance (m) at which its margin counts 1/e, and DRAC (m/s²) at which nothing is left of its own"""
 
@@ -36,7 +36,7 @@ class QualitySettings:
     """How it searches.
 
     Attributes:
-        emitters: names of the modules in `generation.search.quality.emitters`.
+        emitters: names of the modules in `generation.search.quality.emitters`. alone: those without a twin.
         batch: points that each emitter proposes at a time on the twin; without one, all of them together propose `BATCH`.
         first: points that are drawn from the prior to begin with, on the twin.
         apart: least distance of two failures in the unit cube, root mean square over the parameters that are no nuisances.
@@ -46,6 +46,7 @@ class QualitySettings:
     """
 
     emitters: Sequence[str] = EMITTERS
+    alone: Sequence[str] = ALONE
     batch: int = 1024
     first: int = 2048
     apart: float = 0.05
@@ -78,10 +79,11 @@ class _Search:
         self._generator = generator
         frame = Frame.of(problem.space, self._prior, generator)
         self._archive = Archive(frame, frame.measures(self._prior.sample(2, generator)).shape[1], seed)
-        batch = settings.batch if self._screen.twin is not None else -(-BATCH // len(settings.emitters))
+        names = settings.emitters if self._screen.twin is not None else settings.alone
+        batch = settings.batch if self._screen.twin is not None else -(-BATCH // len(names))
         self._emitters: list[Emitter] = [
             import_module(f"generation.search.quality.emitters.{name}").Emitter(problem, frame, self._archive, batch, generator)
-            for name in settings.emitters
+            for name in names
         ]
 
     def run(self) -> History:

@@ -39,7 +39,7 @@ def by_emitters(posed: Posed, proposals: int, seeds: Sequence[int], tried: Seque
     rows: list[tuple[str, ...]] = []
     for chosen in tried:
         batch = QualitySettings.batch * len(QualitySettings().emitters) // len(chosen)
-        settings = QualitySettings(chosen, batch)
+        settings = QualitySettings(chosen, batch=batch)
         settings = replace(settings, generations=settings.generations_of(proposals))
         found = [len(search(posed.problem, _PLENTY, seed, settings).theta) for seed in seeds]
         rows.append((", ".join(chosen), str(len(seeds)), spread(found, 1)))

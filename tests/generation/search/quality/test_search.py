@@ -77,6 +77,11 @@ def test_a_number_of_proposals_is_no_more_than_so_many_generations(posed: Proble
     assert len(ended.theta) < 2 * 60
 
 
+def test_without_a_twin_edits_of_recorded_scenarios_lead_to_failures(posed: Problem) -> None:
+    alone = replace(posed, twin=None)
+    assert search(alone, 300, 3, QUICK).outcomes.collision.any()
+
+
 def test_a_problem_without_a_prior_is_refused(posed: Problem) -> None:
     with pytest.raises(UsageError, match="prior"):
         search(replace(posed, prior=None), 10, 0, QUICK)
