@@ -1,36 +1,54 @@
 """How long a recording of highD's size (17 minutes, 1,000 vehicles) takes to become a catalogue.
 
-    python benchmarks/catalogue.py [--recording FOLDER] [--labels auto|rules] [--jobs N] [--profile FILE]
+    python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--profile FILE]
 
-The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed.
+The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in seconds
+and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is compared with
+the plain ways: measuring all others of a scene at once with one after the other, and trajectories as text with objects of
+scenariogeneration.
 """
 
 from __future__ import annotations
 
 import argparse
 import cProfile
+import resource
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from scenariogeneration import xosc as sg
+
+from recognition import datasets
 from recognition.catalogue.pipeline import SHIPPED, ByRules, build
 from recognition.catalogue.recognisers.model import load
+from recognition.catalogue.scenes.replay import trajectories
+from recognition.catalogue.scenes.scenes import Part, Scene, SceneCutter, Scope
 from recognition.catalogue.stages import CatalogueSettings
 from recognition.recorder.recorder import record_one
 from recognition.recorder.sites import SITES
+from recognition.sites import site_of
+from runner.measures.criticality import criticality
+from runner.measures.relations import Motion
+from xosc.maneuvers import world_position
+from xosc.maneuvers.base import rendered
 
 _LENGTH = 17.0 * 60.0
 _TRAFFIC = 0.75
 """Of the traffic of the site with two lanes: a thousand vehicles in this time"""
+_SCENES, _SCENE = 20, 12.0
+"""Scenes that are compared, and their length, s"""
 
 
 def main() -> None:
     """Print times."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--recording", type=Path, help="folder of the recording")
+    arguments.add_argument("--seconds", type=float, default=_LENGTH, help="length of the recording that is made")
     arguments.add_argument("--labels", choices=("auto", "rules"), default="auto")
     arguments.add_argument("--jobs", type=int, default=2, help="processes of the command")
     arguments.add_argument("--profile", type=Path, help="profile in this process instead, into this file")
@@ -40,7 +58,7 @@ def main() -> None:
         if not folder.exists():
             site = SITES["motorway_two_lanes"]
             flows = tuple(flow._replace(rate=_TRAFFIC * flow.rate) for flow in site.flows)
-            record_one(replace(site, flows=flows), folder, _LENGTH)
+            record_one(replace(site, flows=flows), folder, options.seconds)
         out = Path(scratch) / "catalogue"
         if options.profile:
             recogniser = ByRules() if options.labels == "rules" else load(SHIPPED)
@@ -51,7 +69,53 @@ def main() -> None:
         start = time.perf_counter()
         command = [sys.executable, "-m", "recognition.cli", str(folder), "--labels", options.labels]
         subprocess.run([*command, "--out", str(out), "--jobs", str(options.jobs)], check=True)
-        print(f"{time.perf_counter() - start:.1f} s with {options.jobs} jobs")
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        print(
+            f"{time.perf_counter() - start:.1f} s with {options.jobs} jobs, {used.ru_utime + used.ru_stime:.1f} s of processors"
+        )
+        compare(folder, Path(scratch))
+
+
+def compare(folder: Path, scratch: Path) -> None:
+    """Print how much faster measuring and trajectories are than the plain ways, on scenes of the recording."""
+    (source, *_) = datasets.open(folder).sources
+    recording = source.load()
+    site_of(source, recording, scratch)
+    cutter, egos = SceneCutter(recording, Scope()), list(recording.tracks.values())[:: max(1, len(recording.tracks) // _SCENES)]
+    scenes = [cutter.cut(ego.name, ego.columns["time"][0], ego.columns["time"][0] + _SCENE) for ego in egos]
+    motions = [[_motion(part, scene) for part in scene.parts] for scene in scenes]
+    together = _seconds(lambda: [criticality(ego, others).summary for ego, *others in motions])
+    alone = _seconds(lambda: [criticality(ego, [other]).summary for ego, *others in motions for other in others])
+    print(
+        f"measuring {len(scenes)} scenes: {together:.2f} s, one after the other {alone:.2f} s: {alone / together:.1f} times as long"
+    )
+    text = _seconds(lambda: [rendered(path) for scene in scenes for path in trajectories(scene)])
+    objects = _seconds(lambda: [rendered(_objects(part, scene)) for scene in scenes for part in scene.parts])
+    print(f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long")
+
+
+def _motion(part: Part, scene: Scene) -> Motion:
+    columns = part.track.columns
+    inside = (columns["time"] >= scene.start) & (columns["time"] <= scene.end)
+    return Motion.from_columns(part.name, part.track.box, {name: values[inside] for name, values in columns.items()})
+
+
+def _objects(part: Part, scene: Scene) -> sg.Trajectory:
+    """A trajectory as scenariogeneration builds it."""
+    places = zip(*(part.column(name).tolist() for name in ("x", "y", "h")), strict=True)
+    built = sg.Trajectory(part.name, False)
+    built.add_shape(sg.Polyline((part.time - scene.start).tolist(), [world_position(x, y, h=h) for x, y, h in places]))
+    return built
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    """Processor time of the fastest of three."""
+    times = []
+    for _ in range(3):
+        start = time.process_time()
+        work()
+        times.append(time.process_time() - start)
+    return min(times)
 
 
 if __name__ == "__main__":

@@ -271,6 +271,18 @@ def test_bad_scenario_is_refused_with_line_and_element(tmp_path: Path, old: str,
         read(path)
 
 
+def test_a_trajectory_may_begin_with_the_initial_state(tmp_path: Path) -> None:
+    path = write(tmp_path, obstacle(1, 0.0, 0.0, 0.0, 5.0))
+    expected, text = read(path)[0].tracks["1"].columns, path.read_text()
+    initial = text[text.index("<initialState>") : text.index("</initialState>")].replace("<initialState>", "<state>") + "</state>"
+    path.write_text(text.replace("<trajectory>", f"<trajectory>{initial}", 1))
+    found = read(path)[0].tracks["1"].columns
+    assert all(np.array_equal(found[name], expected[name], equal_nan=True) for name in ("time", "x", "y", "h", "speed"))
+    path.write_text(text.replace("<trajectory>", f"<trajectory>{initial.replace('<x>0.0', '<x>1.0')}", 1))
+    with pytest.raises(InvalidFile, match="the time 0 comes after 0"):
+        read(path)
+
+
 def test_file_that_only_mentions_commonroad_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.xml"
     path.write_text("<list><commonRoad/></list>")

@@ -150,6 +150,8 @@ def _states(element: etree._Element, x: float, y: float) -> list[State]:
         if state.tag not in _MOMENTS:
             raise invalid(state, "a trajectory consists of states")
         one = _state(state, x, y)
+        if len(states) == 1 and one[:-1] == states[0][:-1]:  # some trajectories begin with the initial state
+            states = []
         if states and one.step <= states[-1].step:
             raise invalid(state, f"the time {one.step} comes after {states[-1].step}")
         states.append(one)
