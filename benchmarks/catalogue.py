@@ -2,8 +2,8 @@
 
     python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--profile FILE]
 
-The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in seconds
-and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is compared with
+The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in
+seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is compared with
 the plain ways: measuring all others of a scene at once with one after the other, and trajectories as text with objects of
 scenariogeneration.
 """
@@ -86,9 +86,7 @@ def compare(folder: Path, scratch: Path) -> None:
     motions = [[_motion(part, scene) for part in scene.parts] for scene in scenes]
     together = _seconds(lambda: [criticality(ego, others).summary for ego, *others in motions])
     alone = _seconds(lambda: [criticality(ego, [other]).summary for ego, *others in motions for other in others])
-    print(
-        f"measuring {len(scenes)} scenes: {together:.2f} s, one after the other {alone:.2f} s: {alone / together:.1f} times as long"
-    )
+    print(f"measuring {len(scenes)} scenes: {together:.2f} s, one by one {alone:.2f} s: {alone / together:.1f} times as long")
     text = _seconds(lambda: [rendered(path) for scene in scenes for path in trajectories(scene)])
     objects = _seconds(lambda: [rendered(_objects(part, scene)) for scene in scenes for part in scene.parts])
     print(f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long")
