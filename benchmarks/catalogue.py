@@ -3,9 +3,9 @@
     python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--profile FILE]
 
 The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in
-seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is compared with
-the plain ways: measuring all others of a scene at once with one after the other, and trajectories as text with objects of
-scenariogeneration.
+seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is
+compared with the plain ways: measuring all others of a scene at once with one after the other, and trajectories as text with
+objects of scenariogeneration.
 """
 
 from __future__ import annotations
