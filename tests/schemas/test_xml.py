@@ -78,7 +78,7 @@ def test_huge_file_is_refused_before_it_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr(storage, "MAX_BYTES", 10)
     file = tmp_path / "big.xosc"
     file.write_bytes(b"<a>" + b" " * 20 + b"</a>")
-    with pytest.raises(InvalidFile, match="more than the 10 that are read"):
+    with pytest.raises(InvalidFile, match="at most 10 are read"):
         parse(file)
 
 
