@@ -1,8 +1,9 @@
-"""Windows that a model recognises in a second, and what they are spent on.
+"""Windows that a model recognises in a second of one processor, and what it is spent on.
 
     python benchmarks/recognise.py RECORDINGS [--model DIR] [--windows 4096] [--cache DIR]
 
-Windows of the recordings are drawn first, as the model reads them (kept in the cache).
+Windows of the recordings are drawn first, as the model reads them (kept in the cache). Times are of the processor, all threads
+together: others' work does not count.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ def main() -> None:
     arguments.add_argument("--windows", type=int, default=4096)
     arguments.add_argument("--cache", type=Path, default=Path("windows"), help="folder for the windows that are made")
     options = arguments.parse_args()
-    start = time.perf_counter()
+    start = time.process_time()
     model = load(options.model)
-    print(f"model read in {time.perf_counter() - start:.1f} s")
+    print(f"model read in {time.process_time() - start:.1f} s")
     inputs = windows_at(options.recordings, options.cache, model.encoders[0].view, 2600).inputs
     chosen = np.ascontiguousarray(inputs[np.linspace(0, len(inputs) - 1, options.windows).astype(int)])
 
@@ -41,12 +42,12 @@ def main() -> None:
 
 
 def _speed(function: Callable[[np.ndarray], object], inputs: np.ndarray) -> float:
-    """Windows in a second, the fastest of three times."""
+    """Windows in a second of processor time, the fastest of three times."""
     times = []
     for _ in range(_REPEATS):
-        start = time.perf_counter()
+        start = time.process_time()
         function(inputs)
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     return len(inputs) / min(times)
 
 
