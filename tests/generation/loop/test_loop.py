@@ -11,6 +11,7 @@ from urllib.parse import unquote
 
 import pytest
 
+from generation.declared import Ask
 from generation.logical.library import SCENARIOS
 from generation.loop.loop import chosen, run_loop
 from generation.loop.page import PAGE, write
@@ -25,7 +26,7 @@ from tests.runner.chromium import Browser
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 
-SETTINGS = LoopSettings(model=None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1)
+SETTINGS = LoopSettings(model=None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1, ask=Ask(density="kde"))
 BAR = partial(progress_bar, quiet=True)
 
 
