@@ -30,7 +30,7 @@ from xosc.distributions import (
 )
 from xosc.document import Document, to_bytes
 from xosc.exports import standard
-from xosc.exports.concrete import concrete
+from xosc.exports.concrete import concrete, copied
 from xosc.exports.draft import DEFAULTS, Draft
 from xosc.exports.folder import Folder
 from xosc.files import Header, new_document
@@ -96,7 +96,9 @@ class Writer:
         self._document = xosc.load(scenario)
         self._space, self._folder, self._stem = space, Folder(folder), scenario.stem
         draft = Draft(self._folder, DEFAULTS)
-        standard.add(self._document, None, draft)  # parameters must stay: in other versions of the standard they may not
+        standard.add(
+            _with_road(self._document, space), None, draft
+        )  # parameters must stay: in other versions of the standard they may not
         draft.write()
 
     def cases(self, cases: Cases, evidence: Evidence) -> Path:
@@ -189,6 +191,16 @@ class Written:
         found = [path for pattern in _WRITTEN for path in self._folder.glob(pattern.format(self._stem))]
         if found or self._notes.exists():
             write_object({path.name: digest(path.read_bytes()) for path in sorted(found)}, self._notes)
+
+
+def _with_road(document: Document, space: Space) -> Document:
+    """The scenario with the names of its road files that are values of parameters: files are taken along by name."""
+    found = copied(document)
+    for element in found.root.iter("LogicFile", "SceneGraphFile"):
+        name = str(element.get("filepath", "")).removeprefix("$")
+        if name in space.pinned:
+            element.set("filepath", space.pinned[name])
+    return found
 
 
 def _histogram(values: FloatArray, low: float, high: float) -> Histogram:

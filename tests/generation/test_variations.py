@@ -69,6 +69,20 @@ def test_parameters_stay_where_catalogues_are_of_another_version(tmp_path: Path)
     assert set(SPACE.names) <= {each.get("name") for each in written}
 
 
+def test_a_road_whose_name_is_the_value_of_a_parameter_is_taken_along(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    standard.export(CUT_IN, "1.3", Folder(source))
+    text = (source / CUT_IN.name).read_text()
+    road = re.search(r'LogicFile filepath="([^"]*)"', text)
+    assert road is not None
+    declared = f'<ParameterDeclarations><ParameterDeclaration name="Road" parameterType="string" value="{road[1]}"/>'
+    text = text.replace(road[0], 'LogicFile filepath="$Road"').replace("<ParameterDeclarations>", declared, 1)
+    (source / CUT_IN.name).write_text(text)
+    Writer(source / CUT_IN.name, Space.of(source / CUT_IN.name), tmp_path / "out")
+    assert runner.run(tmp_path / "out" / CUT_IN.name, world="kinematic", max_time=0.2).status
+    assert len(list((tmp_path / "out").rglob("*.xodr"))) == 1
+
+
 def test_all_files_are_valid(folder: Path) -> None:
     files = [*folder.rglob("*.xosc"), *folder.rglob("*.xodr")]
     assert len(files) == 1 + 1 + 6 + 1 + 2 + 1  # scenario, cases, concrete ones, density, catalogues, road
