@@ -19,7 +19,7 @@ from recognition.maneuvers.events import Maneuver, Maneuvers, Span
 from recognition.maneuvers.scenario import document as variation
 from recognition.maneuvers.scenario.start import paths
 from recognition.sites import site_at
-from runner.measures.relations import Motion, relation
+from runner.measures.relations import Motion, relations
 from runner.recording import Recording, Track
 from schemas import check
 from schemas.errors import InvalidFile, Unsupported
@@ -141,7 +141,7 @@ def test_the_manoeuvre_happens_as_its_parameters_say(
     assert lanes.tolist() == recorded.tolist()
     if found.other is not None:
         ego_motion, other = (Motion.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("Ego", "Other"))
-        rows, _, view = relation(ego_motion, other)
+        rows, _, _, view = relations(ego_motion, [other])
         ahead = dict(zip(ego_motion.time[rows].round(6).tolist(), view.ahead.tolist(), strict=True))
         assert ahead[round(started, 6)] == pytest.approx(values.gap, abs=0.6)
 
