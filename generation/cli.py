@@ -15,6 +15,7 @@ from generation.adversary.command import adversary
 from generation.density.model import JUDGE
 from generation.options import Density, Free, Jobs, Kind, Map, Method, Pin, Quiet, Ray, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
+from runner.run_options import RoadPath
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
 from schemas.errors import UsageError
@@ -98,6 +99,7 @@ def xosc_generate(
     max_time: Annotated[
         float, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")
     ] = RunSettings.max_time,
+    road_path: RoadPath = None,
     jobs: Jobs = 2,
     ray: Ray = None,
     _verbose: Verbose = False,
@@ -119,7 +121,7 @@ def xosc_generate(
 
     if method != ADVERSARY:
         search_of(method)  # what it needs is better asked for before recordings are read
-    run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time)
+    run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=tuple(road_path or ()))
     settings = SearchSettings(
         run, method, budget, seed, density, weight, rss, jobs, ray,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
@@ -220,7 +222,8 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if generated.gate.refusal is not None:
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
     collision = cases.outcomes.collision
-    yield f"  {len(cases)} edge cases: {int(collision.sum())} foreseeable and preventable collisions"
+    found = "1 edge case" if len(cases) == 1 else f"{len(cases)} edge cases"
+    yield f"  {found}, {int(collision.sum())} of them foreseeable and preventable collisions" if len(cases) else f"  {found}"
     survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"

@@ -31,7 +31,7 @@ from xosc.distributions import (
 from xosc.document import Document, to_bytes
 from xosc.exports import standard
 from xosc.exports.concrete import concrete, copied
-from xosc.exports.draft import DEFAULTS, Draft
+from xosc.exports.draft import Draft, ExportSettings, roads_in
 from xosc.exports.folder import Folder
 from xosc.files import Header, new_document
 from xosc.tags import Tag, annotated
@@ -87,15 +87,16 @@ class Writer:
         scenario: the logical scenario, which is copied with all that it refers to.
         space: the parameters that were searched.
         folder: where to; what is there already is not overwritten.
+        road_path: folders in which road networks are looked for that are not where the scenario says.
 
     Raises:
         UsageError: something else is in the way there.
     """
 
-    def __init__(self, scenario: Path, space: Space, folder: Path) -> None:
+    def __init__(self, scenario: Path, space: Space, folder: Path, road_path: Sequence[str] = ()) -> None:
         self._document = xosc.load(scenario)
         self._space, self._folder, self._stem = space, Folder(folder), scenario.stem
-        draft = Draft(self._folder, DEFAULTS)
+        draft = Draft(self._folder, ExportSettings(roads=roads_in(*road_path)))
         standard.add(
             _with_road(self._document, space), None, draft
         )  # parameters must stay: in other versions of the standard they may not

@@ -23,6 +23,14 @@ Sut = Annotated[
     ),
 ]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step.")]
+RoadPath = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--road-path",
+        metavar="DIR",
+        help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
+    ),
+]
 
 _OPTIONS: dict[str, Any] = {
     "sut": Sut,
@@ -61,14 +69,7 @@ _OPTIONS: dict[str, Any] = {
         str | None,
         typer.Option(metavar="auto", help="auto: make straight roads with the lanes and lengths that the positions use."),
     ],
-    "road_path": Annotated[
-        list[str] | None,
-        typer.Option(
-            "--road-path",
-            metavar="DIR",
-            help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
-        ),
-    ],
+    "road_path": RoadPath,
 }
 """By the name of the setting; the defaults are those of `RunSettings`, but where a command's own is None."""
 

@@ -16,6 +16,7 @@ from generation.twin.drivers import Situation, driver
 from generation.twin.motion import Body, driven
 from generation.twin.script import Actor, Script, read
 from runner.measures.relations import box_distance
+from runner.settings import RunSettings
 from schemas.errors import Unsupported
 from xodr.array_types import BoolArray, FloatArray
 
@@ -38,14 +39,14 @@ class Scene:
     side: float
 
     @classmethod
-    def of(cls, path: Path) -> Scene:
-        """That of a scenario.
+    def of(cls, path: Path, settings: RunSettings | None = None) -> Scene:
+        """That of a scenario, read as settings of runs say.
 
         Raises:
             Unsupported: it is no manoeuvre of one actor who begins in a lane beside the ego's, on a straight road.
             InvalidFile: it is malformed.
         """
-        script = read(path)
+        script = read(path, settings)
         if len(script.actors) != 2 or script.actors[1].change is None or script.actors[0].lane == script.actors[1].lane:
             raise Unsupported("an adversary needs one actor, who begins in a lane beside the ego's", path=path)
         ego, actor = script.actors

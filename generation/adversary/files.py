@@ -25,6 +25,7 @@ from xosc import maneuvers
 from xosc.document import Document, to_bytes
 from xosc.exports import standard
 from xosc.exports.concrete import concrete
+from xosc.exports.draft import ExportSettings, roads_in
 from xosc.exports.folder import Folder
 from xosc.tags import Tag, annotated
 from xosc.tags import to_bytes as as_openlabel
@@ -37,17 +38,18 @@ class Writer:
 
     Args:
         scenario: the manoeuvre scenario whose actor is the adversary. scene: of it. folder: where to; nothing is overwritten.
-        dt: time step of the episodes, s.
+        dt: time step of the episodes, s. road_path: folders of road networks that are not where the scenario says.
 
     Raises:
         UsageError: something else is in the way there.
     """
 
-    def __init__(self, scenario: Path, scene: Scene, folder: Path, dt: float) -> None:
+    def __init__(self, scenario: Path, scene: Scene, folder: Path, dt: float, road_path: Sequence[str] = ()) -> None:
         document = xosc.load(scenario)
         self._scene, self._folder, self._dt, self._stem = scene, Folder(folder), dt, scenario.stem
-        standard.export(scenario, ".".join(map(str, document.version)), self._folder)
-        network = prepare(scenario).scenario.network
+        settings = ExportSettings(roads=roads_in(*road_path))
+        standard.export(scenario, ".".join(map(str, document.version)), self._folder, settings)
+        network = prepare(folder / scenario.name).scenario.network
         assert network is not None
         self._road = next(iter(network.roads.values()))
         self._base = concrete(xosc.load(folder / scenario.name))

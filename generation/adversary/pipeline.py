@@ -90,12 +90,13 @@ def generate(scenario: Path, out: Path, settings: Settings, progress: Callable[[
 
 
 def _generated(scenario: Path, out: Path, settings: Settings, progress: Callable[[int], None]) -> Written:
-    scene, run = Scene.of(scenario), settings.run
+    run = settings.run
+    scene = Scene.of(scenario, run)
     driving = Driving(Actions.read(settings.recorded or OWN))
     starts = starts_of(scenario, settings.pinned)
     found = search(scene, driving, starts, run.sut, run.timestep, settings.seed, settings.search, progress)
     count = min(len(found.failures.contact), settings.most, settings.budget // (1 + len(JUDGES)))
-    writer, files = Writer(scenario, scene, out, run.timestep), []
+    writer, files = Writer(scenario, scene, out, run.timestep, run.road_path), []
     for row in range(count):
         files.append(writer.write(found.failures, row, row, _tags(found.failures, row, driving, settings)))
     outcomes = _run(files, settings)

@@ -54,7 +54,7 @@ class Twin:
         self._run, self._rss = run or RunSettings(), parameter_set(rss)
         if self._run.ego or self._run.fail_if or self._run.road:
             raise Unsupported("the twin plays no other ego, limits of verdicts or road", path=scenario)
-        self._script, self._space = read(scenario), space
+        self._script, self._space = read(scenario, self._run), space
         driver(self._run.sut, 0)
 
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:

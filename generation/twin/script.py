@@ -14,6 +14,7 @@ import xosc
 from runner.interpreter.compiler import Scenario
 from runner.interpreter.execution import prepare
 from runner.participants.declaration import BoundingBox, Performance
+from runner.settings import RunSettings
 from schemas.errors import InvalidFile, Unsupported
 from xodr.road import Road
 from xosc.node import Node
@@ -84,14 +85,14 @@ class Script:
     literals: dict[str, float] = field(default_factory=dict)
 
 
-def read(path: Path) -> Script:
-    """The script of a scenario.
+def read(path: Path, settings: RunSettings | None = None) -> Script:
+    """The script of a scenario, read as settings of runs say.
 
     Raises:
         Unsupported: it is no manoeuvre scenario on a straight road.
         InvalidFile: it is malformed.
     """
-    document, compiled = xosc.load(path), prepare(path).scenario
+    document, compiled = xosc.load(path), prepare(path, settings=settings).scenario
     root = document.node
     try:
         changes = dict(_changes(root))

@@ -2,7 +2,8 @@
 
 Participants that the scenario moves are mirrored into SUMO for its drivers to see them; nothing comes back to them. While SUMO
 drives no one, it would be stepped for nobody, so what is shown to it is kept, and SUMO begins with the first participant that
-it is to drive: it goes through all that was kept, in the same order, and is then in the state in which it would have been.
+it is to drive: it goes through all that was kept, in the same order, and is then in the state in which it would have been. A long
+run, of which too much would have to be kept, begins SUMO as well.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from xodr.network import RoadNetwork
 
 _STEP = methodcaller("step")
+_MOST = 300_000
+"""Places that are kept at most, about 60 MB; then SUMO begins"""
 
 
 class SumoWorld:
@@ -39,6 +42,8 @@ class SumoWorld:
         self.simulation: SumoSimulation | None = None
         self._kept: list[Callable[[Any], object]] = []
         """what SUMO has been shown so far, in order"""
+        self._places = 0
+        """places of participants among it"""
 
     def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
         """Have SUMO's network ready (nothing but the dock where there is no road).
@@ -117,6 +122,9 @@ class SumoWorld:
         places = [(entity, entity.x, entity.y, entity.h) for entity in entities]
         if self.simulation is None:
             self._kept.append(methodcaller("move", places))
+            self._places += len(places)
+            if self._places > _MOST:
+                self.begin()
         else:
             self.simulation.move(places)
 

@@ -19,8 +19,10 @@ from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluator
 from generation.outcomes.outcomes import Episodes
 from generation.search.space import Space
+from generation.twin.episodes import Twin
 from generation.variations import Evidence, Writer
-from schemas.errors import UsageError
+from runner.settings import RunSettings
+from schemas.errors import InvalidFile, UsageError
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 from xosc.tags import read
@@ -132,3 +134,18 @@ def test_the_same_cases_give_the_same_bytes_and_others_are_not_written_over_them
     with pytest.raises(UsageError, match="in the way"):
         Writer(CUT_IN, SPACE, folder).cases(cases, Evidence("aeb", "random", "ad-rss", 3, 40, 0.05))
     assert json.loads(path.with_suffix(".openlabel.json").read_text())["openlabel"]["tags"]
+
+
+def test_a_road_in_a_folder_that_is_asked_for_is_played_and_taken_along(tmp_path: Path) -> None:
+    source, elsewhere = tmp_path / "source" / CUT_IN.name, tmp_path / "elsewhere"
+    standard.export(CUT_IN, "1.3", Folder(source.parent))
+    elsewhere.mkdir()
+    (road,) = source.parent.rglob("*.xodr")
+    road.rename(elsewhere / road.name)
+    with pytest.raises(InvalidFile, match="--road-path"):
+        Twin(source, SPACE)
+    settings = RunSettings(road_path=(str(elsewhere),))
+    middle = (SPACE.low + SPACE.high)[np.newaxis] / 2.0
+    assert Twin(source, SPACE, settings)(middle).executed.all()
+    Writer(source, SPACE, tmp_path / "out", settings.road_path)
+    assert runner.run(tmp_path / "out" / CUT_IN.name, world="kinematic", max_time=0.2).status

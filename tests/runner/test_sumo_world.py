@@ -258,6 +258,18 @@ def test_sumo_that_begins_late_is_where_it_would_have_been(lights: xodr.RoadNetw
     assert late == handed_over(lights, steps, len(steps) // 2)
 
 
+def test_a_run_that_is_long_begins_sumo_for_all_that_it_has_shown(monkeypatch: pytest.MonkeyPatch, world: sumo.SumoWorld) -> None:
+    monkeypatch.setattr(sumo, "_MOST", 3)
+    participant = entity(50.0, 0.0, speed=10.0)
+    world.add(participant)
+    for number in range(6):
+        assert (world.simulation is not None) == (number > 3)
+        participant.x += 1.0
+        world.mirror([participant])
+        world.step()
+    assert seen(world, participant)[1] == pytest.approx(56.0 + participant.box.x + participant.box.length / 2, abs=0.1)
+
+
 def test_a_light_that_turned_before_sumo_began_counts(lights: xodr.RoadNetwork) -> None:
     red, green = (handed_over(lights, [Shown((True, False), (0.5, 0.0), True, state)], None) for state in ("red", "green"))
     assert red[-2].speed < 1.0 < green[-2].speed
