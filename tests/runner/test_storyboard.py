@@ -82,6 +82,7 @@ class Board:
 
     def element_changed(self, element: Any, transition: Any, reason: str) -> None:
         self.log.append((self.step, element.name, str(transition)))
+        self.board.changed()
 
     def element_rearmed(self, element: Any) -> None:
         self.rearmed.append(element.name)
