@@ -35,7 +35,8 @@ function avoided() {
       { class: "muted" },
       `System under test: ${data.settings.sut}. The careful driver is the competent and careful human of UN R157. ` +
         `Of ${many(collisions, "collision")} written as edge cases it avoids ${found.length}` +
-        `${collisions > found.length ? "; r157-cc or fsm survives each of them" : ""}.${shown.length ? " Click one to see it whole." : ""}`,
+        `${collisions > found.length ? "; r157-cc or fsm survives each of them" : ""}.` +
+        (shown.length ? " Click one to see it whole." : ""),
     ),
     previews.length ? playing(previews) : null,
     el("ul", { class: "previews" }, ...cards),

@@ -119,7 +119,8 @@ function drivers() {
     "Reference drivers by case",
     note(
       `✓ survives, ✕ collides, ? the run failed. A case is preventable where ${data.judges.join(" or ")} survives; ` +
-        "full braking from the manoeuvre's start is the bound of what braking can do (where nobody changes speed or lane, it never brakes). ",
+        "full braking from the manoeuvre's start is the bound of what braking can do " +
+        "(where nobody changes speed or lane, it never brakes). ",
       data.agreed ? `The others are played on the twin, which gives all ${data.agreed} verdicts of these two as runs do. ` : "",
       "Numbers are those of the sets in ",
       el("a", { href: link(data.file) }, data.file),
