@@ -144,7 +144,7 @@ def generate(
     source = recorded(space)
     real = source.within(space)
     realism, prior = _realism(real, settings.density, scenario), source.prior(space, settings.density)
-    with alone(out, "a search"), _evaluator(scenario, space, settings) as evaluator:
+    with alone(out, "a search"), evaluator_of(scenario, space, settings) as evaluator:
         draws, memory, more = (
             Memory(evaluator, _runs_file(scenario, space, out, settings, kind)) for kind in ("draws", "runs", "estimate")
         )
@@ -190,7 +190,7 @@ def _gate(
     if replays is None:
         return measured(prior, run, None, run, most)
     own, units = replays
-    with _evaluator(scenario, own, settings) as evaluator:
+    with evaluator_of(scenario, own, settings) as evaluator:
         replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
         return measured(prior, run, units, replay, most)
 
@@ -233,7 +233,12 @@ def _twin(scenario: Path, space: Space, settings: SearchSettings) -> Twin | None
         return None
 
 
-def _evaluator(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
+def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
+    """What runs points of a search.
+
+    Raises:
+        UsageError: a setting is wrong, or there is no such cluster.
+    """
     return Evaluator(scenario, space, run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray)
 
 

@@ -14,11 +14,10 @@ from generation.density.roles import roles_of
 from generation.estimation.estimate import Estimate
 from generation.estimation.rates import Rate
 from generation.outcomes.cases import Cases
-from generation.outcomes.evaluator import Evaluator
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
 from generation.outcomes.references import JUDGES, REFERENCES
 from generation.pages import PARTS_CSS, PARTS_JS
-from generation.pipeline import Generated, SearchSettings
+from generation.pipeline import Generated, SearchSettings, evaluator_of
 from generation.report.counterexamples import Counterexample, Counterexamples, counterexamples
 from generation.report.headline import headline
 from generation.report.measures import Measure, measures, unit_of
@@ -73,9 +72,7 @@ def write_report(
 
 
 def _written(scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None) -> Path:
-    with Evaluator(
-        scenario, generated.space, run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray
-    ) as drivers:
+    with evaluator_of(scenario, generated.space, settings) as drivers:
         examples = counterexamples(scenario, generated, settings, drivers, out)
     theta, outcomes, _ = generated.episodes
     of, failing = _measures(generated, theta[outcomes.executed]), outcomes.collision[outcomes.executed]
