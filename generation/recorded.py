@@ -20,8 +20,8 @@ from generation.density.prior import Prior
 from generation.density.recorded_prior import Box, RecordedPrior
 from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
-from generation.logical.pair_units import PairUnits
-from generation.logical.pairs import PAIRS
+from generation.logical.pairs.table import PAIRS
+from generation.logical.pairs.units import PairUnits
 from generation.search.space import Space, numbers
 from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract

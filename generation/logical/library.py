@@ -14,8 +14,8 @@ from generation.logical.geometries import GEOMETRIES
 from generation.logical.header import AUTHOR, header
 from generation.logical.maneuver_scenario import ManeuverScenario
 from generation.logical.maneuvers import MANEUVERS
-from generation.logical.pair_scenario import PairScenario
-from generation.logical.pairs import PAIRS
+from generation.logical.pairs.scenario import PairScenario
+from generation.logical.pairs.table import PAIRS
 from generation.logical.roads import write_roads
 from xosc.distributions import (
     Deterministic,

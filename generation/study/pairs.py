@@ -11,7 +11,7 @@ import numpy as np
 
 import xosc
 from generation.logical.library import SCENARIOS, pair_scenarios
-from generation.logical.pair_scenario import PairScenario
+from generation.logical.pairs.scenario import PairScenario
 from generation.outcomes.cases import Choice
 from generation.outcomes.evaluator import Evaluator
 from generation.outcomes.outcomes import Outcomes

@@ -10,8 +10,8 @@ import pytest
 import runner
 import schemas
 from generation.logical.library import SCENARIOS, pair_scenarios
-from generation.logical.pair_scenario import LEAD_IN
-from generation.logical.pair_units import PairUnits
+from generation.logical.pairs.scenario import LEAD_IN
+from generation.logical.pairs.units import PairUnits
 from generation.outcomes.evaluator import Evaluator
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.space import Space

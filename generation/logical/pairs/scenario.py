@@ -15,7 +15,7 @@ from generation.logical import catalogs
 from generation.logical.geometries import GEOMETRIES
 from generation.logical.header import header, scenario_tags
 from generation.logical.maneuvers import EGO
-from generation.logical.pairs import Pair, Part
+from generation.logical.pairs.table import Pair, Part
 from generation.logical.roads import ROADS
 from recognition.labels import Label
 from recognition.maneuvers.parameters import PARAMETERS, declared_name

@@ -1,4 +1,4 @@
-"""Recorded pairs of units as values of the parameters of `generation.logical.pair_scenario`."""
+"""Recorded pairs of units as values of the parameters of `generation.logical.pairs.scenario`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from generation.density.roles import AHEAD, BEGINS, EGO_SPEED, Role
 from generation.logical.maneuvers import EGO
-from generation.logical.pair_scenario import BEGIN, LEAD_IN, ROLES
-from generation.logical.pairs import Pair
+from generation.logical.pairs.scenario import BEGIN, LEAD_IN, ROLES
+from generation.logical.pairs.table import Pair
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from recognition.maneuvers.units.pairs import LENGTH, Pairs
 from xodr.array_types import BoolArray, FloatArray

@@ -1,0 +1,1 @@
+"""Two adversaries around the ego: who they are, their scenarios, and what recorded units they are."""
