@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -52,6 +53,10 @@ class Density(ABC):
     @abstractmethod
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
+
+    def again(self, rows: int) -> Self:
+        """A model to be fitted on a part of the samples, of so many rows; what takes long to choose was chosen on all of them."""
+        return copy(self)
 
     @property
     def gaussians(self) -> Components | None:

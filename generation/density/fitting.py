@@ -51,5 +51,9 @@ def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArr
 
 @_once
 def others(name: str, theta: FloatArray, recordings: NDArray[Any]) -> list[tuple[Density, IntArray]]:
-    """Models fitted on parts of the recordings, each with the rows of the others; every row is in one of them."""
-    return [(model(name).fit(theta[rows], recordings[rows]), tested) for rows, tested in folds(recordings)]
+    """Models fitted on parts of the recordings, each with the rows of the others; every row is in one of them.
+
+    What takes long to choose, as how many components a mixture has, is that of the model of all recordings (`Density.again`).
+    """
+    whole = fitted(name, theta, recordings)
+    return [(whole.again(len(rows)).fit(theta[rows], recordings[rows]), tested) for rows, tested in folds(recordings)]

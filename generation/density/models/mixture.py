@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
+from sklearn.mixture import GaussianMixture
+from threadpoolctl import threadpool_limits
 
 from generation.density.base import Density, Whitening
 from generation.density.components import Components
@@ -10,15 +14,16 @@ from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 
 DENSITY = {"class": "Mixture", "title": "Gaussian mixture (BIC)"}
-_MOST = 8
+_MOST, _STARTS = 8, 3
 _RIDGE = 1e-3
 """Least variance of a component along any axis, where the samples' is 1."""
 
 
 class Mixture(Density):
-    """Gaussians with full covariances, by expectation maximisation on whitened samples.
+    """Gaussians with full covariances, by expectation maximisation on whitened samples, the likeliest of three starts.
 
-    Their number is that of the least BIC among 1 … 8 (G. Schwarz, Estimating the dimension of a model, 1978), unless given.
+    Their number is that of the least BIC among 1 … 8, each from one start, unless given.
+    G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 1978.
 
     Args:
         components: their number.
@@ -29,18 +34,24 @@ class Mixture(Density):
         self.components, self.seed = components, seed
 
     def _learn(self, theta: FloatArray, groups: IntArray) -> None:
-        from sklearn.mixture import GaussianMixture
-        from threadpoolctl import threadpool_limits
-
-        counts = range(1, _MOST + 1) if self.components is None else [self.components]
-        possible = [count for count in counts if count * theta.shape[1] < len(theta)]
-        if not possible:
+        most = _most(*theta.shape)
+        if most < (self.components or 1):
             raise UsageError(f"{len(theta)} samples are too few for a mixture of {self.components} components")
         self._whitening = Whitening.of(theta)
         white = self._whitening.forward(theta)
-        models = [GaussianMixture(count, reg_covar=_RIDGE, n_init=3, random_state=self.seed) for count in possible]
         with threadpool_limits(1):  # matrices this small lose far more by handing out work than more threads bring
-            self._model = min((model.fit(white) for model in models), key=lambda model: model.bic(white))
+            self._model = self._from(_STARTS, self.components or self._likeliest(white, min(most, _MOST)), white)
+
+    def _from(self, starts: int, components: int, white: FloatArray) -> GaussianMixture:
+        return GaussianMixture(components, reg_covar=_RIDGE, n_init=starts, random_state=self.seed).fit(white)
+
+    def _likeliest(self, white: FloatArray, most: int) -> int:
+        return min(range(1, most + 1), key=lambda components: self._from(1, components, white).bic(white))
+
+    def again(self, rows: int) -> Self:
+        """One of as many components, or as many as the rows suffice for."""
+        means = self._model.means_
+        return type(self)(min(len(means), _most(rows, means.shape[1])), self.seed)
 
     def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
@@ -58,3 +69,8 @@ class Mixture(Density):
         factors = np.linalg.cholesky(self._model.covariances_)[drawn]
         noise = generator.standard_normal((n, factors.shape[1], 1))
         return self._whitening.back(self._model.means_[drawn] + (factors @ noise)[..., 0])
+
+
+def _most(n: int, d: int) -> int:
+    """Most components that n rows of d columns suffice for."""
+    return (n - 1) // d

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Self
 
 import numpy as np
 
@@ -31,15 +32,20 @@ class Student(Density):
 
     Args:
         freedom, exceeded: ν, and whether covariances exceed the mixture's; chosen by cross-validation where ν is None.
+        mixture: of Gaussians, unfitted; by default one that finds out how many they are.
     """
 
-    def __init__(self, freedom: float | None = None, exceeded: bool = False) -> None:
-        self.freedom, self.exceeded = freedom, exceeded
+    def __init__(self, freedom: float | None = None, exceeded: bool = False, mixture: Mixture | None = None) -> None:
+        self.freedom, self.exceeded, self.mixture = freedom, exceeded, mixture
 
     def _learn(self, theta: FloatArray, groups: IntArray) -> None:
-        whole = Mixture().fit(theta).gaussians
-        chosen = (self.freedom, self.exceeded) if self.freedom is not None else _best(len(whole.means), theta, groups)
-        self._gaussians = _spread(whole, *chosen)
+        self._mixture = (self.mixture or Mixture()).fit(theta)
+        self._chosen = (self.freedom, self.exceeded) if self.freedom is not None else _best(self._mixture, theta, groups)
+        self._gaussians = _spread(self._mixture.gaussians, *self._chosen)
+
+    def again(self, rows: int) -> Self:
+        """One with the same tails, of as many components, or as many as the rows suffice for."""
+        return type(self)(*self._chosen, self._mixture.again(rows))
 
     def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
@@ -68,11 +74,10 @@ def _spread(gaussians: Components, freedom: float, exceeded: bool) -> Components
     return Components(weights, np.tile(gaussians.means, (_SCALES, 1)), covariances)
 
 
-def _best(components: int, theta: FloatArray, groups: IntArray) -> tuple[float, bool]:
+def _best(mixture: Mixture, theta: FloatArray, groups: IntArray) -> tuple[float, bool]:
     choices = list(product(FREEDOMS, (False, True)))
     total = np.zeros(len(choices))
     for fitted, tested in folds(groups):
-        most = max(1, (len(fitted) - 1) // theta.shape[1])
-        mixture = Mixture(min(components, most)).fit(theta[fitted]).gaussians
-        total += [_spread(mixture, *choice).log_density(theta[tested]).sum() for choice in choices]
+        part = mixture.again(len(fitted)).fit(theta[fitted]).gaussians
+        total += [_spread(part, *choice).log_density(theta[tested]).sum() for choice in choices]
     return choices[int(total.argmax())]

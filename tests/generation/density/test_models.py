@@ -12,9 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import gaussian_kde, multivariate_normal
 
-from generation.density import fitting
 from generation.density.base import Density, Whitening, folds
-from generation.density.fitting import fitted, held_out
+from generation.density.fitting import fitted, held_out, others
 from generation.density.model import JUDGE, judge, model, models
 from generation.density.models.flow import Couplings, Flow
 from generation.density.models.gaussian import Gaussian
@@ -158,19 +157,35 @@ def test_other_mistakes_are_refused() -> None:
 
 
 def test_a_model_of_the_same_rows_is_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[str] = []
-    monkeypatch.setattr(fitting, "model", lambda name: made.append(name) or model(name))
+    made: list[int] = []
+    learn = KDE._learn
+    monkeypatch.setattr(KDE, "_learn", lambda self, theta, groups: made.append(len(theta)) or learn(self, theta, groups))
     theta, of = normal(90, seed=11), recordings(90)
     first, outside = fitted("kde", theta, of), held_out("kde", theta, of)
     assert len(made) == 1 + 5
     assert fitted("kde", theta.copy(), of.astype(object)) is first and held_out("kde", theta.copy(), of) is outside
-    assert len(made) == 6
+    assert len(made) == 6 and max(made[1:]) < made[0] == 90
     assert np.array_equal(first.log_density(theta), KDE().fit(theta, of).log_density(theta))
-    for others in ((theta + 1e-12, of), (theta, recordings(90, 9)), (theta[:89], of[:89])):
-        assert fitted("kde", *others) is not first and held_out("kde", *others) is not outside
+    for changed in ((theta + 1e-12, of), (theta, recordings(90, 9)), (theta[:89], of[:89])):
+        assert fitted("kde", *changed) is not first and held_out("kde", *changed) is not outside
     assert fitted("gaussian", theta, of) is not first
     with pytest.raises(ValueError, match="read-only"):
         outside[0] = 0.0
+
+
+@pytest.mark.parametrize("name", ["mixture", "student"])
+def test_parts_have_as_many_components_as_the_whole_or_as_their_rows_suffice_for(name: str) -> None:
+    generator = np.random.default_rng(0)
+    rows = np.concatenate([generator.normal(centre, 0.5, (100, 2)) for centre in ((-5, 0), (5, -5), (5, 5))])
+    whole = fitted(name, rows, recordings(300))
+    for part, tested in others(name, rows, recordings(300)):
+        assert part.gaussians is not None and whole.gaussians is not None
+        assert len(part.gaussians.means) == len(whole.gaussians.means)
+        assert part.log_density(rows[tested]).mean() == pytest.approx(whole.log_density(rows[tested]).mean(), abs=0.2)
+    few = rows[::60]
+    again = whole.again(len(few)).fit(few, recordings(len(few)))
+    assert again.gaussians is not None and np.isfinite(again.log_density(few)).all()
+    assert len(again.gaussians.means) < len(whole.gaussians.means)
 
 
 def test_rows_not_seen_lie_no_further_out_than_draws_where_tails_are_heavy() -> None:
