@@ -50,15 +50,15 @@ class Start(NamedTuple):
 class Line:
     """A straight element."""
 
-    __slots__ = ("_cos", "_sin", "h", "length", "x", "y")
+    __slots__ = ("cos", "h", "length", "sin", "x", "y")
 
     def __init__(self, start: Start) -> None:
         self.x, self.y, self.h, self.length = start
-        self._cos, self._sin = math.cos(start.h), math.sin(start.h)
+        self.cos, self.sin = math.cos(start.h), math.sin(start.h)
 
     def at(self, ds: float) -> tuple[float, float, float]:
         """Position and heading (x, y, h) at arc length ds."""
-        return self.x + ds * self._cos, self.y + ds * self._sin, self.h
+        return self.x + ds * self.cos, self.y + ds * self.sin, self.h
 
     def curvature(self, ds: float) -> float:
         """Always 0."""
@@ -245,13 +245,15 @@ class ReferenceLine:
     Before its start and beyond its end the line goes on straight, so that a point just outside has a position too.
     """
 
-    __slots__ = ("_last", "end", "segments", "start", "starts", "straight")
+    __slots__ = ("_last", "_only", "end", "segments", "start", "starts", "straight")
 
     def __init__(self, starts: Sequence[float], segments: Sequence[Segment]) -> None:
         self.starts, self.segments = list(starts), list(segments)
         self.start, self.end = self.starts[0], self.starts[-1] + self.segments[-1].length
         self._last = len(self.starts) - 1
         self.straight = all(isinstance(segment, Line) for segment in self.segments)
+        only = self.segments[0] if not self._last else None
+        self._only = only if isinstance(only, Line) else None
 
     def at(self, s: float) -> tuple[float, float, float]:
         """Position and heading (x, y, h) at s."""
@@ -259,6 +261,15 @@ class ReferenceLine:
             return self._beyond(s)
         index = bisect_right(self.starts, s) - 1 if self._last else 0
         return self.segments[index].at(s - self.starts[index])
+
+    def beside(self, s: float, t: float) -> tuple[float, float, float]:
+        """Position and heading (x, y, h) of the point t to the left of the line at s."""
+        only = self._only
+        if only is not None and self.start <= s <= self.end:
+            ds = s - self.start
+            return only.x + ds * only.cos - t * only.sin, only.y + ds * only.sin + t * only.cos, only.h
+        x, y, h = self.at(s)
+        return x - t * math.sin(h), y + t * math.cos(h), h
 
     def curvature(self, s: float) -> float:
         """Curvature at s, positive to the left; 0 outside the line."""

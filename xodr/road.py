@@ -105,8 +105,7 @@ class Road:
 
     def from_above(self, s: float, aside: float) -> tuple[float, float, float]:
         """x, y and heading of the place `aside` [m] to the left of the reference line, measured horizontally."""
-        x, y, h = self.line.at(s)
-        return x - aside * math.sin(h), y + aside * math.cos(h), h
+        return self.line.beside(s, aside)
 
     def t_of(self, s: float, aside: float) -> float:
         """t of the place that lies `aside` [m] to the left of the reference line, measured horizontally."""

@@ -68,6 +68,13 @@ class EndOfRoadCondition(_Lasting):
 class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
+    def keeps(self, entity: Entity, run: Instant) -> float:
+        """While it can't have stood for so long; a trailer stands for as long as what tows it."""
+        since = entity.standstill
+        if entity.controls.tractor is not None or self._lasted(since):
+            return -math.inf
+        return run.time + (self.duration - since) - 2.0 * TOLERANCE
+
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it stands long enough."""
         return self._lasted(entity.standstill)
@@ -134,6 +141,10 @@ class CollisionCondition(EntityCondition):
             raise target.invalid("EntityRef or ByType is expected")
         kind = target.choice("type", OBJECT_TYPES)
         return cls(frozenset(e.name for e in context.declared.values() if e.declared.kind == kind), f"any {kind}")
+
+    def keeps(self, entity: Entity, run: Instant) -> float:
+        """Until somebody touches somebody else, or no longer does."""
+        return math.inf
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether a contact exists now."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from runner.conditions.comparison import RULES, Comparison
+from runner.conditions.comparison import RULES, TOLERANCE, Comparison
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
 from runner.surroundings.environment import read_date
@@ -48,6 +49,12 @@ class SimulationTimeCondition(Condition):
     def from_xml(cls, node: Node, context: Context) -> SimulationTimeCondition:
         """Read rule and value."""
         return cls(Comparison.from_xml(node, "s"))
+
+    def keeps(self, run: Instant) -> float:
+        """Where it is true from a time on: up to then, and for good afterwards."""
+        if not self.stays_true:
+            return -math.inf
+        return math.inf if self.evaluate(run) else self._since + self.comparison.value - 2.0 * TOLERANCE
 
     def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true now."""
@@ -180,6 +187,10 @@ class ParameterCondition(_NamedValueCondition):
         """Read parameterRef, rule and value."""
         return cls(*_declared(node, "parameterRef", context.document.parameters, context))
 
+    def keeps(self, run: Instant) -> float:
+        """Until something sets it."""
+        return math.inf
+
     def value(self, run: Instant) -> Value | None:
         """The parameter as it was set last."""
         return run.parameters[self.name]
@@ -195,6 +206,10 @@ class VariableCondition(_NamedValueCondition):
     def from_xml(cls, node: Node, context: Context) -> VariableCondition:
         """Read variableRef, rule and value."""
         return cls(*_declared(node, "variableRef", context.document.variables, context))
+
+    def keeps(self, run: Instant) -> float:
+        """Until something sets it."""
+        return math.inf
 
     def value(self, run: Instant) -> Value | None:
         """The variable as it was set last."""

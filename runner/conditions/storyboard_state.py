@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import takewhile
 from typing import TYPE_CHECKING
@@ -52,6 +53,10 @@ class StoryboardElementStateCondition(Condition):
 
         context.late(find)
         return self
+
+    def keeps(self, run: Instant) -> float:
+        """From the first step on, until something happens."""
+        return math.inf if run.step_index > 0 else -math.inf
 
     def evaluate(self, run: Instant) -> bool:
         """Whether the element was in the state, or had made the transition, when this step began.

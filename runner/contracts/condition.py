@@ -33,6 +33,10 @@ class Condition(ABC):
         """Count times and distances from now on instead of from the beginning of the run; most conditions count nothing."""
         return
 
+    def keeps(self, run: Instant) -> float:
+        """Time (s) before which the expression keeps its present value while `run.changes` stays; by default it keeps none."""
+        return -math.inf
+
     @abstractmethod
     def evaluate(self, run: Instant) -> bool:
         """The logical expression at the simulation's current time."""
@@ -52,6 +56,10 @@ class EntityCondition(ABC):
     def measure_from(self, entities: Sequence[Entity]) -> None:
         """Count distances of these entities from now on; most conditions count nothing."""
         return
+
+    def keeps(self, entity: Entity, run: Instant) -> float:
+        """As `Condition.keeps`, for this entity."""
+        return -math.inf
 
     @abstractmethod
     def holds(self, entity: Entity, run: Instant) -> bool:
@@ -83,6 +91,7 @@ class ByEntityCondition(Condition):
         self.entities = entities
         self.every = every
         self.condition = condition
+        self._only = entities[0] if len(entities) == 1 else None
         self._near = condition if isinstance(condition, NearCondition) else None
         self._asleep = -math.inf
 
@@ -96,12 +105,19 @@ class ByEntityCondition(Condition):
         """Let the expression count from now on."""
         self.condition.measure_from(self.entities)
 
+    def keeps(self, run: Instant) -> float:
+        """While it keeps its value for each of the entities that are present."""
+        return min((self.condition.keeps(entity, run) for entity in self.entities if entity.active), default=math.inf)
+
     def evaluate(self, run: Instant) -> bool:
         """True when the expression holds for any, or all, of the entities that are present."""
         if self._near is not None and run.displacement.total < self._asleep:
             return False
-        holds = self.condition.holds
-        held = tuple([entity for entity in self.entities if entity.active and holds(entity, run)])
+        holds, only = self.condition.holds, self._only
+        if only is None:
+            held = tuple([entity for entity in self.entities if entity.active and holds(entity, run)])
+        else:
+            held = (only,) if only.active and holds(only, run) else ()
         self.triggering = held
         if self._near is not None and not held and run.step_index % _SLEEPLESS == 0:
             self._asleep = run.displacement.after(self._way(self._near, run))

@@ -60,6 +60,11 @@ class Instant(Surroundings, Protocol):
         ...
 
     @property
+    def changes(self) -> int:
+        """Grows with all that happens at once: to storyboard elements, values and contacts, and to who is there."""
+        ...
+
+    @property
     def parameters(self) -> MutableMapping[str, Value]:
         """Present values of the global parameters."""
         ...

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterable, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from runner.contracts.action import LATERAL
@@ -69,6 +70,7 @@ class Simulation:
         self._ego: Entity | None = None
         self.user_values: dict[str, str] = {}
         self.step_index = 0
+        self.changes = 0
         self.time = 0.0
         self.initialising = True
         """Whether the initial actions and the events of time 0 are starting: what takes no time sets the initial state."""
@@ -187,17 +189,17 @@ class Simulation:
             ego.controls.target_speed = ego.speed
 
     def _move(self, entity: Entity, speed: float, dt: float) -> None:
-        x, y = entity.x, entity.y
+        x, y, controls = entity.x, entity.y, entity.controls
         waiting = entity.at_road_end
-        speed = entity.controls.motion.advance(entity, speed, dt)
+        speed = controls.motion.advance(entity, speed, dt)
         if entity.at_road_end:
             entity.at_road_end = not (waiting and speed)
             entity.road_end = entity.road_end + dt if waiting and not speed else 0.0
         vx, vy = (entity.x - x) / dt, (entity.y - y) / dt
-        entity.ax, entity.ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
+        entity.ax, entity.ay = ax, ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
         entity.vx, entity.vy = vx, vy
-        entity.acceleration = (speed - entity.speed) / dt
-        if not math.isfinite(entity.ax + entity.ay + entity.acceleration):
+        entity.acceleration = acceleration = (speed - entity.speed) / dt
+        if not isfinite(ax + ay + acceleration):
             raise entity.declared.invalid(f"{entity.name!r} moves too fast for a number at {self.time:g} s")
         entity.speed = speed
         distance = speed * dt
@@ -206,7 +208,7 @@ class Simulation:
             entity.standstill += dt
         else:
             entity.standstill = 0.0
-        if entity.controls.trailer is not None:
+        if controls.trailer is not None:
             tow(self.roads, entity, dt)
 
     def _read(self, entity: Entity) -> None:
@@ -248,6 +250,7 @@ class Simulation:
 
     def _publish(self) -> None:
         if self._changed or self._published:
+            self.changes += 1
             for element in dict.fromkeys((*self._published, *self._changed)):
                 element.publish()
             self._published, self._changed = self._changed, []
@@ -259,6 +262,7 @@ class Simulation:
     def element_rearmed(self, element: Element) -> None:
         """A storyboard element is back in standby without a transition; conditions see it from the next step on."""
         self._changed.append(element)
+        self.changes += 1
         self.storyboard.changed()
 
     def call_next_step(self, call: Callable[[StoryboardRun], None]) -> None:
@@ -267,6 +271,7 @@ class Simulation:
 
     def note(self, kind: str, subject: str, text: str = "") -> None:
         """Write a line of the event log at the current time."""
+        self.changes += 1
         self.log.append(LogEntry(self.time, kind, subject, text))
 
     # for actions and conditions -------------------------------------------------------------
@@ -314,6 +319,7 @@ class Simulation:
 
     def enter(self, entity: Entity) -> None:
         """Bring an entity that has got its first place into the world, standing, its trailers with it."""
+        self.changes += 1
         for member in train(entity):
             if member is entity or not member.active:
                 member.active = True
@@ -327,6 +333,7 @@ class Simulation:
         for tractor in (entity, entity.controls.tractor):
             if tractor is not None and tractor.controls.trailer is not None:
                 disconnect(self.roads, tractor)
+        self.changes += 1
         entity.active = entity.controls.world_driven = False
         self.world.remove(entity)
 

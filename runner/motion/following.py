@@ -107,14 +107,17 @@ class PathMotion:
 
         Where that says nothing of it, the sign of the first speed (m/s) says which way it faces; who stands keeps facing so.
         """
-        ahead = tangent(self.path, self.s)
-        reverse = (self._gear or speed or math.cos(entity.h - ahead)) < 0.0 and not self._oriented
+        reverse = not self._oriented and (self._gear or speed or self._along(entity)) < 0.0
         entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = self.path.at(self.s)
-        if reverse and math.cos(entity.h - ahead) > 0.0:
+        if reverse and self._along(entity) > 0.0:
             entity.h += math.pi
         if self._surface:
             place = in_world(self.roads.network, pose_of(entity), z_known=False, hint=self.roads.road_point(entity))
             entity.z, entity.pitch, entity.roll = place.z, place.pitch, place.roll
+
+    def _along(self, entity: Entity) -> float:
+        """Cosine of the angle between an entity's heading and the path."""
+        return math.cos(entity.h - tangent(self.path, self.s))
 
     def reached(self, speed: float, dt: float) -> float:
         """Where (s, m) a step of dt (s) at a speed (m/s) leads to; times always lead on."""

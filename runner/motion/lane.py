@@ -134,8 +134,7 @@ class LaneMotion:
         road, direction = entity.road, entity.direction
         assert road is not None and entity.section is not None
         if road.flat:
-            x, y, h = road.line.at(entity.s)
-            entity.x, entity.y = x - entity.t * math.sin(h), y + entity.t * math.cos(h)
+            entity.x, entity.y, h = road.line.beside(entity.s, entity.t)
             entity.z, entity.pitch, entity.roll = 0.0, direction * 0.0, direction * 0.0
         else:
             entity.x, entity.y, entity.z, h, pitch, roll = road.pose(entity.s, entity.t)

@@ -47,7 +47,7 @@ def play(trigger: Trigger, steps: int) -> str:
 
 
 def at(step: int) -> Any:
-    return SimpleNamespace(time=step * STEP)
+    return SimpleNamespace(time=step * STEP, step_index=step, changes=0, dt=STEP)
 
 
 @pytest.mark.parametrize(

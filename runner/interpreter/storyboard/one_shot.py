@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from runner.interpreter.storyboard.triggers import TimedCondition
@@ -31,6 +32,10 @@ class OneShotCondition(TimedCondition):
         self._begun: float | None = None
         self._measuring = False
         self._reason = ""
+
+    def outlook(self, run: Instant) -> tuple[bool, float]:
+        """Nothing for certain."""
+        return False, -math.inf
 
     def _lasting(self, run: Instant) -> bool:
         """Whether it has been true since its trigger waits; to be called once each step."""

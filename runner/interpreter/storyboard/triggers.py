@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, Self
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6
+_SLEEPLESS = 16
+"""Steps from one try to leave conditions alone to the next: where most of them change all tries are in vain."""
+_LONGEST = 128
+"""Steps after which conditions that could not be left alone may have become such that can."""
 
 
 class ConditionContext(Protocol):
@@ -87,6 +92,21 @@ class TimedCondition:
         since, value = history[0]
         return value and since <= then
 
+    def outlook(self, run: Instant) -> tuple[bool, float]:
+        """What it will be from the next step on, and the time (s) before which that stays while `run.changes` does."""
+        until = self.condition.keeps(run)
+        if until <= run.time:
+            return False, -math.inf
+        value = self.edge == "none" and self.condition.evaluate(run)
+        return self._delays(run.time, value, until) if self.delay > 0.0 else (value, until)
+
+    def _delays(self, time: float, value: bool, until: float) -> tuple[bool, float]:
+        """The outlook of a value that stays until then, once the history has no other."""
+        if len(self._history) != 1 or self._history[0][1] != value:
+            return False, -math.inf
+        served = self._history[0][0] + self.delay - 2.0 * _EPSILON
+        return (value, until) if not value or served <= time - _EPSILON else (False, min(until, served))
+
     @property
     def missed(self) -> bool:
         """Whether it waits for a rise that has been, and that there can be only one of."""
@@ -113,6 +133,7 @@ class Trigger:
         self.groups = groups
         self.triggering: tuple[Entity, ...] = ()
         self.reason = ""
+        self._look_at_all()
 
     @classmethod
     def from_xml(cls, node: Node | None, context: ConditionContext) -> Trigger | None:
@@ -135,9 +156,11 @@ class Trigger:
     def take_any(self) -> None:
         """Fire when any condition of any group is true, as CARLA's scenario_runner does where it stops acts."""
         self.groups = [[condition] for group in self.groups for condition in group]
+        self._look_at_all()
 
     def reset(self) -> None:
         """As before a run."""
+        self._look_at_all()
         self.triggering = ()
         self.reason = ""
         for group in self.groups:
@@ -146,6 +169,7 @@ class Trigger:
 
     def rearm(self) -> None:
         """Forget all earlier evaluations (the owning element enters standby anew)."""
+        self._look_at_all()
         for group in self.groups:
             for condition in group:
                 condition.rearm()
@@ -156,17 +180,46 @@ class Trigger:
         return " and ".join(condition.describe(run) for (condition,) in vain) if all(vain) else ""
 
     def fires(self, run: Instant) -> bool:
-        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say."""
+        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say.
+
+        What can't change is left alone (`_rest`) until something happens or the time has come.
+        """
+        over = self._resting and (run.changes != self._changes or run.time >= self._until)
+        if over:
+            self._look_at_all()
         fired = None
-        for group in self.groups:
-            true = True
-            for condition in group:
+        for group, conditions, true in self._looking:
+            for condition in conditions:
                 if (true or condition.keeps_memory) and not condition.evaluate(run):
                     true = False
             if true and fired is None:
                 fired = group
         if fired is None:
+            if over or (not self._resting and run.step_index % _SLEEPLESS == 0):
+                self._rest(run)
             return False
         self.triggering = tuple(dict.fromkeys(e for c in fired for e in c.condition.triggering))
         self.reason = " and ".join(condition.describe(run) for condition in fired)
         return True
+
+    def _look_at_all(self) -> None:
+        """Evaluate all conditions from now on."""
+        self._resting, self._until, self._changes = False, math.inf, 0
+        self._looking = [(group, group, True) for group in self.groups]
+        """groups, their conditions that are evaluated, and whether the others of the group are true"""
+
+    def _rest(self, run: Instant) -> None:
+        """Leave alone what stays as it is: true conditions, and groups with a false one, but for what these have to remember."""
+        self._looking, self._until, self._changes = [], math.inf, run.changes
+        soon = run.time + _SLEEPLESS * run.dt
+        for group in self.groups:
+            outlooks = [(condition, *condition.outlook(run)) for condition in group]
+            end = max([until for _, value, until in outlooks if not value], default=-math.inf)
+            false = end > soon
+            counting = [(condition, until) for condition, _, until in outlooks if condition.keeps_memory or not false]
+            awake = [condition for condition, until in counting if until <= soon]
+            self._until = min([self._until, end if false else math.inf, *(until for _, until in counting if until > soon)])
+            if awake:
+                self._looking.append((group, awake, not false))
+                self._until = min(self._until, run.time + _LONGEST * run.dt)
+            self._resting = self._resting or false or len(awake) < len(group)

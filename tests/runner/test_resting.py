@@ -1,0 +1,152 @@
+"""Conditions that are left alone while they can't change: the same answers as when all are looked at in each step."""
+
+from __future__ import annotations
+
+import math
+from itertools import accumulate
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import runner
+from runner.conditions.by_entity import StandStillCondition
+from runner.conditions.by_value import SimulationTimeCondition
+from runner.conditions.comparison import RULES, Comparison
+from runner.contracts.condition import ByEntityCondition, Condition
+from runner.interpreter.storyboard.triggers import EDGES, TimedCondition, Trigger
+from tests.runner.scene import vehicle
+
+STEP = 0.1
+STEPS = 400
+SCENARIOS = Path(__file__).parents[1] / "conformance" / "scenarios"
+
+
+class Changing(Condition):
+    """Another value from certain steps on; it knows of some changes when they come, others are announced as they happen.
+
+    Args:
+        first: the value at the beginning.
+        at: steps at which it changes.
+        foresight: whether it knows the steps.
+    """
+
+    def __init__(self, first: bool, at: frozenset[int], foresight: bool) -> None:
+        self.first, self.at, self.foresight = first, at, foresight
+
+    def evaluate(self, run: Any) -> bool:
+        return self.first ^ (sum(step <= run.step_index for step in self.at) % 2 == 1)
+
+    def keeps(self, run: Any) -> float:
+        if not self.foresight:
+            return math.inf
+        return min((step * STEP - 1e-6 for step in self.at if step > run.step_index), default=math.inf)
+
+    def describe(self, run: Any) -> str:
+        return f"{self.evaluate(run)} at {run.step_index}"
+
+
+class Restless(Changing):
+    """The same, looked at in each step."""
+
+    def keeps(self, run: Any) -> float:
+        return -math.inf
+
+
+changing = st.builds(
+    lambda kind, first, at, foresight, edge, delay: (kind, (first, at, foresight), edge, delay * STEP),
+    st.sampled_from([Changing, Changing, Restless]),
+    st.booleans(),
+    st.frozensets(st.integers(1, STEPS), max_size=4),
+    st.booleans(),
+    st.sampled_from(EDGES),
+    st.sampled_from([0, 0, 1, 7, 40]),
+)
+groups = st.lists(st.lists(changing, min_size=1, max_size=3), min_size=1, max_size=3)
+
+
+def trigger_of(chosen: Any, plain: bool) -> Trigger:
+    def timed(kind: Any, values: Any, edge: str, delay: float) -> TimedCondition:
+        return TimedCondition("c", (Restless if plain else kind)(*values), edge, delay)
+
+    return Trigger([[timed(*each) for each in group] for group in chosen])
+
+
+@given(groups, st.frozensets(st.integers(1, STEPS), max_size=2))
+def test_triggers_fire_when_they_would_if_all_conditions_were_looked_at(chosen: Any, rearmed: frozenset[int]) -> None:
+    announced = {step for group in chosen for _, (_, at, foresight), _, _ in group if not foresight for step in at}
+    changes = list(accumulate(step in announced for step in range(STEPS + 1)))
+    resting, plain = trigger_of(chosen, False), trigger_of(chosen, True)
+    for step in range(STEPS + 1):
+        run: Any = SimpleNamespace(time=step * STEP, dt=STEP, step_index=step, changes=changes[step])
+        if step in rearmed:
+            resting.rearm()
+            plain.rearm()
+        assert resting.fires(run) == plain.fires(run)
+        assert resting.reason == plain.reason
+
+
+def test_what_stays_false_is_not_looked_at() -> None:
+    asked = []
+
+    class Asked(Changing):
+        def evaluate(self, run: Any) -> bool:
+            asked.append(run.step_index)
+            return super().evaluate(run)
+
+    trigger = Trigger([[TimedCondition("", Asked(False, frozenset({300}), True), "rising", 0.0)]])
+    runs: list[Any] = [SimpleNamespace(time=step * STEP, dt=STEP, step_index=step, changes=0) for step in range(STEPS)]
+    assert [run.step_index for run in runs if trigger.fires(run)] == [300]
+    assert len(asked) < STEPS // 2
+
+
+@given(st.sampled_from(sorted(RULES)), st.floats(0.0, 5.0), st.integers(1, 100))
+def test_a_comparison_of_the_time_keeps_its_value_for_as_long_as_it_says(rule: str, value: float, begin: int) -> None:
+    condition = SimulationTimeCondition(Comparison(rule, value))
+
+    def at(step: int) -> Any:
+        return SimpleNamespace(time=round(step * 0.05, 9))
+
+    until, before = condition.keeps(at(begin)), condition.evaluate(at(begin))
+    assert all(condition.evaluate(at(step)) == before for step in range(begin, 200) if at(step).time < until)
+
+
+@given(st.floats(0.0, 3.0), st.lists(st.booleans(), min_size=2, max_size=150), st.integers(0, 149))
+def test_a_standstill_keeps_its_value_for_as_long_as_it_says(duration: float, stands: list[bool], begin: int) -> None:
+    """It may go on at any time, but can't have stood for longer than the time that has passed."""
+    car = vehicle("a")
+    condition = ByEntityCondition([car], False, StandStillCondition(duration))
+    until, before = -math.inf, False
+    for step, still in enumerate(stands):
+        car.standstill = car.standstill + 0.05 if still else 0.0
+        run: Any = SimpleNamespace(time=round(step * 0.05, 9), dt=0.05, step_index=step)
+        if step == begin:
+            until, before = condition.keeps(run), condition.evaluate(run)
+        assert step < begin or run.time >= until or condition.evaluate(run) == before
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "CollisionCondition",
+        "ParameterCondition",
+        "SimulationTimeCondition",
+        "StandStillCondition",
+        "StoryboardElementStateCondition",
+        "TimeToCollisionCondition",
+        "VariableModifyAction",
+        "VariableSetAction",
+    ],
+)
+def test_runs_are_the_same_as_when_no_condition_is_left_alone(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def played() -> runner.RunResult:
+        return runner.run(SCENARIOS / f"{name}.xosc", sut="none", world="kinematic", max_time=20.0)
+
+    resting = played()
+    monkeypatch.setattr(Trigger, "_rest", lambda *_: None)
+    plain = played()
+    assert resting.events == plain.events
+    assert resting.recording.table().equals(plain.recording.table())
