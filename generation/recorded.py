@@ -21,11 +21,10 @@ from generation.density.recorded_prior import Box, RecordedPrior
 from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
 from generation.logical.pairs.table import PAIRS
-from generation.logical.pairs.units import PairUnits
+from generation.logical.pairs.units import PairUnits, pair_units
 from generation.search.space import Space, numbers
 from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract
-from recognition.maneuvers.units.pairs import pairs
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 from xosc.node import Node
@@ -165,8 +164,7 @@ def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
     samples = _units(path)
     if kind in KINDS:
         return samples.of_kind(kind)
-    pair = PAIRS[kind]
-    return PairUnits(pair, pairs(samples, pair.first.kind, pair.second.kind))
+    return pair_units(samples, PAIRS[kind])
 
 
 def _units(path: Path | None) -> Samples:
@@ -242,7 +240,7 @@ def of_samples(
 
 
 def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
-    values, recordings = samples.values, samples.units.first.recordings
+    values, recordings = samples.values, samples.recordings
     unknown = [name for name in space.names if name not in values]
     if unknown:
         raise UsageError(f"recorded pairs have no values of the parameter {unknown[0]}: pin it")

@@ -13,8 +13,8 @@ EGO_SPEED = "ego_speed"
 """Role of the speed of the one who is not the actor, when the manoeuvre begins."""
 ROLES = (*PARAMETERS, EGO_SPEED)
 """Names of the values of a recorded unit: seven of its actor, and the other one's speed."""
-AHEAD, BEGINS = "ahead", "begins"
-"""Roles of parameters of the second of two actors: the gap from the first one to it, and when it begins."""
+AHEAD, BEGINS, BEHIND = "ahead", "begins", "behind"
+"""Roles of parameters of the second of two actors: the gap from the first one to it and when it begins, or its gap to the ego."""
 NUISANCES = ("start_time", "rest_time")
 """Roles of parameters that say when a scene begins and ends, not what happens in it."""
 EGO, LEAD = "Ego", "Lead"

@@ -78,7 +78,7 @@ def acting_alone(scenario: Path, folder: Path) -> dict[str, Path]:
     pair = dict(pair_scenarios()).get(scenario.stem)
     if pair is None:
         raise UsageError("this is no scenario of two adversaries", path=scenario)
-    names = [part.actor for part in pair.parts]
+    names = pair.pair.actors
     return {name: _without(pair, other, folder / name) for name, other in zip(names, reversed(names), strict=True)}
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
 from generation.search.space import DIGITS, Space
 from generation.twin.drivers import Driver, Situation, driver
-from generation.twin.motion import Body, Changing, driven
+from generation.twin.motion import Body, Changing, Keeping, driven
 from generation.twin.script import Script, read
 from generation.twin.terms import value
 from runner.measures.criticality import lateral_violation, longitudinal_violation
@@ -100,6 +100,11 @@ class _Episodes:
             name: (value(change.delay, parameters, n), value(change.gap, parameters, n))
             for name, (change, _) in self._changes.items()
         }
+        self._followers = {
+            each.name: (each.following.leader, Keeping(value(each.following.gap, parameters, n), each.following.limits))
+            for each in script.actors
+            if each.following is not None
+        }
         self._rest, self._longest = value(script.rest, parameters, n), value(script.longest, parameters, n)
         self._rows, self._going = np.arange(n), np.ones(n, bool)
         self._returning = np.zeros(n, bool)
@@ -114,6 +119,8 @@ class _Episodes:
             before = {name: (body.speed, body.y) for name, body in self._bodies.items()}
             aside = {name: self._changes[name][1].step(self._bodies[name], round((step + 1) * self._dt, 9), self._dt)
                      for name in self._changes}  # fmt: skip
+            for name, (leader, keeping) in self._followers.items():
+                keeping.step(self._bodies[name], self._bodies[leader], self._dt)
             self._drive(aside)
             step += 1
             time = round(step * self._dt, 9)
@@ -179,6 +186,7 @@ class _Episodes:
     def _take(self, left: BoolArray) -> None:
         """Keep some cases only."""
         parts: list[_Part] = [*self._bodies.values(), *(state for _, state in self._changes.values()), self._driver, self._found]
+        parts += [keeping for _, keeping in self._followers.values()]
         for each in parts:
             each.take(left)
         self._terms = {name: (delay[left], gap[left]) for name, (delay, gap) in self._terms.items()}

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from generation.twin.script import Actor
 from runner.measures.relations import Motion, View, interval_gaps
-from runner.motion.dynamics import EPSILON
+from runner.motion.dynamics import EPSILON, RESERVE
+from runner.participants.declaration import Performance
 from xodr.array_types import BoolArray, FloatArray
 
 _RETURN, _GRAVITY = 3.5, 9.81
@@ -94,6 +95,44 @@ def driven(ego: Body, intervenes: BoolArray, wanted: FloatArray, returning: Bool
 def _blank(n: int) -> tuple[FloatArray, NDArray[np.object_]]:
     """Zeros (n,), and no road for any of n cases."""
     return np.zeros(n), np.full(n, None, object)
+
+
+class Keeping:
+    """A gap that an actor keeps behind another one, in all cases: `runner.motion.dynamics.GapController` in arrays.
+
+    Args:
+        gap: of the boxes (n,), m.
+        limits: of acceleration, braking and jerk, all finite.
+    """
+
+    def __init__(self, gap: FloatArray, limits: Performance) -> None:
+        self._gap, self._limits, self._acceleration = gap, limits, np.zeros(len(gap))
+        self._jerk = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
+
+    def take(self, rows: BoolArray) -> None:
+        """Keep some cases only."""
+        self._gap, self._acceleration = self._gap[rows], self._acceleration[rows]
+
+    def step(self, body: Body, leader: Body, dt: float) -> None:
+        """Ask for the speed at the end of the step."""
+        box, other, limits = body.actor.box, leader.actor.box, self._limits
+        boxes = box.x + box.length / 2 - (other.x - other.length / 2)
+        error = leader.x - body.x - (self._gap + boxes)
+        drive = np.where(error > 0.0, limits.max_acceleration, limits.max_deceleration)
+        brake = np.where(error > 0.0, limits.max_deceleration, limits.max_acceleration)
+        root = np.minimum(np.sqrt(0.4 * brake), self._jerk / np.maximum(drive, brake))
+        wanted = 2.0 * root * (_safe_closing(error, RESERVE * brake, root / 2.0) - (body.speed - leader.speed))
+        wanted = np.clip(wanted, -limits.max_deceleration, limits.max_acceleration)
+        wanted = np.maximum(wanted, self._acceleration - limits.max_deceleration_rate * dt)
+        self._acceleration = np.minimum(wanted, self._acceleration + limits.max_acceleration_rate * dt)
+        body.target = np.clip(body.speed + self._acceleration * dt, 0.0, limits.max_speed)
+
+
+def _safe_closing(gap: FloatArray, brake: FloatArray, slope: FloatArray) -> FloatArray:
+    far, knee = np.abs(gap), brake / slope
+    beyond = np.sqrt(np.maximum(2.0 * brake * far - knee * knee, 0.0))
+    found: FloatArray = np.where(slope * slope * far <= brake, slope * gap, np.copysign(beyond, gap))
+    return found
 
 
 @dataclass

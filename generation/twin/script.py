@@ -13,6 +13,7 @@ from pathlib import Path
 import xosc
 from runner.interpreter.compiler import Scenario
 from runner.interpreter.execution import prepare
+from runner.motion.dynamics import read_constraints, tighter
 from runner.participants.declaration import BoundingBox, Performance
 from runner.settings import RunSettings
 from schemas.errors import InvalidFile, Unsupported
@@ -45,13 +46,26 @@ class Change:
 
 
 @dataclass(frozen=True)
+class Following:
+    """A gap that is kept from the beginning on, behind someone.
+
+    Attributes:
+        leader: who that is. gap: of the boxes, m; a term of the parameters. limits: of what is done for it.
+    """
+
+    leader: str
+    gap: str
+    limits: Performance
+
+
+@dataclass(frozen=True)
 class Actor:
     """A participant.
 
     Attributes:
         box, performance: of its vehicle.
         s: terms that add up to where it begins along the road, m. lane: where it begins.
-        speed: at the beginning, m/s. change: None where it keeps its speed and lane.
+        speed: at the beginning, m/s. change: None where it keeps its speed and lane. following: None where it follows nobody.
     """
 
     name: str
@@ -61,6 +75,7 @@ class Actor:
     lane: int
     speed: str
     change: Change | None
+    following: Following | None = None
 
 
 @dataclass(frozen=True)
@@ -133,15 +148,32 @@ def _actors(compiled: Scenario, places: dict[str, Node], changes: dict[str, Chan
         else:
             raise ValueError(position.tag)
     return road, tuple(
-        Actor(name, each.box, each.declared.performance, *where[name], _speed(places[name]), changes.get(name))
+        Actor(
+            name, each.box, each.declared.performance, *where[name], _speed(places[name]), changes.get(name),
+            _following(places[name], each.declared.performance),
+        )
         for name, each in compiled.entities.items()
-    )
+    )  # fmt: skip
 
 
 def _speed(place: Node) -> str:
     """The initial speed."""
     action = next(each for each in place.children("PrivateAction") if each.find("LongitudinalAction") is not None)
     return action.need("LongitudinalAction", "SpeedAction", "SpeedActionTarget", "AbsoluteTargetSpeed").get("value")
+
+
+def _following(place: Node, performance: Performance) -> Following | None:
+    """The gap that an initial action keeps."""
+    actions = [each.find("LongitudinalAction", "LongitudinalDistanceAction") for each in place.children("PrivateAction")]
+    for action in actions:
+        if action is None:
+            continue
+        constraints = read_constraints(action.find("DynamicConstraints"))
+        kind = tuple(action.get(each, "") for each in ("coordinateSystem", "displacement", "freespace", "continuous"))
+        if constraints is None or kind != ("lane", "trailingReferencedEntity", "true", "true"):
+            raise ValueError("another way to follow")
+        return Following(action.get("entityRef"), action.get("distance"), tighter(constraints, performance))
+    return None
 
 
 def _changes(root: Node) -> Iterator[tuple[str, Change]]:

@@ -22,7 +22,7 @@ EPSILON = 1e-9
 DIMENSIONS = ("time", "rate", "distance")
 FOLLOWING_MODES = ("position", "follow")
 
-_RESERVE = 0.8
+RESERVE = 0.8
 """Share of the braking limit that the gap controller plans with; the rest makes up for its lag."""
 _SAMPLES = 1000
 """Intervals for the mean of a speed that changes its sign."""
@@ -183,7 +183,7 @@ class GapController:
         root = math.sqrt(0.4 * brake)
         if self._jerk < math.inf and (strongest := max(drive, brake)) > 0.0:
             root = min(root, self._jerk / strongest)
-        acceleration = 2.0 * root * (_safe_closing(gap, _RESERVE * brake, root / 2.0) - closing)
+        acceleration = 2.0 * root * (_safe_closing(gap, RESERVE * brake, root / 2.0) - closing)
         acceleration = min(max(acceleration, -self._back), self._ahead)
         acceleration = max(acceleration, self._acceleration - self._limits.max_deceleration_rate * dt)
         self._acceleration = min(acceleration, self._acceleration + self._limits.max_acceleration_rate * dt)

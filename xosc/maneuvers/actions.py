@@ -68,6 +68,30 @@ def speed(target: Number, dynamics: Dynamics = STEP) -> Any:
     return sg.AbsoluteSpeedAction(number(target), dynamics.build())
 
 
+class Reaction(NamedTuple):
+    """`DynamicConstraints`: how hard one accelerates and brakes (m/s²), and how fast either comes about (m/s³)."""
+
+    acceleration: float
+    deceleration: float
+    jerk: float
+
+
+def keep_distance(entity: str, distance: Number, limits: Reaction) -> Any:
+    """`LongitudinalDistanceAction` that goes on: keep a gap (m) of the boxes behind an entity, along the lane, within limits."""
+    return sg.LongitudinalDistanceAction(
+        entity,
+        freespace=True,
+        continuous=True,
+        max_acceleration=limits.acceleration,
+        max_deceleration=limits.deceleration,
+        max_acceleration_rate=limits.jerk,
+        max_deceleration_rate=limits.jerk,
+        distance=number(distance),
+        coordinate_system=enum_value("CoordinateSystem", "lane"),
+        displacement=enum_value("LongitudinalDisplacement", "trailingReferencedEntity"),
+    )
+
+
 def speed_profile(entries: Sequence[tuple[Number, Number]], following_mode: str = "position") -> Any:
     """`SpeedProfileAction` (1.2 and later): speeds (m/s), each with the time (s) that it takes from the one before."""
     if not entries:

@@ -23,19 +23,40 @@ class Part:
 
 
 @dataclass(frozen=True)
+class Follower:
+    """An adversary who drives behind the ego and keeps its distance, as fast as its reaction and its brakes let it.
+
+    Attributes:
+        actor: its name.
+    """
+
+    actor: str
+
+
+@dataclass(frozen=True)
 class Pair:
     """Two adversaries around the ego.
 
     Attributes:
         description: what happens.
         ego_lane: where the ego drives.
-        first: the one that is nearer to the ego. second: the one ahead of that.
+        first: the one who acts ahead of the ego, the nearer one of two. second: the one ahead of that, or behind the ego.
     """
 
     description: str
     ego_lane: int
     first: Part
-    second: Part
+    second: Part | Follower
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What is done ahead of the ego."""
+        return (self.first,) if isinstance(self.second, Follower) else (self.first, self.second)
+
+    @property
+    def actors(self) -> tuple[str, str]:
+        """Names of the two."""
+        return self.first.actor, self.second.actor
 
 
 PAIRS = {
@@ -46,6 +67,10 @@ PAIRS = {
     "squeezed": Pair(
         "Two vehicles cut in in front of the ego, from the left and from the right",
         -2, Part("Left", -1, -1, CUT_IN), Part("Right", -3, 1, CUT_IN),
+    ),
+    "merge_beside_tail_gater": Pair(
+        "A vehicle merges from the right in front of the ego, behind which a tail-gater drives",
+        -2, Part("Merging", -3, 1, CUT_IN), Follower("TailGater"),
     ),
 }  # fmt: skip
 """By name."""

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from generation.density.roles import AHEAD, BEGINS, EGO_SPEED, Role
+from generation.density.roles import AHEAD, BEGINS, BEHIND, EGO_SPEED, Role
 from generation.logical.maneuvers import EGO
 from generation.logical.pairs.scenario import BEGIN, LEAD_IN, ROLES
-from generation.logical.pairs.table import Pair
+from generation.logical.pairs.table import Follower, Pair, Part
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
-from recognition.maneuvers.units.pairs import LENGTH, Pairs
+from recognition.maneuvers.units.pairs import LENGTH, Followed, Pairs, followed, pairs
+from recognition.maneuvers.units.samples import Samples
 from xodr.array_types import BoolArray, FloatArray
 
 _STEP, _AFTER = 0.25, 5.0
@@ -21,25 +24,64 @@ _CROSSED = 0.5
 """Share of a lane change from which one is in the new lane"""
 
 
+class PairUnits(ABC):
+    """Recorded pairs of what two adversaries do."""
+
+    @property
+    @abstractmethod
+    def recordings(self) -> NDArray[np.str_]:
+        """Of each pair (n,)."""
+
+    @property
+    @abstractmethod
+    def values(self) -> dict[str, FloatArray]:
+        """Values (n,) by parameter; both actors have those of the same pair."""
+
+    @property
+    @abstractmethod
+    def roles(self) -> dict[str, Role]:
+        """Roles of the parameters."""
+
+    @abstractmethod
+    def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
+        """Where nobody drives through another one (n,).
+
+        Args:
+            values: (n,) of all parameters.
+        """
+
+
+def pair_units(samples: Samples, pair: Pair) -> PairUnits:
+    """The pairs among units."""
+    second = pair.second
+    if isinstance(second, Follower):
+        return BehindUnits(pair.first, second, followed(samples, pair.first.kind))
+    return AheadUnits(pair.ego_lane, pair.first, second, pairs(samples, pair.first.kind, second.kind))
+
+
 @dataclass(frozen=True, eq=False)
-class PairUnits:
-    """Recorded pairs of what two adversaries do.
+class AheadUnits(PairUnits):
+    """Pairs of two who act ahead of the ego.
 
     Attributes:
-        pair: who does what. units: the pairs.
+        ego_lane: where the ego drives. first, second: who does what. units: the pairs.
     """
 
-    pair: Pair
+    ego_lane: int
+    first: Part
+    second: Part
     units: Pairs
+
+    @property
+    def recordings(self) -> NDArray[np.str_]:
+        """Of each pair (n,)."""
+        return self.units.first.recordings
 
     @property
     def values(self) -> dict[str, FloatArray]:
         """Values (n,) by parameter; both actors have those of the same pair."""
-        first, second = self.pair.first.actor, self.pair.second.actor
-        found: dict[str, FloatArray] = {}
-        for actor, samples in ((first, self.units.first), (second, self.units.second)):
-            table = dict(zip(PARAMETERS, samples.theta.T, strict=True))
-            found |= {declared_name(actor, role): table[role] for role in ROLES}
+        second = self.second.actor
+        found = _acting(self.first.actor, self.units.first) | _acting(second, self.units.second)
         found[declared_name(second, "gap")] = self.units.ahead
         found[f"{second}_{BEGIN}"] = LEAD_IN + self.units.lag
         found[f"{EGO}_Speed_mps"] = self.units.first.ego_speeds
@@ -48,7 +90,7 @@ class PairUnits:
     @property
     def roles(self) -> dict[str, Role]:
         """Roles of the parameters; when the second one begins is no nuisance, but decides what happens."""
-        first, second = self.pair.first.actor, self.pair.second.actor
+        first, second = self.first.actor, self.second.actor
         found = {declared_name(actor, role): Role(actor, role) for actor in (first, second) for role in ROLES}
         found[declared_name(second, "gap")] = Role(second, AHEAD)
         return {**found, f"{second}_{BEGIN}": Role(second, BEGINS), f"{EGO}_Speed_mps": Role(first, EGO_SPEED)}
@@ -59,7 +101,7 @@ class PairUnits:
         Args:
             values: (n,) of all parameters.
         """
-        first, second, ego = self.pair.first.actor, self.pair.second.actor, values[f"{EGO}_Speed_mps"]
+        first, second, ego = self.first.actor, self.second.actor, values[f"{EGO}_Speed_mps"]
         begins = np.full(len(ego), LEAD_IN), values[f"{second}_{BEGIN}"]
         ends = [begin + values[declared_name(actor, "duration")] for actor, begin in zip((first, second), begins, strict=True)]
         time = np.arange(0.0, float(np.max(ends, initial=0.0)) + _AFTER, _STEP)
@@ -67,13 +109,55 @@ class PairUnits:
         speeds = [values[declared_name(actor, "start_speed")] for actor in (first, second)]
         gap = values[declared_name(second, "gap")] - (speeds[1] - speeds[0]) * LEAD_IN
         together = np.maximum(*(begin + _CROSSED * (end - begin) for begin, end in zip(begins, ends, strict=True)))
-        if not self.pair.second.change:
+        if not self.second.change:
             together = begins[0] + _CROSSED * (ends[0] - begins[0])
         kept = np.all((gap[:, None] + ways[1] - ways[0] > 0.0) | (time < together[:, None]), axis=1)
-        if self.pair.second.lane == self.pair.ego_lane:
+        if self.second.lane == self.ego_lane:
             leading = values[declared_name(first, "gap")] + LENGTH + values[declared_name(second, "gap")]
             kept &= leading - (speeds[1] - ego) * LEAD_IN > 0.0
         return kept
+
+
+@dataclass(frozen=True, eq=False)
+class BehindUnits(PairUnits):
+    """Pairs of one who acts ahead of the ego and one who follows it.
+
+    Attributes:
+        first, second: who does what. units: what the first one does, and how far behind the ego the second one is.
+    """
+
+    first: Part
+    second: Follower
+    units: Followed
+
+    @property
+    def recordings(self) -> NDArray[np.str_]:
+        """Of each pair (n,)."""
+        return self.units.units.recordings
+
+    @property
+    def values(self) -> dict[str, FloatArray]:
+        """Values (n,) by parameter."""
+        found = _acting(self.first.actor, self.units.units)
+        found[declared_name(self.second.actor, "gap")] = self.units.behind
+        return {**found, f"{EGO}_Speed_mps": self.units.units.ego_speeds}
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """Roles of the parameters."""
+        first, second = self.first.actor, self.second.actor
+        found = {declared_name(first, role): Role(first, role) for role in ROLES}
+        return {**found, declared_name(second, "gap"): Role(second, BEHIND), f"{EGO}_Speed_mps": Role(first, EGO_SPEED)}
+
+    def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
+        """Everywhere: one is ahead of the ego, the other one behind."""
+        return np.ones(len(values[f"{EGO}_Speed_mps"]), bool)
+
+
+def _acting(actor: str, samples: Samples) -> dict[str, FloatArray]:
+    """Values (n,) of the parameters of one who acts."""
+    table = dict(zip(PARAMETERS, samples.theta.T, strict=True))
+    return {declared_name(actor, role): table[role] for role in ROLES}
 
 
 def _way(actor: str, values: Mapping[str, FloatArray], begin: FloatArray, time: FloatArray) -> FloatArray:

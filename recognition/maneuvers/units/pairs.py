@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.maneuvers.parameters import PARAMETERS
+from recognition.maneuvers.unit import ACCELERATION, BRAKING
 from recognition.maneuvers.units.samples import Samples
 from xodr.array_types import FloatArray, IntArray
 
@@ -52,6 +53,45 @@ def pairs(samples: Samples, first: str, second: str) -> Pairs:
     ahead -= np.where(behind, 0.0, one.theta[:, _GAP] + LENGTH)
     kept = np.flatnonzero((ahead > 0.0) & (np.abs(lag) < MOST_LAG))
     return Pairs(one.where(kept), two.where(kept), ahead[kept], lag[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Units while someone drives behind their egos.
+
+    Attributes:
+        units: as many.
+        behind: gap from the front of the one behind to the ego's rear when the unit begins, m (n,).
+    """
+
+    units: Samples
+    behind: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.behind)
+
+
+def followed(samples: Samples, kind: str) -> Followed:
+    """The units of a kind whose egos brake or accelerate before someone else, within `MOST_LAG` of the unit's beginning.
+
+    Where an ego does so several times, the time nearest to the unit's beginning counts. Speeds from one to the other are taken to
+    be those of that time.
+    """
+    egos: dict[tuple[str, str], list[int]] = defaultdict(list)
+    for row in np.flatnonzero(np.isin(samples.kinds, (BRAKING, ACCELERATION))).tolist():
+        egos[samples.recordings[row], samples.actors[row]].append(row)
+    found = []
+    for row in np.flatnonzero(samples.kinds == kind).tolist():
+        candidates = egos[samples.recordings[row], samples.others[row]]
+        lags = {other: abs(samples.times[other] - samples.times[row]) for other in candidates}
+        nearest = min(lags, key=lags.__getitem__, default=None)
+        if nearest is not None and lags[nearest] < MOST_LAG and samples.others[nearest] != samples.actors[row]:
+            found.append((row, nearest))
+    chosen = np.array(found, np.int64).reshape(-1, 2)
+    units, own = samples.where(chosen[:, 0]), samples.where(chosen[:, 1])
+    behind = own.theta[:, _GAP] + (own.ego_speeds - own.theta[:, _SPEED]) * (own.times - units.times)
+    kept = np.flatnonzero(behind > 0.0)
+    return Followed(units.where(kept), behind[kept])
 
 
 def _overlapping(samples: Samples, first: str, second: str) -> IntArray:

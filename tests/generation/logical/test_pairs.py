@@ -18,11 +18,12 @@ from generation.search.space import Space
 from generation.study.pairs import Coordinated, acting_alone
 from generation.twin.episodes import Twin
 from recognition.maneuvers.units import OWN, Samples
-from recognition.maneuvers.units.pairs import MOST_LAG, pairs
+from recognition.maneuvers.units.pairs import MOST_LAG, followed, pairs
 from runner.settings import RunSettings
 from schemas.errors import UsageError
 
 NAMES = [name for name, _ in pair_scenarios()]
+TAIL_GATED = "merge_beside_tail_gater_highway"
 
 
 def path_of(name: str) -> Path:
@@ -73,8 +74,8 @@ def test_recorded_pairs_fill_a_space_and_its_prior_lets_nobody_drive_through_ano
     drawn = prior.sample(50, np.random.default_rng(0))
     assert units.apart(space.by_name(drawn)).all()
     assert prior.foreseeable(drawn).mean() > 0.9
-    begin = space.names.index(next(each for each in space.names if each.endswith("Begin_s")))
-    assert (np.abs(drawn[:, begin] - LEAD_IN) <= MOST_LAG).all()
+    for begin in (drawn[:, column] for column, each in enumerate(space.names) if each.endswith("Begin_s")):
+        assert (np.abs(begin - LEAD_IN) <= MOST_LAG).all()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -95,7 +96,7 @@ def test_gaps_are_those_of_the_parameters_when_the_first_one_begins(name: str) -
     result = runner.run(path_of(name), sut=None, world="kinematic")
     tracks = [track.columns for track in result.recording.tracks.values()]
     row = round(LEAD_IN / 0.05)
-    places = [track["s"][row] for track in tracks]
+    places = sorted(track["s"][row] for track in tracks)
     np.testing.assert_allclose(np.diff(places), [15.0 + 4.5, 15.0 + 4.5], atol=1e-6)
 
 
@@ -121,6 +122,52 @@ def test_only_what_needs_both_counts(tmp_path: Path) -> None:
     single = np.any([plays(theta).collision for plays in alone.values()], axis=0)
     assert every.any()
     np.testing.assert_array_equal(counted, every & ~single)
+
+
+def test_units_of_followed_egos_tell_how_far_behind_someone_is() -> None:
+    table = unit_table([
+        ("cut_in", "c", "e", 10.0, 10.0),
+        ("acceleration", "e", "f", 7.0, 30.0),
+        ("braking", "e", "f", 11.0, 20.0),  # nearer in time
+        ("cut_in", "d", "g", 10.0, 10.0),
+        ("braking", "g", "f", 15.0, 20.0),  # later
+        ("cut_in", "h", "i", 10.0, 10.0),
+        ("braking", "i", "h", 10.0, 20.0),  # before the one who cuts in
+    ])  # fmt: skip
+    found = followed(table, "cut_in")
+    assert found.units.actors.tolist() == ["c"]
+    np.testing.assert_allclose(found.behind, [20.0 + (25.0 - 20.0) * 1.0])
+
+
+def test_a_tail_gater_keeps_its_gap_and_hits_who_brakes_harder_than_it_reacts(tmp_path: Path) -> None:
+    path, gap = path_of(TAIL_GATED), "TailGater_Gap_m"
+    calm = runner.run(path, sut=None, world="kinematic", parameters={"Merging_Gap_m": "140"})
+    ego, _, behind = (track.columns["s"] for track in calm.recording.tracks.values())
+    np.testing.assert_allclose(ego - behind, 15.0 + 4.5, atol=1e-6)
+    near = {"Merging_Gap_m": "4", "Merging_EndSpeed_mps": "12", "Merging_FinalSpeed_mps": "12"}
+    hit = runner.run(path, sut="cas", world="kinematic", parameters={**near, gap: "6"})
+    assert hit.verdict.reasons[0].startswith("collision with TailGater")
+    alone = acting_alone(path, tmp_path)
+    for each in alone.values():
+        assert schemas.check(each) == []
+    without = runner.run(alone["Merging"], sut="cas", world="kinematic", parameters={**near, gap: "6"})
+    assert "TailGater" not in without.recording.tracks
+    assert "TailGater" not in str(without.verdict.reasons)
+    assert runner.run(alone["TailGater"], sut="cas", world="kinematic", parameters={**near, gap: "6"}).verdict.passed
+
+
+@pytest.mark.parametrize("gap", [0.7, 5.0, 12.0])
+def test_the_twin_reacts_as_a_tail_gater_of_the_interpreter_does(gap: float) -> None:
+    space = Space.of(path_of(TAIL_GATED))
+    recorded = of_samples(of_recordings(None, kind_of(path_of(TAIL_GATED))), space).within(space)
+    theta = recorded.theta[np.argsort(recorded.theta[:, 0])[:12]].copy()
+    theta[:, space.names.index("TailGater_Gap_m")] = gap
+    with Evaluator(path_of(TAIL_GATED), space, run=RunSettings(world="kinematic"), processes=1) as evaluate:
+        real = evaluate(theta)
+    played = Twin(path_of(TAIL_GATED), space)(theta)
+    np.testing.assert_array_equal(played.collision, real.collision)
+    np.testing.assert_allclose(played.end_time, real.end_time, atol=1e-6)
+    np.testing.assert_allclose(played.impact_speed, real.impact_speed, atol=1e-6)
 
 
 def test_other_scenarios_have_no_two_adversaries(tmp_path: Path) -> None:
