@@ -80,13 +80,12 @@ class RunnerGeometry:
         return result
 
     @cached_property
-    def _begun(self) -> Mapping[str, float]:
-        """When (s) each element of the storyboard begins first, by its path."""
-        begun: dict[str, float] = {}
+    def _times(self) -> Mapping[tuple[str, str], float]:
+        """When (s) each element of the storyboard first makes a transition, by the transition and the element's path."""
+        times: dict[tuple[str, str], float] = {}
         for entry in self._whole.events:
-            if entry.kind == "startTransition":
-                begun.setdefault(entry.subject, entry.time)
-        return begun
+            times.setdefault((entry.kind, entry.subject), entry.time)
+        return times
 
     def starts(self) -> Mapping[str, Start]:
         """How everybody starts who is there at the beginning, by name."""
@@ -94,9 +93,21 @@ class RunnerGeometry:
 
     def begins(self, element: Node) -> float | None:
         """When (s) an element of the storyboard first begins, in a run without a system under test; None where it doesn't."""
-        around = (element.element, *element.element.iterancestors(*_STORYBOARD))
-        names = [str(each.get("name")) for each in around if each.tag in _STORYBOARD]
-        return self._begun.get("::".join(reversed(names)))
+        return self._times.get(("startTransition", _path(element)))
+
+    def ends(self, element: Node) -> float | None:
+        """When (s) the step is over in which an element first ends in that run; None where it doesn't, or others end it."""
+        time = self._times.get(("endTransition", _path(element)))
+        return time + self._settings.timestep if time is not None else None
+
+    def driven(self, entity: str, begin: float, end: float) -> Sequence[Place]:
+        """Where an entity is at each step of that run from a time (s) until another; times count from the first."""
+        track = self._whole.recording.tracks.get(entity)
+        if track is None:
+            return []
+        time, x, y, z = (track.columns[each] for each in ("time", "x", "y", "z"))
+        rows = np.flatnonzero((time > begin - _SAME) & (time < end + _SAME))
+        return [Place(float(x[n]), float(y[n]), float(z[n]), None, float(time[n]) - begin) for n in rows]
 
     def during(self, action: Node, entity: str) -> Start | None:
         """How an entity is when an action of a story begins; None where it doesn't begin, or the entity is not there."""
@@ -201,6 +212,12 @@ class RunnerGeometry:
         x, y, z, h = start.pose
         hint = self._network.road(start.road).lane_point(start.s, start.lane)
         roads.place(entity, in_world(self._network, PoseOnRoad(x, y, z, h, 0.0, 0.0), z_known=False, hint=hint))
+
+
+def _path(element: Node) -> str:
+    """The path of an element of the storyboard as events name it."""
+    around = (element.element, *element.element.iterancestors(*_STORYBOARD))
+    return "::".join(reversed([str(each.get("name")) for each in around if each.tag in _STORYBOARD]))
 
 
 def _keep_first(scenario: Node) -> None:

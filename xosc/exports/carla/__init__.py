@@ -15,6 +15,8 @@ from xosc.exports.carla.beginning import begin
 from xosc.exports.carla.changes import change
 from xosc.exports.carla.delays import no_delays
 from xosc.exports.carla.dialect import IGNORED, REFUSED
+from xosc.exports.carla.driven import trajectories
+from xosc.exports.carla.lane_changes import change_lanes
 from xosc.exports.carla.town import settle
 from xosc.exports.carla.ways import routes, steer, times
 from xosc.exports.concrete import concrete_scenarios
@@ -62,7 +64,8 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         draft.note(*remarks(scenario, IGNORED))
         state = as_expected(scenario.node, known, geometry.during) if geometry else as_started(scenario.node, known)
         network = take_roads(scenario, draft)
-        draft.note(*settle(scenario, network), *change(scenario, known, state, network))
+        draft.note(*settle(scenario, network), *change_lanes(scenario, state, network, geometry))
+        draft.note(*change(scenario, known, state, network))
         if not is_for_carla(document.node):  # whose delays are scenario_runner's already
             draft.note(*no_delays(scenario, geometry))
         written = in_version(scenario, (1, 0), draft)
@@ -83,7 +86,7 @@ def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str
         *polylines(scenario, geometry, _CURVES, offsets=True, during=geometry.during),
         *in_world(scenario, geometry, _is_read_otherwise),
     )
-    draft.note(*routes(scenario, geometry), *begin(scenario, known))
+    draft.note(*routes(scenario, geometry), *begin(scenario, known), *trajectories(scenario, geometry))
     times(scenario)
     return {**starts(scenario.node), **known}
 

@@ -16,8 +16,7 @@ from xosc.dialects.carla import FLAG
 from xosc.document import Document
 from xosc.ego import EGO_NAME
 from xosc.exports.carla.sides import change_sides
-from xosc.exports.omissions import leave_out
-from xosc.exports.on_roads.starts import Start, State, actors, beside, target_speed
+from xosc.exports.on_roads.starts import Start, State, actors, target_speed
 from xosc.node import TO_RIGHT, Node
 
 HERO = "hero"
@@ -47,8 +46,6 @@ def change(document: Document, known: Mapping[str, Start], state: State, network
         if not node.has(TO_RIGHT):
             _on_lane(node, known, roads)
     remarks = [_speed(node, state) for node in reversed(list(document.node.iter("SpeedAction")))]
-    left_hand, lane_changes = _left_hand(roads), reversed(list(document.node.iter("LaneChangeAction")))
-    remarks += [_lane_change(node, document.node, state, left_hand) for node in lane_changes]
     for node in document.node.iter("RelativeDistanceCondition"):
         if node.get("coordinateSystem", "") in _ALONG_ROADS:  # scenario_runner's s and t are those of the road
             del node.element.attrib["coordinateSystem"]
@@ -76,50 +73,6 @@ def _on_lane(position: Node, known: Mapping[str, Start], roads: _Elements) -> No
         del position.element.attrib[attribute]
     position.element.tag = "LanePosition"
     position.element.attrib.update({"roadId": start.road, "laneId": str(start.lane), "s": repr(start.s)})
-
-
-def _lane_change(action: Node, scenario: Node, state: State, left_hand: bool) -> str:
-    """As many lanes to the left of the actor itself, over a distance: what scenario_runner reads."""
-    doing = actors(action)
-    if len(doing) != 1:
-        raise action.unsupported("scenario_runner changes lanes of one entity, which Init places")
-    now, dynamics = state(action, doing[0]) or Start(), action.need("LaneChangeActionDynamics")
-    target = action.need("LaneChangeTarget").only()
-    if target.get("entityRef", None) != doing[0]:
-        steps = 0 if left_hand else _steps(target, now, state(action, target.get("entityRef", "")))
-        if not steps and not left_hand:
-            leave_out(action, scenario)
-            return f"{action.where}: LaneChangeAction: left out, its actor is on that lane"
-        target.element.tag = "RelativeTargetLane"
-        target.element.set("entityRef", doing[0])
-        target.element.set("value", str(steps))
-    if dynamics.get("dynamicsDimension") == "distance":
-        return ""
-    if dynamics.get("dynamicsDimension") == "rate" or not now.speed:
-        raise dynamics.unsupported("scenario_runner changes lanes over a distance, which is not known here")
-    distance = dynamics.float("value") * now.speed
-    dynamics.element.attrib.update({"dynamicsDimension": "distance", "value": repr(distance)})
-    return f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that {now.speed:g} m/s make of it"
-
-
-def _steps(target: Node, now: Start, other: Start | None) -> int:
-    """How many lanes to its own left an entity changes that is on a known lane, as is the one that the target may name."""
-    unknown = "scenario_runner counts lanes from the actor's own, which is known only when it runs"
-    if now.road is None or (target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)):
-        raise target.unsupported(unknown)
-    facing = 1 if now.lane < 0 else -1
-    if target.tag == "AbsoluteTargetLane" or other is None:
-        lane = target.int("value")
-    else:
-        lane = beside(other.lane, facing * target.int("value")) if target.int("value") else other.lane
-    if lane * now.lane <= 0:
-        raise target.unsupported("scenario_runner changes to other lanes of the same direction only")
-    return facing * (lane - now.lane)
-
-
-def _left_hand(roads: _Elements) -> bool:
-    """Whether traffic keeps to the left, so that lane ids count the other way round."""
-    return any(road.get("rule") == "LHT" for road in roads)
 
 
 def _roads(network: Path | None) -> _Elements:

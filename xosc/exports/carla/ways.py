@@ -67,13 +67,24 @@ def _is_first(action: Node) -> bool:
 def _private_action(places: Sequence[Place]) -> etree._Element:
     """An action that follows a trajectory without times."""
     action = etree.Element("PrivateAction")
-    follow = etree.SubElement(etree.SubElement(action, "RoutingAction"), "FollowTrajectoryAction")
-    reference = etree.SubElement(follow, "TrajectoryRef")
+    action.append(follow(places, timed=False))
+    return action
+
+
+def follow(places: Sequence[Place], *, timed: bool) -> etree._Element:
+    """An element RoutingAction that follows a trajectory; with times, if they count, from its start."""
+    routing = etree.Element("RoutingAction")
+    action = etree.SubElement(routing, "FollowTrajectoryAction")
+    reference = etree.SubElement(action, "TrajectoryRef")
     trajectory = etree.SubElement(reference, "Trajectory", name="route", closed="false")
     etree.SubElement(trajectory, "Shape").append(polyline(places))
-    etree.SubElement(etree.SubElement(follow, "TimeReference"), "None")
-    etree.SubElement(follow, "TrajectoryFollowingMode", followingMode="position")
-    return action
+    time = etree.SubElement(action, "TimeReference")
+    if timed:
+        etree.SubElement(time, "Timing", domainAbsoluteRelative="relative", scale="1", offset="0")
+    else:
+        etree.SubElement(time, "None")
+    etree.SubElement(action, "TrajectoryFollowingMode", followingMode="position")
+    return routing
 
 
 def times(document: Document) -> None:
@@ -86,18 +97,19 @@ def times(document: Document) -> None:
         for vertex in untimed.iter("Vertex") if untimed.find("TimeReference", "Timing") is None else ():
             vertex.element.set("time", "0")
     for timing in document.node.iter("Timing"):
-        action = next(each for each in timing.element.iterancestors() if each.tag == "FollowTrajectoryAction")
-        if timing.get("domainAbsoluteRelative") == "absolute" and not _begins(action):
+        action = Node(next(timing.element.iterancestors("FollowTrajectoryAction")), timing.path)
+        if timing.get("domainAbsoluteRelative") == "absolute" and not starts_with_scenario(action):
             raise timing.unsupported("scenario_runner's times of trajectories count from the start of the action")
         scale, offset = timing.float("scale"), timing.float("offset")
         for timed in action.iter("Vertex", "ControlPoint"):
-            if timed.get("time") is not None:
-                timed.set("time", repr(float(str(timed.get("time"))) * scale + offset))
+            if timed.has("time"):
+                timed.element.set("time", repr(timed.float("time") * scale + offset))
         timing.element.attrib.update({"domainAbsoluteRelative": "relative", "scale": "1", "offset": "0"})
 
 
-def _begins(action: etree._Element) -> bool:
-    return any(each.tag == "Story" and each.get("name") == STORY for each in action.iterancestors())
+def starts_with_scenario(action: Node) -> bool:
+    """Whether an action is one of Init that a story does at the beginning."""
+    return any(each.tag == "Story" and each.get("name") == STORY for each in action.element.iterancestors())
 
 
 def steer(document: Document) -> None:

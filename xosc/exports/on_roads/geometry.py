@@ -34,6 +34,14 @@ class Geometry(Protocol):
         """When (s) an element of the storyboard first begins, in a run without a system under test; None where it doesn't."""
         ...
 
+    def ends(self, element: Node) -> float | None:
+        """When (s) the step is over in which an element first ends in that run; None where it doesn't, or others end it."""
+        ...
+
+    def driven(self, entity: str, begin: float, end: float) -> Sequence[Place]:
+        """Where an entity is at each step of that run from a time (s) until another; times count from the first."""
+        ...
+
     def during(self, action: Node, entity: str) -> Start | None:
         """How an entity is when an action of a story begins; None where it doesn't begin, or the entity is not there.
 

@@ -121,7 +121,7 @@ def as_expected(scenario: Node, known: Mapping[str, Start], during: State) -> St
 
 
 _DEMANDS = ("SpeedAction", "SpeedProfileAction", "LongitudinalDistanceAction", "SynchronizeAction", "LaneChangeAction",
-            "TeleportAction")  # fmt: skip
+            "TeleportAction", "FollowTrajectoryAction")  # fmt: skip
 
 
 def target_speed(action: Node, state: State) -> float | None:
@@ -148,7 +148,7 @@ def _after(action: Node, entity: str, now: Start, state: State) -> Start:
         if target.get("entityRef") == entity:
             return now._replace(lane=beside(now.lane, facing * target.int("value")))
         return now._replace(road=None)
-    return Start() if action.tag == "TeleportAction" else now._replace(speed=None)
+    return Start() if action.tag in ("TeleportAction", "FollowTrajectoryAction") else now._replace(speed=None)
 
 
 def first(action: Node, tag: str, scenario: Node) -> bool:

@@ -1,0 +1,101 @@
+"""What scenario_runner has no word for and a run shows: the way that an actor takes, as a trajectory.
+
+The run is one without a system under test. A way without times leaves speeds to what else the scenario says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from schemas.errors import Unsupported
+from xosc.dialects.carla import is_for_carla
+from xosc.document import Document
+from xosc.exports.carla.ways import follow, starts_with_scenario
+from xosc.exports.on_roads.geometry import Geometry, Place
+from xosc.exports.on_roads.starts import actors
+from xosc.node import Node
+
+_CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
+_MOVING = ("RelativeLanePosition", "RelativeRoadPosition", "RelativeObjectPosition", "RoutePosition", "TrajectoryPosition")
+"""Positions that depend on what happens, where they are not in the world by now."""
+_ENDS = ("LateralAction", "RoutingAction", "TeleportAction", "SynchronizeAction")
+"""Actions that end the way of one who follows a trajectory."""
+_APART = 0.5
+"""m between two vertices at least, where times don't count."""
+_JUMP = 2.0
+"""How many times as far as in the next step one goes who is put somewhere."""
+
+
+def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say trajectories that depend on what happens, or begin inside, by the way that their actor takes, in place; remarks."""
+    relative = () if is_for_carla(document.node) else _MOVING
+    for action in list(document.node.iter("FollowTrajectoryAction")):
+        timing = action.find("TimeReference", "Timing")
+        late = timing is not None and timing.get("domainAbsoluteRelative") == "absolute" and not starts_with_scenario(action)
+        begin, doing = geometry.begins(action), actors(action)
+        unread = late or action.float("initialDistanceOffset", 0.0) or any(True for _ in action.iter(*_CURVES, *relative))
+        if not unread or begin is None or len(doing) != 1:
+            continue
+        end = geometry.ends(action)
+        places = _from_its_start(geometry.driven(doing[0], begin, end if end is not None else math.inf))
+        if len(places) > 1:
+            _replace(action, places if timing is not None else _apart(places), timed=timing is not None)
+            yield f"{action.where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test"
+
+
+def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsupported) -> str:
+    """Say a lateral action by the way that its actor takes from its beginning until another action leads it; the remark.
+
+    Raises:
+        Unsupported: `refusal`, as it does not begin in the run, jumps, or something waits for its end.
+    """
+    begin, doing = geometry.begins(action), actors(action)
+    jumps = any(each.get("dynamicsShape", "") == "step" for each in action.children())
+    if begin is None or len(doing) != 1 or jumps or _is_awaited(action, scenario):
+        raise refusal
+    others = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*_ENDS)]
+    later = (geometry.begins(each) for each in others if doing[0] in actors(each))
+    until = min((time for time in later if time is not None and time > begin), default=math.inf)
+    places = _apart(geometry.driven(doing[0], begin, until))
+    if len(places) < 2:
+        raise refusal
+    where = action.where
+    _replace(action, places, timed=False)
+    return (
+        f"{where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test, until its next "
+        f"one: {refusal.message}"
+    )
+
+
+def _from_its_start(places: Sequence[Place]) -> Sequence[Place]:
+    """The way of one who is put on a trajectory: it begins there, as far before the next place as that is before the next."""
+    if len(places) < 3 or math.dist(places[0][:3], places[1][:3]) < _JUMP * math.dist(places[1][:3], places[2][:3]) + _APART:
+        return places
+    x, y, z = (2.0 * a - b for a, b in zip(places[1][:3], places[2][:3], strict=True))
+    return [Place(x, y, z, None, places[0].time), *places[1:]]
+
+
+def _is_awaited(action: Node, scenario: Node) -> bool:
+    """Whether a condition asks for the end of an action, or of something that it is part of."""
+    around = {str(each.get("name")) for each in action.element.iterancestors() if each.get("name")}
+    states = [each for each in scenario.iter("StoryboardElementStateCondition") if not each.get("state").startswith("st")]
+    return any(each.get("storyboardElementRef").split("::")[-1] in around for each in states)
+
+
+def _apart(places: Sequence[Place]) -> list[Place]:
+    """Places at some distance from each other, the last one among them."""
+    chosen = list(places[:1])
+    for place in places[1:]:
+        if math.dist(place[:3], chosen[-1][:3]) >= _APART:
+            chosen.append(place)
+    if len(chosen) > 1:
+        chosen[-1] = places[-1]
+    return [place._replace(time=0.0) for place in chosen]
+
+
+def _replace(action: Node, places: Sequence[Place], *, timed: bool) -> None:
+    holder = next(each for each in action.element.iterancestors() if each.tag in ("LateralAction", "RoutingAction"))
+    parent = holder.getparent()
+    assert parent is not None, "a LateralAction is part of a PrivateAction"
+    parent.replace(holder, follow(places, timed=timed))
