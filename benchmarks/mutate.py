@@ -78,9 +78,8 @@ def _report(results: Sequence[Result], jobs: int) -> int:
     for code, count in sorted(Counter(result.code for result in results).items()):
         print(f"{count:>8}  {code} {_MEANING[code]}")
     defects = [result for result in results if result.is_defect]
-    print(
-        f"{len(defects):>8}  defects: internal errors, wrong exit codes, errors without a file, over {LONGEST:g} s, stray files"
-    )
+    slow = f"over {LONGEST:g} s of processor time"
+    print(f"{len(defects):>8}  defects: internal errors, wrong exit codes, errors without a file, {slow}, stray files")
     slowest, largest = max(results, key=lambda r: r.seconds), max(results, key=lambda r: r.growth)
     print(f"slowest {slowest.seconds:.1f} s: {slowest.number} {slowest.source.name} {'; '.join(slowest.changes)}")
     print(f"peak memory grew most, by {largest.growth:.0f} MiB, in {largest.number} {largest.source.name}")

@@ -16,7 +16,6 @@ import os
 import resource
 import shutil
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -27,7 +26,9 @@ from schemas.errors import one_line
 from tests.mutation import Source, write_mutant
 
 LONGEST = 10.0
-"""Seconds after which a run hangs."""
+"""Seconds of processor time that no run may take."""
+_WAITED = 60.0
+"""Seconds after which a run hangs: on a machine that does other work, too."""
 DIED, HUNG = "the process died", "hang"
 _JOBS_OF_A_DISTRIBUTION = 2
 _SIMULATED = 3.0
@@ -45,7 +46,7 @@ class Result(NamedTuple):
         code: exit code, the gravest of its runs; 5 where the process died or hung.
         message: error, one line that begins with a file, the mutant's own as case/….
         trace: traceback of it.
-        seconds: taken by all its runs.
+        seconds: of processor time, those of what it starts included, that all its runs take.
         stray: files written outside the output folder and the cache.
         growth: of the process's peak memory (MiB).
     """
@@ -93,18 +94,19 @@ def run_mutants(sources: Sequence[Source], seed: int, numbers: Sequence[int], sc
 
 def _receive(connection: Any, sources: Sequence[Source], seed: int, number: int) -> Result:
     try:
-        if connection.poll(LONGEST):
+        if connection.poll(_WAITED):
             return Result(*connection.recv())
         message = HUNG
     except EOFError:
         message = DIED
-    return Result(number, _source(sources, seed, number).path, _world(number), (), 5, message, "", LONGEST)
+    return Result(number, _source(sources, seed, number).path, _world(number), (), 5, message, "", _WAITED)
 
 
 def _serve(connection: Any, sources: Sequence[Source], seed: int, numbers: Sequence[int], scratch: Path) -> None:
     os.environ["XOSC_CACHE_DIR"] = str(scratch / "cache")
     os.environ["TMPDIR"] = str(scratch / "tmp")
-    (scratch / "tmp").mkdir(exist_ok=True)
+    shutil.rmtree(scratch / "tmp", ignore_errors=True)  # what a process left that was killed
+    (scratch / "tmp").mkdir()
     with open(os.devnull, "w") as nothing:  # netconvert and SUMO may print, which is not looked at here
         for stream in (1, 2):
             os.dup2(nothing.fileno(), stream)
@@ -142,10 +144,10 @@ def _run(sources: Sequence[Source], seed: int, number: int, scratch: Path, writt
         (folder / part).mkdir(parents=True)
     os.chdir(folder / "cwd")
     mutant = write_mutant(source, folder / "case", Random(f"mutant {seed} {number}"))
-    before, files, start = _peak(), _files(folder), time.monotonic()
+    before, files, start = _peak(), _files(folder), _processor_time()
     written.clear()
     code, message, trace = _execute(mutant.path, _world(number), folder / "out")
-    seconds = time.monotonic() - start
+    seconds = _processor_time() - start
     allowed = (str(folder / "out"), str(scratch / "cache"), str(scratch / "tmp"), os.devnull)
     outside = {path for path in {*written, *map(str, _files(folder) - files)} if not path.startswith(allowed)}
     stray = tuple(sorted(outside | set(map(str, _files(scratch / "tmp")))))
@@ -153,6 +155,10 @@ def _run(sources: Sequence[Source], seed: int, number: int, scratch: Path, writt
     shutil.rmtree(folder)
     message = message.replace(f"{folder}/", "")
     return Result(number, source.path, _world(number), mutant.changes, code, message, trace, seconds, stray, _peak() - before)
+
+
+def _processor_time() -> float:
+    return sum(os.times()[:4])
 
 
 def _execute(path: Path, world: str, out: Path) -> tuple[int, str, str]:

@@ -15,6 +15,8 @@ from xodr.sumo_net.netconvert import NetconvertFailed, netconvert
 from xodr.sumo_net.plain import Place, PlainNetwork, plain_network
 from xodr.sumo_net.shapes import text
 
+WIDEST = 1000.0
+"""m of width that lanes of SUMO's networks have at most: wider than any apron."""
 _Connections = dict[tuple[Place, Place], etree._Element]
 
 
@@ -24,6 +26,7 @@ def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
     with TemporaryDirectory(prefix="xosc-netconvert-") as folder:
         fallback = None
         try:
+            _check_widths(plain)
             network = netconvert(plain, Path(folder))
         except NetconvertFailed as error:
             plain, fallback = plain_network(None), error.message
@@ -40,6 +43,17 @@ def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
         "fallback": fallback,
     }
     return etree.tostring(network, xml_declaration=True, encoding="UTF-8"), index
+
+
+def _check_widths(plain: PlainNetwork) -> None:
+    """netconvert goes on for minutes with lanes of many kilometres.
+
+    Raises:
+        NetconvertFailed: a lane is too wide.
+    """
+    widest = max((float(lane.get("width", "0")) for lane in plain.edges.iter("lane")), default=0.0)
+    if widest > WIDEST:
+        raise NetconvertFailed(f"a lane is {widest:g} m wide, SUMO's networks have lanes up to {WIDEST:g} m")
 
 
 def _connections(network: etree._Element) -> _Connections:

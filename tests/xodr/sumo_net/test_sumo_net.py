@@ -232,6 +232,12 @@ def test_refused_roads_leave_the_dock_and_the_reason(tmp_path: Path, monkeypatch
 # traffic lights ---------------------------------------------------------------------------------
 
 
+def test_lanes_of_many_kilometres_are_no_work_for_netconvert(tmp_path: Path) -> None:
+    text = road("1").replace('a="3.5"', 'a="2e9"')
+    assert 'a="2e9"' in text
+    assert sumo_net.build(written(text, tmp_path)).fallback == "a lane is 2e+09 m wide, SUMO's networks have lanes up to 1000 m"
+
+
 def test_lights_of_a_junction_hold_all_ways_of_their_approach(tmp_path: Path) -> None:
     _, net = built(builders.four_way_intersection(lanes=2, signals=True), tmp_path)
     assert {signal: len(links) for signal, links in net.signals.items()} == dict.fromkeys("1234", 4)
