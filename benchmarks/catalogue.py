@@ -4,8 +4,8 @@
 
 The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in
 seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is
-compared with the plain ways: measuring all others of a scene at once with one after the other, and trajectories as text with
-objects of scenariogeneration.
+compared with the plain ways: measuring all others of a scene at once with one after the other, and catalogues of trajectories as
+text with documents of scenariogeneration's objects.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 from scenariogeneration import xosc as sg
@@ -34,14 +35,16 @@ from recognition.recorder.sites import SITES
 from recognition.sites import site_of
 from runner.measures.criticality import criticality
 from runner.measures.relations import Motion
+from xosc import maneuvers
+from xosc.document import to_bytes
 from xosc.maneuvers import world_position
-from xosc.maneuvers.base import rendered
 
 _LENGTH = 17.0 * 60.0
 _TRAFFIC = 0.75
 """Of the traffic of the site with two lanes: a thousand vehicles in this time"""
 _SCENES, _SCENE = 20, 12.0
 """Scenes that are compared, and their length, s"""
+_HEADER = maneuvers.Header("trajectories", "benchmark", datetime(2000, 1, 1))
 
 
 def main() -> None:
@@ -87,8 +90,8 @@ def compare(folder: Path, scratch: Path) -> None:
     together = _seconds(lambda: [criticality(ego, others).summary for ego, *others in motions])
     alone = _seconds(lambda: [criticality(ego, [other]).summary for ego, *others in motions for other in others])
     print(f"measuring {len(scenes)} scenes: {together:.2f} s, one by one {alone:.2f} s: {alone / together:.1f} times as long")
-    text = _seconds(lambda: [rendered(path) for scene in scenes for path in trajectories(scene)])
-    objects = _seconds(lambda: [rendered(_objects(part, scene)) for scene in scenes for part in scene.parts])
+    text = _seconds(lambda: [maneuvers.trajectory_catalog(_HEADER, trajectories(scene)) for scene in scenes])
+    objects = _seconds(lambda: [_document([_objects(part, scene) for part in scene.parts]) for scene in scenes])
     print(f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long")
 
 
@@ -104,6 +107,10 @@ def _objects(part: Part, scene: Scene) -> sg.Trajectory:
     built = sg.Trajectory(part.name, False)
     built.add_shape(sg.Polyline((part.time - scene.start).tolist(), [world_position(x, y, h=h) for x, y, h in places]))
     return built
+
+
+def _document(paths: list[sg.Trajectory]) -> bytes:
+    return to_bytes(maneuvers.catalog("c.xosc", _HEADER, "TrajectoryCatalog", paths))
 
 
 def _seconds(work: Callable[[], object]) -> float:

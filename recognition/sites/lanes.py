@@ -181,7 +181,9 @@ class _Lookup:
 
     def find(self, road_id: NDArray[np.object_], lane_id: IntArray, s: FloatArray) -> IntArray:
         """Index of the strip of each row (n,), NOWHERE where it is on none; s in m along the roads."""
-        road = np.fromiter((self._roads.get(one, NOWHERE) for one in road_id), np.int64, len(road_id))
+        begins = np.flatnonzero(np.append(True, road_id[1:] != road_id[:-1]))[: len(road_id)]  # rows of a track stay on a road
+        numbers = np.array([self._roads.get(one, NOWHERE) for one in road_id[begins].tolist()], np.int64)
+        road = np.repeat(numbers, np.diff(begins, append=len(road_id)))
         row = np.zeros(len(road), np.int64)
         for number in np.unique(road[road >= 0]).tolist():
             mine = road == number

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,14 +40,25 @@ def tokenise(recording: Recording, moments: Moments, tokens: Tokens, site: Site)
     Raises:
         UsageError: a moment names no vehicle of the recording.
     """
+    return np.concatenate([np.zeros((0, *tokens.shape), np.float16), *in_parts(recording, moments, tokens, site)])
+
+
+def in_parts(
+    recording: Recording, moments: Moments, tokens: Tokens, site: Site, size: int = _BATCH
+) -> Iterator[NDArray[np.float16]]:
+    """The same, so many windows at a time.
+
+    Raises:
+        UsageError: a moment names no vehicle of the recording.
+    """
     if not moments:
-        return np.zeros((0, *tokens.shape), np.float16)
+        return
     scene = prepare(recording, site, Rules())
     if not len(scene.track):
         raise UsageError(f"the recording has no vehicle {moments[0][0]!r}")
     of_rows = _rows(scene)
-    parts = (moments[start : start + _BATCH] for start in range(0, len(moments), _BATCH))
-    return np.concatenate([_values(scene, of_rows, window_rows(scene, part, tokens)) for part in parts])
+    for start in range(0, len(moments), size):
+        yield _values(scene, of_rows, window_rows(scene, moments[start : start + size], tokens))
 
 
 def _values(scene: Scene, of_rows: Values, rows: IntArray) -> NDArray[np.float16]:

@@ -33,11 +33,13 @@ class Relations(NamedTuple):
 
 def relations(graph: LaneGraph, one: IntArray, other: IntArray) -> Relations:
     """Relations of pairs of strips; of NOWHERE there is none."""
-    pairs, which = np.unique(np.stack([one, other], axis=1), axis=0, return_inverse=True)
-    ways = _ways(graph)
-    found = [ways.relation(a, b) for a, b in pairs.tolist()]
+    ways, side = _ways(graph), len(graph.strips) + 1
+    pairs = (one - NOWHERE) * side + other - NOWHERE
+    there = np.zeros(side * side, bool)
+    there[pairs] = True
+    which = (np.cumsum(there) - 1)[pairs]
+    found = [ways.relation(pair // side + NOWHERE, pair % side + NOWHERE) for pair in np.flatnonzero(there).tolist()]
     base, lanes, same, merging = (np.array(values) for values in zip(*found, strict=True)) if found else ([], [], [], [])
-    which = which.reshape(-1)
     return Relations(
         np.asarray(base, np.float64)[which], np.asarray(lanes, np.int64)[which],
         np.asarray(same, bool)[which], np.asarray(merging, bool)[which],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from recognition.grids import Grid, Moments, covered, rasterise
 from recognition.sites import Site
 from recognition.tokens.config import Tokens
-from recognition.tokens.features import tokenise
+from recognition.tokens.features import in_parts, tokenise
 from runner.recording import Recording
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray
@@ -34,9 +35,20 @@ def drawn(recording: Recording, moments: Moments, view: View, site: Site | None)
     """
     if isinstance(view, Grid):
         return rasterise(recording, moments, view, site)
+    return tokenise(recording, moments, view, _known(site))
+
+
+def drawn_in_parts(recording: Recording, moments: Moments, view: View, site: Site | None, size: int) -> Iterator[Inputs]:
+    """The same, so many windows at a time: those of a long recording need not be in memory together."""
+    if isinstance(view, Grid):
+        return (rasterise(recording, moments[start : start + size], view, site) for start in range(0, len(moments), size))
+    return in_parts(recording, moments, view, _known(site), size)
+
+
+def _known(site: Site | None) -> Site:
     if site is None:
         raise UsageError("tokens need the site's road")
-    return tokenise(recording, moments, view, site)
+    return site
 
 
 def nothing(view: View) -> Inputs:

@@ -270,3 +270,15 @@ WRONG = {
 def test_wrong_use_is_refused_in_words(build: Any, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         build()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_catalogues_of_trajectories_are_written_as_their_documents_would_be(version: tuple[int, int]) -> None:
+    odd = 'a "b" <c> & d\'e\n\tü'
+    entries = [
+        m.trajectory(odd, [0, 0.1, 1e-5 + 1], [-0.0, 1e-7, 1e17], [0, 1 / 3, 2]),
+        m.trajectory("h", [0, 1], [0, 1], [0, 1], h=[3, -3]),
+    ]
+    document = m.catalog("c.xosc", HEADER, "TrajectoryCatalog", entries, version)
+    assert is_valid(document)
+    assert m.trajectory_catalog(HEADER, entries, version) == xosc.document.to_bytes(document)

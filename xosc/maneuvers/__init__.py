@@ -30,7 +30,7 @@ from xosc.maneuvers.actions import (
 )
 from xosc.maneuvers.base import Number
 from xosc.maneuvers.entities import controller, obstacle, parameter, pedestrian, reference, vehicle
-from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario, storyboard
+from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario, storyboard, trajectory_catalog
 from xosc.maneuvers.triggers import (
     Condition,
     Conditions,
@@ -83,6 +83,7 @@ __all__ = [
     "time_headway",
     "time_to_collision",
     "trajectory",
+    "trajectory_catalog",
     "trajectory_position",
     "vehicle",
     "world_position",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape
 
 import numpy as np
 from lxml import etree
@@ -29,6 +31,7 @@ def number(value: Number) -> float | str:
     return float(value)
 
 
+@cache
 def enum_value(kind: str, name: str) -> Any:
     """The member of one of the standard's enumerations; UsageError where it has no such member."""
     members = {key: value for key, value in vars(getattr(sg, kind)).items() if not key.startswith("_")}
@@ -37,8 +40,25 @@ def enum_value(kind: str, name: str) -> Any:
     return members[name]
 
 
+_TRAJECTORY = """    <Trajectory name="{name}" closed="false">
+      <Shape>
+        <Polyline>
+{vertices}        </Polyline>
+      </Shape>
+    </Trajectory>
+"""
+_VERTEX = """          <Vertex time="{}">
+            <Position>
+              <WorldPosition .../>
+            </Position>
+          </Vertex>
+"""
+_BETWEEN = re.compile(r">\n *<")
+_ESCAPED = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+
+
 class Polyline(sg.Trajectory):
-    """A `Trajectory` with one vertex a row of columns t, x, y and perhaps z and h, kept as its text.
+    """A `Trajectory` with one vertex a row of columns t, x, y and perhaps z and h, kept as its text, as it stands in a catalogue.
 
     Three objects a vertex would take most of the time of writing recorded motion.
 
@@ -51,15 +71,18 @@ class Polyline(sg.Trajectory):
         values = np.array(list(columns.values()), np.float64)
         for value in values[~np.isfinite(values)].tolist():
             number(value)  # refuses it
-        time, *places = values.tolist()
-        vertex = '<Vertex time="{}"><Position><WorldPosition ' + " ".join(f'{axis}="{{}}"' for axis in [*columns][1:])
-        vertices = map((vertex + "/></Position></Vertex>").format, time, *places)
-        shape = f"<Shape><Polyline>{''.join(vertices)}</Polyline></Shape>"
-        self.text = f'<Trajectory name={quoteattr(name)} closed="false">{shape}</Trajectory>'
+        places = " ".join(f'{axis}="{{}}"' for axis in [*columns][1:])
+        vertices = map(_VERTEX.replace("...", places).format, *values.tolist())
+        self.text = _TRAJECTORY.format(name=escape(name, _ESCAPED), vertices="".join(vertices))
+
+    @property
+    def dense(self) -> str:
+        """The text without indentation."""
+        return _BETWEEN.sub("><", self.text).strip()
 
     def get_element(self) -> ElementTree.Element:
         """The element, as scenariogeneration asks for it."""
-        return ElementTree.fromstring(self.text)  # noqa: S314 - made here
+        return ElementTree.fromstring(self.dense)  # noqa: S314 - made here
 
 
 def rendered(built: Any) -> etree._Element:
@@ -68,7 +91,7 @@ def rendered(built: Any) -> etree._Element:
     The version that scenariogeneration writes is a global of the process: it is set here only, and put back.
     """
     if isinstance(built, Polyline):
-        return etree.fromstring(built.text)
+        return etree.fromstring(built.dense)
     before = sg.VersionBase.version_major, sg.VersionBase.version_minor
     sg.VersionBase().setVersion(1, 3)
     try:

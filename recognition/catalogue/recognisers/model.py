@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from recognition.catalogue.recognisers.trust import objection, unseen_sites
 from recognition.labels.classes import Event, Label
 from recognition.sites import Site
 from recognition.training.moments import STRIDE, regular
-from recognition.training.views import Inputs, drawn, visible
+from recognition.training.views import Inputs, drawn_in_parts, visible
 from recognition.trfe import storage
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
 from recognition.trfe.samples import BACKGROUND
@@ -60,8 +62,9 @@ class ByModel:
         inside = visible(recording, [(moment.ego, moment.time) for moment in candidates], self._view)
         moments = [moment for moment, usable in zip(candidates, inside, strict=True) if usable]
         self._ranges[name] = range(len(self._seen), len(self._seen) + len(moments))
-        for start in range(0, len(moments), _DRAWN):
-            self._draw(recording, site, moments[start : start + _DRAWN])
+        places = [(moment.ego, moment.time) for moment in moments]
+        for number, inputs in enumerate(_ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN))):
+            self._take(inputs, moments[number * _DRAWN :])
 
     def moments(self, name: str) -> list[Moment]:
         """The moments of a recording, as what they are known to be once all recordings were looked at."""
@@ -99,12 +102,12 @@ class ByModel:
                 found += [Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN) for at in times[free].tolist()]
         return found
 
-    def _draw(self, recording: Recording, site: Site, moments: list[Moment]) -> None:
-        """Draw windows, and recognise no more at a time than fit into the buffer twice."""
-        inputs = drawn(recording, [(moment.ego, moment.time) for moment in moments], self._view, site)
+    def _take(self, inputs: Inputs, moments: list[Moment]) -> None:
+        """Recognise windows, of the first moments, no more at a time than fit into the buffer twice."""
         part = max(self._model.buffer.capacity // 2, 1)
-        for start in range(0, len(moments), part):
-            self._recognise(inputs[start : start + part], moments[start : start + part])
+        for start in range(0, len(inputs), part):
+            some = inputs[start : start + part]
+            self._recognise(some, moments[start : start + len(some)])
 
     def _recognise(self, inputs: Inputs, moments: list[Moment]) -> None:
         found = self._model.observe(inputs, self._first + len(self._seen) + np.arange(len(moments)))
@@ -137,6 +140,15 @@ class ByModel:
             return moment
         state = UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
         return replace(moment, title=title_of(label), state=state)
+
+
+def _ahead(parts: Iterator[Inputs]) -> Iterator[Inputs]:
+    """The same parts, each made while the one before it is used."""
+    with ThreadPoolExecutor(1) as thread:
+        coming = thread.submit(next, parts, None)
+        while (part := coming.result()) is not None:
+            coming = thread.submit(next, parts, None)
+            yield part
 
 
 def load(folder: Path, *, sorts: bool | None = None) -> ByModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from runner.participants.declaration import BoundingBox
@@ -43,13 +44,18 @@ class Entry(NamedTuple):
 
 def entry(track: Track) -> Entry:
     """The entry for a participant. Its name has the dimensions (to 1 cm), so that entries of one name are alike."""
-    kind = _KINDS[track.kind]
     box = BoundingBox(*(round(value, 2) + 0.0 for value in track.box))
-    name = f"{track.category}_{box.length:.2f}x{box.width:.2f}x{box.height:.2f}"
+    return _entry(track.kind, track.category, box)
+
+
+@lru_cache(maxsize=1024)
+def _entry(group: str, category: str, box: BoundingBox) -> Entry:
+    kind = _KINDS[group]
+    name = f"{category}_{box.length:.2f}x{box.width:.2f}x{box.height:.2f}"
     about = (box.x, box.y, round(box.z - box.height / 2, 2) + 0.0)
     name += "".join(f"_{axis}{value:.2f}" for axis, value in zip("xyz", about, strict=True) if value)
-    limits = _LIMITS.get(track.category, _CAR)._asdict() if kind == "Vehicle" else {}
-    built = _BUILDERS[kind](name, box.length, box.width, box.height, category=track.category, **limits)
+    limits = _LIMITS.get(category, _CAR)._asdict() if kind == "Vehicle" else {}
+    built = _BUILDERS[kind](name, box.length, box.width, box.height, category=category, **limits)
     centre = built.boundingbox.center
     centre.x, centre.y, centre.z = box.x, box.y, box.z
     return Entry(kind, name, built)

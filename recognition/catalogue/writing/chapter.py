@@ -205,8 +205,11 @@ def write_catalog(store: Store, place: Place, entries: dict[str, Any], version: 
     name = f"{place.folder}/{place.directory}/{_FOLDERS[place.kind]}.xosc"
     header = Header(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
     ordered = [entries[key] for key in sorted(entries)]
-    document = maneuvers.catalog(store.root / name, header, f"{place.kind}Catalog", ordered, version)
-    store.write(name, to_bytes(document))
+    if place.kind == "Trajectory":
+        content = maneuvers.trajectory_catalog(header, ordered, version)
+    else:
+        content = to_bytes(maneuvers.catalog(store.root / name, header, f"{place.kind}Catalog", ordered, version))
+    store.write(name, content)
 
 
 def _directories(entries: Iterable[_Entry]) -> dict[str, str]:

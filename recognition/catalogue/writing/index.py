@@ -43,6 +43,8 @@ COLUMNS: dict[str, type] = {
     "max_drac": float,
     "min_distance": float,
     "pet": float,
+    "max_collision_probability": float,
+    "max_risk_field": float,
     "rss_risk_ad_rss": float,
     "rss_risk_r157": float,
     "collision_time": float,

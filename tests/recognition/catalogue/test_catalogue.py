@@ -88,6 +88,8 @@ def test_the_index_tells_the_same_in_all_its_formats(made: Path) -> None:
     assert {"highway cut in", "highway cut out", "right lane change"} <= {row["class"] for row in told}
     table = pq.read_table(made / "index.parquet").to_pylist()
     assert table == [{name: row[name] for name in index.COLUMNS} for row in told]
+    beside = [row for row in told if row["min_distance"] is not None]
+    assert beside and all(row["max_risk_field"] >= 0.0 <= row["max_collision_probability"] <= 1.0 for row in beside)
     with (made / "index.csv").open(newline="") as file:
         read = list(csv.DictReader(file))
     assert [row["file"] for row in read] == [row["file"] for row in told] == sorted(row["file"] for row in told)
