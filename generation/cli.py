@@ -13,7 +13,7 @@ import typer
 from generation.adversary import NAME as ADVERSARY
 from generation.adversary.command import adversary
 from generation.density.model import JUDGE
-from generation.options import Density, Free, Jobs, Kind, Map, Method, Pin, Quiet, Ray, Recorded, Sut, Timestep
+from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, Pin, Quiet, Ray, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
 from runner.run_options import RoadPath
 from runner.settings import DEFAULT_SYSTEM, RunSettings
@@ -80,14 +80,7 @@ def xosc_generate(
         Path | None,
         typer.Option(metavar="DIR", help="Replay the failures in the folder of a search of another version of the system."),
     ] = None,
-    fail_if: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fail-if",
-            metavar="FATE",
-            help="With --against, what ends with exit code 1: new, still-there (repeatable).  [default: both]",
-        ),
-    ] = None,
+    fail_if: FailIf = None,
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Estimate how often traffic makes the system fail, by at most 600 more runs.")
     ] = False,
@@ -117,6 +110,7 @@ def xosc_generate(
     from generation.declared import Ask
     from generation.outcomes.cases import Choice
     from generation.pipeline import SearchSettings
+    from generation.report.regression import fates
     from generation.search.method import method as search_of
 
     if method != ADVERSARY:
@@ -130,23 +124,10 @@ def xosc_generate(
     if method == ADVERSARY:
         with interruptible(NAME):
             raise typer.Exit(0 if adversary(source, out, settings, ask, quiet) else 1)
-    fates = _fates(fail_if, against)
+    wanted = fates(fail_if, against)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
-        found = [_found(each, fates, quiet, source.is_dir()) for each in _searches(source, ask, out, settings, against)]
+        found = [_found(each, wanted, quiet, source.is_dir()) for each in _searches(source, ask, out, settings, against)]
     raise typer.Exit(0 if (any(found) if against is None else all(found)) else 1)
-
-
-def _fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
-    """What `--fail-if` names."""
-    from generation.report.regression import Fate
-
-    if texts and against is None:
-        raise UsageError("--fail-if is about failures of another version: --against says where these are")
-    offered = {str(fate): fate for fate in (Fate.NEW, Fate.STILL_THERE)}
-    for text in texts or ():
-        if text not in offered:
-            raise UsageError(f"--fail-if {text!r}: one of {', '.join(offered)} is expected")
-    return tuple(offered[text] for text in texts or offered)
 
 
 def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None) -> Iterator[Search]:
@@ -169,13 +150,13 @@ def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, again
         yield Search(each.path, each.on, out / name, what, against / name if against is not None else None)
 
 
-def _found(search: Search, fates: Sequence[Fate], quiet: bool, catalogue: bool) -> bool:
+def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool) -> bool:
     """Search one scenario; whether there are edge cases, or with `--against`, whether no failure has one of the fates.
 
     In a catalogue the next one follows where one can't be searched.
     """
     from generation.pipeline import generate
-    from generation.report.regression import Before, regression
+    from generation.report.regression import Before, Tried, regression
     from generation.report.report import write_report
 
     settings, scenario, compared = search.settings, search.scenario, None
@@ -184,7 +165,7 @@ def _found(search: Search, fates: Sequence[Fate], quiet: bool, catalogue: bool) 
         with progress_bar(scenario.stem, settings.budget, quiet) as progress:
             generated = generate(scenario, search.recorded, search.out, settings, progress)
         if before is not None:
-            compared = regression(before, scenario, generated, settings)
+            compared = regression(before, scenario, Tried.of(generated), settings)
         page = write_report(scenario, generated, settings, search.out, compared)
     except UsageError as error:
         if not catalogue:
@@ -196,7 +177,7 @@ def _found(search: Search, fates: Sequence[Fate], quiet: bool, catalogue: bool) 
         if compared is not None:
             print(f"  {compared}")
         print(f"  {page} shows all of it")
-    return bool(generated.files) if compared is None else not compared.fails(*fates)
+    return bool(generated.files) if compared is None else not compared.counts.fails(*wanted)
 
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:

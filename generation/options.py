@@ -49,6 +49,14 @@ Map = Annotated[
     ),
 ]
 Pin = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")]
+FailIf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fail-if",
+        metavar="FATE",
+        help="With --against, what ends with exit code 1: new, still-there (repeatable).  [default: both]",
+    ),
+]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
 Ray = Annotated[

@@ -81,6 +81,14 @@ class SearchSettings:
     concrete: bool = False
     estimate: bool = False
 
+    def space(self, scenario: Path) -> Space:
+        """What is searched of a scenario.
+
+        Raises:
+            UsageError, Unsupported: it can't be. InvalidFile: the scenario is malformed.
+        """
+        return Space.of(scenario, self.pinned, self.free, ranges=self.marginals, default=self.default)
+
 
 @dataclass(frozen=True, eq=False)
 class Generated:
@@ -140,7 +148,7 @@ def generate(
         InvalidFile: the scenario is malformed.
     """
     search = method(settings.method)
-    space = Space.of(scenario, settings.pinned, settings.free, ranges=settings.marginals, default=settings.default)
+    space = settings.space(scenario)
     source = recorded(space)
     real = source.within(space)
     realism, prior = _realism(real, settings.density, scenario), source.prior(space, settings.density)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from generation.density.model import JUDGE
-from generation.options import Density, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
+from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
 from generation.search.method import DEFAULT as METHOD
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 NAME = "xosc-loop"
 _EPILOG = (
-    "Exit codes: 0 the page is written, 1 it is, but a file that was made is not valid, 2 wrong usage, 3 invalid file, 4 valid "
-    "file that asks for something that is not done here, 5 internal error."
+    "Exit codes: 0 the page is written, 1 it is, but a file made is not valid (with --against, also: a failure is new or "
+    "still there), 2 wrong usage, 3 invalid file, 4 valid file that asks for something that is not done here, 5 internal error."
 )
 
 app = new_app()
@@ -51,6 +51,11 @@ def xosc_loop(
     pin: Pin = None,
     free: Free = None,
     maps: Map = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Replay the failures in the output folder of a loop of another version of the system."),
+    ] = None,
+    fail_if: FailIf = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
@@ -62,6 +67,9 @@ def xosc_loop(
     Edge cases of one round are what the next one starts from. What is done stays: after an interruption the same command goes
     on. index.html in the output folder shows everything, with replays, scenario and road files and tags to open.
 
+    --against compares with a loop of another version of the system: the failures of its edge cases are replayed, and are fixed or
+    still there; those found now that are unlike them are new.
+
     --recorded, --kind, --pin, --free and --map are about the scenarios in the folder, as in xosc-generate.
     """
     from generation.declared import Ask
@@ -69,16 +77,21 @@ def xosc_loop(
     from generation.loop.messages import closing
     from generation.loop.page import write
     from generation.loop.settings import LoopSettings
+    from generation.report.regression import fates
 
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
-    settings = LoopSettings(RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs, ask)
+    settings = LoopSettings(
+        RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs, ask, against
+    )
     _refuse_wrong(settings)
+    wanted = fates(fail_if, against)
     with interruptible(NAME, "the same command goes on where it was"):
         found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
         page = write(found, out)
         if not quiet:
-            print(f"{closing(found)}\n{page} shows all of it")
-    raise typer.Exit(1 if found.checked.problems else 0)
+            print("\n".join(closing(found)), f"{page} shows all of it", sep="\n")
+    failing = found.against is not None and found.against.counts.fails(*wanted)
+    raise typer.Exit(1 if found.checked.problems or failing else 0)
 
 
 def _model(labels: str, model: Path | None) -> Path | None:

@@ -12,6 +12,7 @@ from typing import Any
 from generation.loop.inputs import Inputs
 from generation.loop.settings import Bar, LoopSettings
 from generation.loop.stages.findings import (
+    Against,
     Checked,
     Labelled,
     LabelledScenario,
@@ -25,6 +26,7 @@ from generation.loop.stages.findings import (
 )
 from generation.loop.stages.finished import FinishedStages, Report, Stage
 from generation.loop.tasks import recognising
+from generation.loop.tasks.comparing import Earlier, compare
 from generation.loop.tasks.running import run_all
 from generation.loop.tasks.searching import found_by, search
 from generation.loop.tasks.targets import Target, of_classes, of_input, split
@@ -62,11 +64,12 @@ def run_loop(folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: 
         UsageError: a setting is wrong, or the output folder has something else.
     """
     inputs = _inputs(folder, out)
+    earlier = _earlier(settings.against, out)
     with alone(out, "a loop"):
-        return _looped(inputs, out, settings, bar, report)
+        return _looped(inputs, out, settings, bar, report, earlier)
 
 
-def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report: Report) -> LoopResult:
+def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report: Report, earlier: Earlier | None) -> LoopResult:
     stages = FinishedStages(out, settings.deciding() | {"inputs": inputs.identity}, report)
     work = _Loop(inputs, out, settings, bar, stages)
     recognised, targets, refused = work.recognise()
@@ -80,6 +83,7 @@ def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report:
         played=work.play() if inputs.recordings else Ran(),
         scenarios=work.run_scenarios() if inputs.scenarios else Ran(),
         checked=stages.once(Stage("check"), Checked, work.check),
+        against=work.compare(earlier, targets, rounds) if earlier is not None else None,
     )
 
 
@@ -87,6 +91,15 @@ def _inputs(folder: Path, out: Path) -> Inputs:
     if out.resolve().is_relative_to(folder.resolve()):
         raise UsageError("the output folder is inside the folder of the recordings, where it would be taken for one", path=out)
     return Inputs.of(folder)
+
+
+def _earlier(folder: Path | None, out: Path) -> Earlier | None:
+    """The loop to compare with."""
+    if folder is None:
+        return None
+    if folder.resolve() == out.resolve():
+        raise UsageError("--against: this is the output folder itself, not that of an earlier loop", path=folder)
+    return Earlier.of(folder)
 
 
 class _Loop:
@@ -154,6 +167,12 @@ class _Loop:
                 problems += [str(problem) for problem in found if problem.level == "error"]
                 advance(1)
         return Checked(files=len(files), problems=problems)
+
+    def compare(self, earlier: Earlier, targets: Sequence[Target], rounds: Iterable[Round]) -> Against:
+        """What became of the failures of an earlier loop."""
+        found = [search for each in rounds for search in each.searches]
+        with self._bar(f"comparing with {earlier.folder}", len(targets)) as advance:
+            return compare(earlier, targets, found, self._settings, advance)
 
     def _search(self, number: int, target: Target) -> Searched:
         known = found_by(self._earlier.get(target.name, []))

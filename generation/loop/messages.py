@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import singledispatch
 
 from generation.loop.stages.findings import (
@@ -26,12 +27,16 @@ def summary(stage: Stage, found: Finding) -> str:
     return f"round {stage.round}: {_line(found)}" if stage.round else _line(found)
 
 
-def closing(found: LoopResult) -> str:
-    """A whole loop."""
+def closing(found: LoopResult) -> Iterator[str]:
+    """A whole loop, in lines."""
     cases = [case for each in found.rounds for search in each.searches for case in search.cases]
     collisions = sum(case.verdict is CaseVerdict.COLLISION for case in cases)
     avoidable = sum(case.avoidable for case in cases)
-    return f"{len(cases)} edge cases, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
+    yield f"{len(cases)} edge cases, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
+    if found.against is not None:
+        yield f"against {found.against.sut} in {found.against.folder}: {found.against.counts}"
+        for each in found.against.compared:
+            yield f"  {each.title}: {each.counts}" + (f" ({each.reason})" if each.reason else "")
 
 
 def prior(of: Prior) -> str:

@@ -33,6 +33,7 @@ class LoopSettings:
         seed: of everything random.
         processes: how many runs at a time.
         ask: what to search of the user's own scenarios, and what is likely of it.
+        against: output folder of an earlier loop, of another version of the system under test; None to compare with none.
     """
 
     run: RunSettings = field(default_factory=RunSettings)
@@ -45,10 +46,11 @@ class LoopSettings:
     seed: int = 0
     processes: int = 2
     ask: Ask = field(default_factory=Ask)
+    against: Path | None = None
 
     def deciding(self) -> dict[str, Any]:
         """Those that decide what is found."""
-        own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes")}
+        own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes", "against")}
         return {name: str(value) for name, value in (self.run.as_json() | own).items()}
 
     def search(self, number: int) -> SearchSettings:

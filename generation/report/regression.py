@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import COLLISION, Cases
+from generation.outcomes.cases import COLLISION
 from generation.outcomes.evaluator import Episode, Simulator
 from generation.outcomes.outcomes import Outcomes
 from generation.pipeline import Generated, SearchSettings, estimate_file
@@ -70,6 +71,31 @@ class Before:
         return cls(folder, str(tags.get("SystemUnderTest", "")), values, estimate)
 
 
+class Tried(NamedTuple):
+    """Points (n, d) of a space that this version was run at, and which of them are failures (n,)."""
+
+    space: Space
+    theta: FloatArray
+    failing: BoolArray
+
+    @classmethod
+    def of(cls, generated: Generated) -> Tried:
+        """The edge cases of a search."""
+        return cls(generated.space, generated.cases.theta, generated.cases.outcomes.collision)
+
+
+class Fates(Counter[Fate]):
+    """How many failures have each fate."""
+
+    def fails(self, *by: Fate) -> bool:
+        """Whether there are failures of any of these fates; of those whose runs failed, nothing good is assumed."""
+        wanted = {*by, Fate.UNKNOWN} if Fate.STILL_THERE in by else set(by)
+        return any(self[fate] for fate in wanted)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{self[fate]} {fate}" for fate in Fate if fate is not Fate.UNKNOWN or self[fate])
+
+
 @dataclass(frozen=True, eq=False)
 class Regression:
     """The comparison.
@@ -77,7 +103,7 @@ class Regression:
     Attributes:
         before: the other version.
         replayed: what came of its failures with this one (n,). fates: what became of them (n,).
-        new: rows of the edge cases (m,) that are failures unlike all of before.
+        new: rows of the points (m,) that are failures unlike all of before.
     """
 
     before: Before
@@ -85,29 +111,27 @@ class Regression:
     fates: Sequence[Fate]
     new: BoolArray
 
-    def count(self, fate: Fate) -> int:
-        """How many failures have a fate."""
-        return int(self.new.sum()) if fate is Fate.NEW else self.fates.count(fate)
-
-    def fails(self, *by: Fate) -> bool:
-        """Whether there are failures of any of these fates; of those whose runs failed, nothing good is assumed."""
-        wanted = {*by, Fate.UNKNOWN} if Fate.STILL_THERE in by else set(by)
-        return any(self.count(fate) for fate in wanted)
+    @property
+    def counts(self) -> Fates:
+        """How many failures have each fate."""
+        return Fates({**Counter(self.fates), Fate.NEW: int(self.new.sum())})
 
     def __str__(self) -> str:
-        counts = ", ".join(f"{self.count(fate)} {fate}" for fate in Fate if fate is not Fate.UNKNOWN or self.count(fate))
-        return f"against {self.before.sut or 'the system'} in {self.before.folder}: {counts}"
+        return f"against {self.before.sut or 'the system'} in {self.before.folder}: {self.counts}"
 
 
-def regression(before: Before, scenario: Path, generated: Generated, settings: SearchSettings) -> Regression:
+def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSettings) -> Regression:
     """Replay the failures of another version, and compare what was found.
 
     A failure is fixed where the system survives it, and nothing that was found now is like it.
 
+    Args:
+        tried: edge cases of this version.
+
     Raises:
         UsageError: a parameter of before is not declared any more.
     """
-    cases, space = generated.cases, generated.space
+    space = tried.space
     declared = {*space.names, *space.pinned}
     unknown = sorted({name for values in before.values for name in values} - declared)
     if unknown:
@@ -115,22 +139,36 @@ def regression(before: Before, scenario: Path, generated: Generated, settings: S
     with Simulator(run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray) as simulator:
         jobs = (Episode(str(number), scenario, scenario, dict(each)) for number, each in enumerate(before.values))
         replayed = simulator.of(jobs)
-    far = _far(cases, before, space, settings.choice.apart)
-    failing = cases.outcomes.collision
-    alike = np.array([not row.all() for row in far[:, failing]], bool)
+    far = _far(tried, before, settings.choice.apart)
+    alike = np.array([not row.all() for row in far[:, tried.failing]], bool)
     fates = [
         Fate.UNKNOWN if not executed else Fate.STILL_THERE if collided or near else Fate.FIXED
         for executed, collided, near in zip(replayed.executed, replayed.collision, alike, strict=True)
     ]
-    return Regression(before, replayed, fates, failing & far.all(axis=0))
+    return Regression(before, replayed, fates, tried.failing & far.all(axis=0))
 
 
-def _far(cases: Cases, before: Before, space: Space, least: float) -> BoolArray:
-    """Whether failures of before (n,) are unlike cases (m,), by all that tells cases apart: (n, m)."""
-    columns = distinctive(space)
-    found = np.ones((len(before.values), len(cases)), bool)
+def _far(tried: Tried, before: Before, least: float) -> BoolArray:
+    """Whether failures of before (n,) are unlike points (m,), by all that tells cases apart: (n, m)."""
+    space, columns = tried.space, distinctive(tried.space)
+    found = np.ones((len(before.values), len(tried.theta)), bool)
     for row, values in enumerate(before.values):
         if all(values.get(name, value) == value for name, value in space.pinned.items()):
             point: FloatArray = np.array([[float(values[name]) for name in space.names]])
-            found[row] = apart(space.unit(cases.theta)[:, columns], space.unit(point)[:, columns], least)
+            found[row] = apart(space.unit(tried.theta)[:, columns], space.unit(point)[:, columns], least)
     return found
+
+
+def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
+    """What `--fail-if` names; both where it names nothing.
+
+    Raises:
+        UsageError: it names something else, or there is no `--against`.
+    """
+    if texts and against is None:
+        raise UsageError("--fail-if is about failures of another version: --against says where these are")
+    offered = {str(fate): fate for fate in (Fate.NEW, Fate.STILL_THERE)}
+    for text in texts or ():
+        if text not in offered:
+            raise UsageError(f"--fail-if {text!r}: one of {', '.join(offered)} is expected")
+    return tuple(offered[text] for text in texts or offered)

@@ -234,7 +234,7 @@ def _against(report: Report, out: Path) -> Json | None:
     return {
         "sut": before.sut,
         "folder": before.folder.name,
-        "counts": {fate: found.count(fate) for fate in Fate},
+        "counts": {fate: found.counts[fate] for fate in Fate},
         "chance": None if chance is None else _rounded([chance["value"], *chance["interval"]]),
         "failures": failures,
         "names": list(report.generated.space.names),

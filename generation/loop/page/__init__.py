@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
-from generation.loop.stages.findings import EdgeCase, LoopResult, Ran, Round, Run, Searched
+from generation.loop.stages.findings import Against, EdgeCase, LoopResult, Ran, Round, Run, Searched
 from generation.pages import PARTS_CSS, PARTS_JS
+from generation.report.regression import Fate
 from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
 from runner.outputs.stored import load_run
@@ -22,7 +23,7 @@ PAGE = "index.html"
 _FOLDER = Path(__file__).parent
 _STYLES = "base.css", "report.css", "play/colours.css", PARTS_CSS, str(_FOLDER / "loop.css")
 _PLAYED = *(f"play/{part}.js" for part in ("data", "drawing", "pair", "preview")), PARTS_JS
-_PARTS = "common", "avoided", "flow", "recognised", "generated", "space", "main"
+_PARTS = "common", "avoided", "flow", "recognised", "generated", "space", "against", "main"
 _SCRIPTS = "dom.js", "axes.js", *_PLAYED, *(str(_FOLDER / f"{part}.js") for part in _PARTS)
 _MOVING = 12
 """Avoidable collisions that are shown as moving pictures"""
@@ -56,6 +57,7 @@ def _data(found: LoopResult, out: Path) -> Json:
         "searches": searches,
         "refused": [asdict(each) for each in found.refused],
         "scenarios": [_run(run, name) for name, runs in found.scenarios.files.items() for run in runs],
+        "against": _against(found.against),
         "reports": list(_reports(found)),
         "checked": asdict(found.checked),
     }
@@ -126,6 +128,14 @@ def _add_previews(cases: list[Json], out: Path) -> None:
     shown = [case for case in cases if case["avoidable"] and case["play"]]
     for case in shown[:_MOVING]:
         case["preview"] = preview(load_run((out / case["play"].partition("#")[0]).parent))
+
+
+def _against(found: Against | None) -> Json | None:
+    """What became of the failures of an earlier loop."""
+    if found is None:
+        return None
+    compared = [{**asdict(each), "counts": {fate: each.counts[fate] for fate in Fate}} for each in found.compared]
+    return {"folder": found.folder, "sut": found.sut, "counts": {fate: found.counts[fate] for fate in Fate}, "compared": compared}
 
 
 def _run(run: Run, name: str) -> Json:

@@ -69,6 +69,7 @@ document.body.append(
       el("h1", null, `${data.title}: from recordings to edge cases`),
       avoided(),
       flow(),
+      against(),
       problems(),
       space(),
       generated(),

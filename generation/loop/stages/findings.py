@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from generation.report.regression import Fate, Fates
+
 
 class CaseVerdict(StrEnum):
     """What the system under test makes of an edge case: it collides, or comes nearer than RSS allows."""
@@ -186,6 +188,51 @@ class Refused:
 
 
 @dataclass(frozen=True)
+class KnownFailure:
+    """A failure of an earlier loop: its parameters, and what became of it."""
+
+    values: dict[str, str]
+    fate: Fate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """Failures of a class or scenario, in this loop and an earlier one.
+
+    Args:
+        target, title: its folder, and the class or scenario.
+        reason: why the two can't be compared; empty where they can.
+        before: failures of the earlier loop.
+        new: files of the failures that are unlike all of those.
+    """
+
+    target: str
+    title: str
+    reason: str = ""
+    before: list[KnownFailure] = field(default_factory=list)
+    new: list[str] = field(default_factory=list)
+
+    @property
+    def counts(self) -> Fates:
+        """How many failures have each fate."""
+        return Fates([*(each.fate for each in self.before), *(Fate.NEW for _ in self.new)])
+
+
+@dataclass(frozen=True)
+class Against:
+    """An earlier loop, of another version of the system: its folder's name, the system, and what became of its failures."""
+
+    folder: str
+    sut: str
+    compared: list[Compared]
+
+    @property
+    def counts(self) -> Fates:
+        """How many failures have each fate, in all."""
+        return Fates(fate for each in self.compared for fate in each.counts.elements())
+
+
+@dataclass(frozen=True)
 class LoopResult:
     """A whole loop.
 
@@ -195,6 +242,7 @@ class LoopResult:
         refused: what could not be searched.
         played: replays of recorded scenarios.
         scenarios: runs of the user's scenarios.
+        against: the comparison with an earlier loop; None where there is none.
     """
 
     settings: dict[str, str]
@@ -205,3 +253,4 @@ class LoopResult:
     played: Ran
     scenarios: Ran
     checked: Checked
+    against: Against | None = None

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from generation.loop.stages.findings import Finding
+from generation.loop.stages.findings import Finding, Searched
 from generation.loop.stages.records import from_json
 from schemas.errors import InvalidFile, UsageError
 from schemas.storage import LOCK, check_settings, read_object, write_object
@@ -74,6 +74,19 @@ class FinishedStages:
         write_object(asdict(found), path)
         self._report(stage, found, time.monotonic() - begun)
         return found
+
+
+def searches(out: Path) -> tuple[str, list[Searched]]:
+    """The system under test of a loop that is in a folder, and its searches, round after round.
+
+    Raises:
+        UsageError: no loop is there. InvalidFile: what it has left is not readable.
+    """
+    path = out / _SETTINGS
+    if not path.is_file():
+        raise UsageError("no loop is in this folder", path=out)
+    found = [_read(each, Searched) for each in sorted((out / _FOLDER).glob("round_*_search_*.json"))]
+    return str(read_object(path).get("sut", "")), sorted(found, key=lambda each: each.round)
 
 
 def _read(path: Path, kind: type[F]) -> F:

@@ -42,7 +42,7 @@ def search(
     folder = out / f"round_{number}" / target.name
     of = Searched(round=number, target=target.name, title=target.title, scenario=target.scenario.stem, prior=target.prior)
     try:
-        made = generate(target.scenario, target.recorded, folder, _settings(target, settings.search(number)), progress, known)
+        made = generate(target.scenario, target.recorded, folder, settings_of(target, settings.search(number)), progress, known)
     except ToolchainError as error:
         return replace(of, error=str(error))
     found = failures(made.space, made.history, known)
@@ -64,8 +64,8 @@ def search(
     )
 
 
-def _settings(target: Target, settings: SearchSettings) -> SearchSettings:
-    """With what was asked for of a target."""
+def settings_of(target: Target, settings: SearchSettings) -> SearchSettings:
+    """Settings of a search, with what was asked for of a target."""
     asked = target.asked
     if asked is None:
         return settings

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.report.regression import Before, Fate, regression
+from generation.report.regression import Before, Fate, Tried, regression
 from schemas.errors import UsageError
 from tests.generation.report.searches import CUT_IN, EASY, HARD, SPACE, WEAK, searched, settings, written
 
@@ -24,30 +24,30 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> Before:
 
 def test_failures_are_fixed_or_still_there(before: Before) -> None:
     assert (before.sut, len(before.values)) == (OLD, 2)
-    found = regression(before, CUT_IN, searched(NEW, np.array([HARD])), settings(NEW))
+    found = regression(before, CUT_IN, Tried.of(searched(NEW, np.array([HARD]))), settings(NEW))
     assert list(found.fates) == [Fate.STILL_THERE, Fate.FIXED]
     assert not found.new.any(), "the failure that was known is not new"
-    assert found.fails(Fate.STILL_THERE) and not found.fails(Fate.NEW)
+    assert found.counts.fails(Fate.STILL_THERE) and not found.counts.fails(Fate.NEW)
     assert str(found).endswith(": 1 fixed, 1 still-there, 0 new")
 
 
 def test_what_is_unlike_all_of_before_is_new(before: Before) -> None:
     other = [60.0, 12.0, 1.0, 12.0, 3.0, 12.0, 8.0, 38.0]
-    found = regression(before, CUT_IN, searched(OLD, np.array([other])), settings(NEW))
+    found = regression(before, CUT_IN, Tried.of(searched(OLD, np.array([other]))), settings(NEW))
     assert found.new.tolist() == [True]
-    assert found.fails(Fate.NEW)
+    assert found.counts.fails(Fate.NEW)
 
 
 def test_a_failure_that_is_survived_is_not_fixed_where_its_neighbour_fails(before: Before) -> None:
-    found = regression(before, CUT_IN, searched(OLD, np.array([WEAK]) + 0.01), settings(NEW))
+    found = regression(before, CUT_IN, Tried.of(searched(OLD, np.array([WEAK]) + 0.01)), settings(NEW))
     assert found.fates[1] is Fate.STILL_THERE
 
 
 def test_runs_that_fail_are_not_good_news(before: Before) -> None:
     broken = Before(before.folder, OLD, [{**before.values[0], "CutIn_Gap_m": "-1"}])
-    found = regression(broken, CUT_IN, searched(NEW, np.array([EASY])), settings(NEW))
+    found = regression(broken, CUT_IN, Tried.of(searched(NEW, np.array([EASY]))), settings(NEW))
     assert list(found.fates) == [Fate.UNKNOWN]
-    assert found.fails(Fate.STILL_THERE) and not found.fails(Fate.NEW)
+    assert found.counts.fails(Fate.STILL_THERE) and not found.counts.fails(Fate.NEW)
 
 
 def test_a_folder_without_a_search_is_refused(tmp_path: Path) -> None:
@@ -58,5 +58,5 @@ def test_a_folder_without_a_search_is_refused(tmp_path: Path) -> None:
 def test_a_parameter_that_is_gone_is_named(before: Before) -> None:
     gone = Before(before.folder, OLD, [{**before.values[0], "CutIn_Colour": "1"}])
     with pytest.raises(UsageError, match="no parameter CutIn_Colour any more"):
-        regression(gone, CUT_IN, searched(NEW, np.array([EASY])), settings(NEW))
+        regression(gone, CUT_IN, Tried.of(searched(NEW, np.array([EASY]))), settings(NEW))
     assert "CutIn_Gap_m" in SPACE.names

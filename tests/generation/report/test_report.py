@@ -14,7 +14,7 @@ import runner
 import schemas
 from generation.estimation.probability import Probability
 from generation.report.headline import chance, figure, headline
-from generation.report.regression import Before, regression
+from generation.report.regression import Before, Tried, regression
 from generation.report.report import write_report
 from runner.settings import RunSettings
 from tests.generation.report.searches import CUT_IN, EASY, HARD, WEAK, searched, settings, written
@@ -28,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report with all that can be in one."""
     generated = searched(SUT, np.array([HARD, WEAK, EASY]), drawn=200)
     folder = written(generated, SUT, tmp_path_factory.mktemp("found"))
-    compared = regression(Before.of(folder, CUT_IN), CUT_IN, generated, settings(SUT))
+    compared = regression(Before.of(folder, CUT_IN), CUT_IN, Tried.of(generated), settings(SUT))
     assert write_report(CUT_IN, generated, settings(SUT), folder, compared) == folder / "report.html"
     return folder
 
@@ -69,7 +69,7 @@ def test_slices_show_runs_that_took_place(folder: Path) -> None:
 def test_the_same_search_gives_the_same_page(folder: Path) -> None:
     before = (folder / "report.html").read_bytes()
     generated = searched(SUT, np.array([HARD, WEAK, EASY]), drawn=200)
-    compared = regression(Before.of(folder, CUT_IN), CUT_IN, generated, settings(SUT))
+    compared = regression(Before.of(folder, CUT_IN), CUT_IN, Tried.of(generated), settings(SUT))
     write_report(CUT_IN, generated, settings(SUT), folder, compared)
     assert (folder / "report.html").read_bytes() == before
 

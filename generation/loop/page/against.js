@@ -1,0 +1,61 @@
+// What became of the failures of an earlier loop, of another version of the system under test.
+
+const FATES = {
+  fixed: ["passed", "fixed"],
+  "still-there": ["failed", "still there"],
+  unknown: ["error", "unknown"],
+  new: ["failed", "new"],
+};
+const counted = counts =>
+  Object.entries(FATES)
+    .filter(([fate]) => fate !== "unknown" || counts[fate])
+    .flatMap(([fate, [kind, text]]) => [badge(counts[fate] ? kind : "plain", `${counts[fate]} ${text}`), " "]);
+
+function against() {
+  const found = data.against;
+  if (!found) return null;
+  return el(
+    "section",
+    { class: "panel" },
+    el("h2", null, `Against ${found.sut} (${found.folder})`),
+    el("p", null, ...counted(found.counts)),
+    el(
+      "p",
+      { class: "muted" },
+      "Failures among the edge cases of that loop are replayed on this system. One is fixed where it is survived and no edge case " +
+        "found now is a failure like it; new are failures unlike all of before: these may be older than they look, where the " +
+        "searches before did not come by.",
+    ),
+    ...found.compared.map(each => compared(each)),
+  );
+}
+
+function compared(each) {
+  const now = new Map(cases.map(found => [found.files.scenario, found]));
+  const rows = [
+    ...each.before.map(({ values, fate }) => failure(fate, "–", values)),
+    ...each.new.map(file => failure("new", play(now.get(file).play, now.get(file).name), now.get(file).theta)),
+  ];
+  const columns = [
+    ["failure", null],
+    ["replay", null],
+    ["parameters", null],
+  ];
+  return el(
+    "details",
+    { class: "group" },
+    el("summary", null, el("h3", null, each.title), " ", ...counted(each.counts), el("span", { class: "muted" }, each.reason)),
+    rows.length ? table(each.title, columns, rows) : el("p", { class: "muted" }, "Neither of the two fails in it."),
+  );
+}
+
+function failure(fate, replay, values) {
+  const listed = Object.entries(values).map(([name, value]) => `${name} ${isNaN(value) ? value : short(Number(value))}`);
+  return el(
+    "tr",
+    null,
+    el("td", null, badge(...FATES[fate])),
+    el("td", null, replay),
+    el("td", { class: "theta muted" }, listed.join(", ")),
+  );
+}

@@ -1,0 +1,156 @@
+"""Two loops over one folder, of two versions of a system: what became of the failures of the first."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+from generation.declared import Ask
+from generation.logical.library import SCENARIOS
+from generation.loop.cli import app
+from generation.loop.loop import run_loop
+from generation.loop.messages import closing
+from generation.loop.page import PAGE, write
+from generation.loop.settings import LoopSettings
+from generation.loop.stages.findings import LoopResult
+from generation.report.regression import Fate
+from runner.settings import RunSettings
+from schemas.commands.options import progress_bar
+from schemas.errors import UsageError
+from tests.runner.chromium import Browser
+from xosc.exports import standard
+from xosc.exports.folder import Folder
+
+BAR = partial(progress_bar, quiet=True)
+WEAK, STRONG = "cas:brake=2", "cas:sensor_range=150"
+NAMES = "cut_in_highway", "cut_out_highway"
+
+
+def looped(folder: Path, out: Path, sut: str, against: Path | None = None, seed: int = 0) -> LoopResult:
+    settings = LoopSettings(
+        RunSettings(sut=sut, world="kinematic"), None, rounds=1, budget=30, most=3, shown=1, method="kde", processes=1, seed=seed,
+        ask=Ask(density="gaussian"), against=against,
+    )  # fmt: skip
+    found = run_loop(folder, out, settings, BAR, lambda *_: None)
+    write(found, out)
+    return found
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("mine")
+    for name in NAMES:
+        standard.export(SCENARIOS / f"{name}.xosc", "1.3", Folder(folder / name))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def old(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("old") / "loop_1"
+    found = looped(folder, out, WEAK)
+    assert any(case.verdict == "collision" for search in found.rounds[0].searches for case in search.cases)
+    return out
+
+
+def test_the_same_version_has_all_failures_still(folder: Path, old: Path, tmp_path: Path) -> None:
+    found = looped(folder, tmp_path / "again", WEAK, old).against
+    assert found is not None
+    assert (found.folder, found.sut) == ("loop_1", WEAK)
+    assert {each.title for each in found.compared} == set(NAMES)
+    assert found.counts[Fate.STILL_THERE] > 0
+    assert found.counts[Fate.FIXED] == found.counts[Fate.NEW] == found.counts[Fate.UNKNOWN] == 0
+    assert found.counts.fails(Fate.STILL_THERE) and not found.counts.fails(Fate.NEW)
+
+
+def test_another_version_fixes_some_and_the_page_shows_which(
+    folder: Path, old: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    out = tmp_path / "better"
+    result = looped(folder, out, STRONG, old, seed=7)
+    assert result.against is not None and result.against.counts[Fate.FIXED] > 0
+    lines = list(closing(result))
+    assert lines[1] == f"against {WEAK} in loop_1: {result.against.counts}"
+    assert len(lines) == 2 + len(NAMES)
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        for width in (360, 1280):
+            browser.open(out / PAGE, width=width)
+            browser.run("document.querySelectorAll('details').forEach(each => { each.open = true; })")
+            browser.settle()
+            assert browser.run("document.documentElement.scrollWidth") <= width
+        section = (
+            "[...document.querySelectorAll('section')].find(each => each.querySelector('h2').textContent.startsWith('Against'))"
+        )
+        assert browser.run(f"{section}.querySelector('h2').textContent") == f"Against {WEAK} (loop_1)"
+        shown = browser.run(f"[...{section}.querySelectorAll('tbody .badge')].map(each => each.textContent)")
+        assert sorted(shown) == sorted(str(each).replace("-", " ") for each in result.against.counts.elements())
+        for link in browser.run(f"[...{section}.querySelectorAll('a')].map(a => a.getAttribute('href').split('#')[0])"):
+            assert (out / unquote(link)).is_file()
+        assert browser.errors == []
+
+
+@pytest.fixture
+def less(folder: Path, tmp_path: Path) -> Iterator[Path]:
+    shutil.copytree(folder / NAMES[0], tmp_path / "less" / NAMES[0])
+    yield tmp_path / "less"
+
+
+def test_what_only_one_loop_searches_is_new_or_unknown(folder: Path, less: Path, old: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    found = {each.title: each for each in looped(less, out, WEAK, old).against.compared}  # type: ignore[union-attr]
+    assert found[NAMES[1]].reason == "this loop does not search it"
+    assert set(found[NAMES[1]].counts) <= {Fate.UNKNOWN}
+    assert found[NAMES[1]].counts.fails(Fate.STILL_THERE) == bool(found[NAMES[1]].before), "nothing good is assumed"
+    more = {each.title: each for each in looped(folder, tmp_path / "more", WEAK, out).against.compared}  # type: ignore[union-attr]
+    assert not more[NAMES[1]].reason and not more[NAMES[1]].before
+    assert more[NAMES[1]].counts[Fate.NEW] == len(more[NAMES[1]].new)
+
+
+def test_a_folder_without_a_loop_is_refused_before_anything_is_done(folder: Path, old: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no loop is in this folder"):
+        looped(folder, tmp_path / "out", WEAK, folder)
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(UsageError, match="the output folder itself"):
+        looped(folder, old, WEAK, old)
+
+
+def test_exit_codes_say_whether_a_failure_counts(
+    folder: Path, old: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from generation.loop import loop
+
+    fates: list[Fate] = []
+
+    def run(*_: object) -> LoopResult:
+        from generation.loop.stages.findings import Against, Checked, Compared, KnownFailure, Ran, Recognised
+
+        known = [KnownFailure({}, each) for each in fates]
+        against = Against("loop_1", WEAK, [Compared(target="a", title="a", before=known)])
+        settings = json.loads((old / "loop.json").read_text())
+        return LoopResult(settings, 0, Recognised(), [], [], Ran(), Ran(), Checked(files=1, problems=[]), against)
+
+    monkeypatch.setattr(loop, "run_loop", run)
+    (tmp_path / "out").mkdir()
+
+    def code(*options: str) -> int:
+        arguments = [str(folder), "--out", str(tmp_path / "out"), "--quiet", "--labels", "rules", *options]
+        return int(app(arguments, standalone_mode=False) or 0)
+
+    for each, options, expected in (
+        (Fate.FIXED, (), 0),
+        (Fate.STILL_THERE, (), 1),
+        (Fate.STILL_THERE, ("--fail-if", "new"), 0),
+        (Fate.UNKNOWN, ("--fail-if", "still-there"), 1),
+        (Fate.NEW, ("--fail-if", "still-there"), 0),
+    ):
+        fates[:] = [each]
+        assert code("--against", str(old), *options) == expected, (each, options)
+    with pytest.raises(UsageError, match="--against says where these are"):
+        code("--fail-if", "new")
+    with pytest.raises(UsageError, match="one of new, still-there is expected"):
+        code("--against", str(old), "--fail-if", "old")
