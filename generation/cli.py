@@ -17,7 +17,17 @@ from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, P
 from generation.search.method import DEFAULT
 from runner.run_options import RoadPath
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
+from schemas.commands.options import (
+    CatalogPath,
+    Verbose,
+    Version,
+    guarded,
+    interruptible,
+    new_app,
+    out_folder,
+    parameters_of,
+    progress_bar,
+)
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -93,6 +103,7 @@ def xosc_generate(
         float, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")
     ] = RunSettings.max_time,
     road_path: RoadPath = None,
+    catalog_path: CatalogPath = None,
     jobs: Jobs = 2,
     ray: Ray = None,
     _verbose: Verbose = False,
@@ -115,7 +126,8 @@ def xosc_generate(
 
     if method != ADVERSARY:
         search_of(method)  # what it needs is better asked for before recordings are read
-    run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=tuple(road_path or ()))
+    roads, catalogs = tuple(road_path or ()), tuple(catalog_path or ())
+    run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=roads, catalog_path=catalogs)
     settings = SearchSettings(
         run, method, budget, seed, density, weight, rss, jobs, ray,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,

@@ -257,6 +257,6 @@ def evidence(settings: SearchSettings) -> Evidence:
 
 
 def _write(scenario: Path, space: Space, out: Path, settings: SearchSettings, cases: Cases, density: Density) -> list[Path]:
-    of, writer = evidence(settings), Writer(scenario, space, out, settings.run.road_path)
+    of, writer = evidence(settings), Writer(scenario, space, out, settings.run)
     files = [writer.cases(cases, of), writer.density(density, settings.seed)]
     return files + (writer.concrete(cases, of) if settings.concrete else [])

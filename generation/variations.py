@@ -16,6 +16,7 @@ import xosc
 from generation.density.base import Density
 from generation.outcomes.cases import Cases
 from generation.search.space import Space
+from runner.settings import RunSettings
 from schemas.storage import digest, read_object, write_object
 from xodr.array_types import FloatArray
 from xosc.distributions import (
@@ -36,6 +37,8 @@ from xosc.exports.folder import Folder
 from xosc.files import Header, new_document
 from xosc.tags import Tag, annotated
 from xosc.tags import to_bytes as as_openlabel
+
+_AS_USUAL = RunSettings()
 
 AUTHOR = "xosc-toolchain"
 _BINS = 20
@@ -87,16 +90,16 @@ class Writer:
         scenario: the logical scenario, which is copied with all that it refers to.
         space: the parameters that were searched.
         folder: where to; what is there already is not overwritten.
-        road_path: folders in which road networks are looked for that are not where the scenario says.
+        run: where road networks and catalogues are looked for that are not where the scenario says.
 
     Raises:
         UsageError: something else is in the way there.
     """
 
-    def __init__(self, scenario: Path, space: Space, folder: Path, road_path: Sequence[str] = ()) -> None:
+    def __init__(self, scenario: Path, space: Space, folder: Path, run: RunSettings = _AS_USUAL) -> None:
         self._document = xosc.load(scenario)
         self._space, self._folder, self._stem = space, Folder(folder), scenario.stem
-        draft = Draft(self._folder, ExportSettings(roads=roads_in(*road_path)))
+        draft = Draft(self._folder, ExportSettings(roads=roads_in(*run.road_path), catalog_path=run.catalog_path))
         standard.add(
             _with_road(self._document, space), None, draft
         )  # parameters must stay: in other versions of the standard they may not

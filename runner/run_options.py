@@ -11,6 +11,7 @@ import typer
 
 from runner.measures.limits import EVENTS, UNITS
 from runner.settings import RunSettings
+from schemas.commands.options import CatalogPath
 
 Param = Annotated[
     list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter (repeatable).")
@@ -31,7 +32,6 @@ RoadPath = Annotated[
         help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
     ),
 ]
-
 _OPTIONS: dict[str, Any] = {
     "sut": Sut,
     "ego": Annotated[str | None, typer.Option(metavar="NAME", help="The ego, where it is not found by itself.")],
@@ -70,8 +70,11 @@ _OPTIONS: dict[str, Any] = {
         typer.Option(metavar="auto", help="auto: make straight roads with the lanes and lengths that the positions use."),
     ],
     "road_path": RoadPath,
+    "catalog_path": CatalogPath,
 }
 """By the name of the setting; the defaults are those of `RunSettings`, but where a command's own is None."""
+_LISTS = ("fail_if", "road_path", "catalog_path")
+"""Settings of options that can be repeated."""
 
 
 def with_run_settings(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -106,13 +109,13 @@ def _parameter(name: str, default: Any, annotation: Any) -> inspect.Parameter:
 
 
 def _default(name: str) -> Any:
-    return None if name in ("end_after_collision", "fail_if", "road_path") else getattr(RunSettings, name)
+    return None if name == "end_after_collision" or name in _LISTS else getattr(RunSettings, name)
 
 
 def _settings(given: dict[str, Any]) -> RunSettings:
     """Settings from the values of options; only what a system under test drives ends by a collision."""
     if given["end_after_collision"] is None:
         given["end_after_collision"] = given["sut"] != "none"
-    for name in ("fail_if", "road_path"):
+    for name in _LISTS:
         given[name] = tuple(given.get(name) or ())
     return RunSettings(**given)

@@ -42,6 +42,7 @@ class RunSettings:
         strict: refuse files that break their standard, where they are otherwise repaired with a remark.
         road: None for the road network that the scenario names; one of `ROADS` for another.
         road_path: folders in which road networks are looked for that are not where the scenario says (see `xosc.roads`).
+        catalog_path: folders in which directories of catalogues are, likewise (see `schemas.catalogs.locate`).
 
     Raises:
         UsageError: a value is out of its range, or there is no such world, system under test or limit.
@@ -59,6 +60,7 @@ class RunSettings:
     strict: bool = False
     road: str | None = None
     road_path: tuple[str, ...] = ()
+    catalog_path: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shortest, longest = _TIMESTEPS
@@ -86,5 +88,5 @@ class RunSettings:
         from runner.sut import system_name
 
         values = {each.name: getattr(self, each.name) for each in fields(self)}
-        lists = {"fail_if": list(self.fail_if), "road_path": list(self.road_path)}
+        lists = {name: list(getattr(self, name)) for name in ("fail_if", "road_path", "catalog_path")}
         return values | lists | {"sut": system_name(self.sut)}

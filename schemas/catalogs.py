@@ -2,16 +2,17 @@
 
 Source: OpenSCENARIO XML 1.3.1, sections 9.4 to 9.6: in the directories that CatalogLocations gives for the kind of element,
 every catalogue file counts; a catalogue is known by its name. Only where none has that name, the one whose file is called
-so is taken: some public libraries rely on it.
+so is taken: some public libraries rely on it. Directories that are not there are looked for in folders that were asked for.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from os import PathLike
 from pathlib import Path
 from typing import NamedTuple, Protocol
 from urllib.parse import unquote
@@ -53,6 +54,9 @@ class Loaded(Protocol):
     def version(self) -> tuple[int, int]: ...
 
 
+VARIABLE = "XOSC_CATALOG_PATH"
+"""Environment variable with more folders of catalogues, separated as in PATH."""
+Folders = Sequence[str | PathLike[str]]
 Load = Callable[[str], Loaded]
 """Reads a catalogue's file; raises a ToolchainError where it can't."""
 
@@ -135,15 +139,22 @@ class Catalogs:
         location: the directory that a location, named like VehicleCatalog, gives; None where the scenario has none.
         load: reads a catalogue's file.
         remarks: where remarks are added on directories that are found elsewhere.
+        folders: where to look for directories that are not there.
     """
 
     def __init__(
-        self, scenario: Path, location: Callable[[str], Directory | None], load: Load, remarks: Remarks | None = None
+        self,
+        scenario: Path,
+        location: Callable[[str], Directory | None],
+        load: Load,
+        remarks: Remarks | None = None,
+        folders: Folders = (),
     ) -> None:
         self._scenario = scenario
         self._location = location
         self._load = load
         self._remarks = remarks or Remarks()
+        self._folders = folders
         self._known: dict[tuple[str, ...], _Found] = {}
 
     def find(self, holder: str, catalog: str, name: str) -> Entry:
@@ -186,11 +197,11 @@ class Catalogs:
         incomplete = False
         for directory in directories:
             try:
-                located = locate(directory.path, self._scenario)
+                located = locate(directory.path, self._scenario, self._folders)
             except (OSError, ValueError):
                 incomplete = True
                 place = f"{directory.file}:{directory.line}"
-                problems.append(f"the directory {directory.path} ({place}) does not exist or can't be read")
+                problems.append(missing(directory.path, f" ({place})"))
                 continue
             files.update(dict.fromkeys(located.files))
             if located.assumed:
@@ -217,26 +228,48 @@ class Located(NamedTuple):
     assumed: str
 
 
-def locate(path: Path, scenario: Path) -> Located:
+def missing(directory: Path, place: str = "") -> str:
+    """What is said of a catalogue directory that is nowhere, and of the place where it is named."""
+    return (
+        f"the directory {directory}{place} does not exist or can't be read: put it there, or name the folder that has it with "
+        f"--catalog-path (or in {VARIABLE})"
+    )
+
+
+def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
     """Where the files of a catalogue directory are.
 
     A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: what does not exist is
-    looked for in other case, by its name in the scenario's folder and in the folders in that, then by its relative path in the
-    folders above.
+    looked for by its name in the folders that were asked for, which may be the directory themselves, in other case, by its name
+    in the scenario's folder and in the folders in that, then by its relative path in the folders above.
+
+    Args:
+        folders: where to look first, before those in XOSC_CATALOG_PATH.
 
     Raises:
         OSError, ValueError: there is no such directory, or it cannot be read.
     """
     assumed = ""
     if not path.exists():
-        found = next((place for place in _elsewhere(path, scenario) if place.exists()), None)
-        if found is not None:
+        asked_for = _asked_for(path, folders)
+        found = asked_for or next((place for place in _elsewhere(path, scenario) if place.exists()), None)
+        if found is not None and asked_for:
+            path = found
+        elif found is not None:
             path, assumed = found, f"there is no folder {path}: {found} is taken, by its name"
     if path.is_file():
         alone = f"{path} is a file, a folder is expected: that file alone is taken"
         return Located([os.path.normpath(path)], assumed or alone)
     files = sorted(os.path.normpath(entry.path) for entry in os.scandir(path) if entry.name.lower().endswith(".xosc"))
     return Located(files, assumed)
+
+
+def _asked_for(path: Path, folders: Folders) -> Path | None:
+    """The directory, or file, of that name in one of the folders that were asked for, or else the first that has catalogues."""
+    places = [Path(folder) for folder in (*folders, *filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)))]
+    name = os.path.basename(os.path.normpath(path))
+    named = next((place / name for place in places if (place / name).exists()), None)
+    return named or next((place for place in places if any(place.glob("*.xosc"))), None)
 
 
 def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:

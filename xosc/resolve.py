@@ -12,7 +12,7 @@ from typing import cast
 
 from lxml import etree
 
-from schemas.catalogs import ENTRIES, EXPECTED, Catalogs, Directory, Entry, NoEntry
+from schemas.catalogs import ENTRIES, EXPECTED, Catalogs, Directory, Entry, Folders, NoEntry
 from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError, is_expression
 from schemas.remarks import Remarks
@@ -72,6 +72,7 @@ def resolve(
     *,
     enforce_constraints: bool = True,
     strict: bool = False,
+    catalog_path: Folders = (),
 ) -> Resolved:
     """A copy of a scenario in which everything known at load time has been worked out.
 
@@ -86,6 +87,7 @@ def resolve(
         parameters: values of global parameters by name.
         enforce_constraints: whether a value that violates its constraint groups is an error, or only recorded.
         strict: refuse the faults that are otherwise repaired with a remark, those of the document among them.
+        catalog_path: folders in which directories of catalogues are looked for that are not where the scenario says.
 
     Raises:
         UsageError: a given parameter does not exist or is not of its type; the document is no scenario.
@@ -102,7 +104,8 @@ def resolve(
     remarks = Remarks(strict)
     remarks.add(*document.remarks)
     scopes = _bind(node, None, assigned, report, remarks)
-    _Inliner(Catalogs(document.path, partial(_directory, node), load, remarks), report, remarks).inline(node, scopes, ())
+    catalogs = Catalogs(document.path, partial(_directory, node), load, remarks, catalog_path)
+    _Inliner(catalogs, report, remarks).inline(node, scopes, ())
     if any(each.get("value") in absent_values.NOTHING for each in root.iter("ParameterDeclaration")):  # literals: see `load`
         remarks.add(*absent_values.repair(node, document.version))
     for_carla = is_for_carla(node)

@@ -18,6 +18,7 @@ import xosc
 from generation.adversary.course import START, Scene
 from generation.adversary.environment import Episodes
 from runner.interpreter.execution import prepare
+from runner.settings import RunSettings
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray
 from xodr.road import Road
@@ -30,6 +31,8 @@ from xosc.exports.folder import Folder
 from xosc.tags import Tag, annotated
 from xosc.tags import to_bytes as as_openlabel
 
+_AS_USUAL = RunSettings()
+
 AUTHOR = "xosc-toolchain"
 
 
@@ -38,16 +41,16 @@ class Writer:
 
     Args:
         scenario: the manoeuvre scenario whose actor is the adversary. scene: of it. folder: where to; nothing is overwritten.
-        dt: time step of the episodes, s. road_path: folders of road networks that are not where the scenario says.
+        dt: time step of the episodes, s. run: where road networks and catalogues are that are not where the scenario says.
 
     Raises:
         UsageError: something else is in the way there.
     """
 
-    def __init__(self, scenario: Path, scene: Scene, folder: Path, dt: float, road_path: Sequence[str] = ()) -> None:
+    def __init__(self, scenario: Path, scene: Scene, folder: Path, dt: float, run: RunSettings = _AS_USUAL) -> None:
         document = xosc.load(scenario)
         self._scene, self._folder, self._dt, self._stem = scene, Folder(folder), dt, scenario.stem
-        settings = ExportSettings(roads=roads_in(*road_path))
+        settings = ExportSettings(roads=roads_in(*run.road_path), catalog_path=run.catalog_path)
         standard.export(scenario, ".".join(map(str, document.version)), self._folder, settings)
         network = prepare(folder / scenario.name).scenario.network
         assert network is not None

@@ -96,7 +96,7 @@ def _generated(scenario: Path, out: Path, settings: Settings, progress: Callable
     starts = starts_of(scenario, settings.pinned)
     found = search(scene, driving, starts, run.sut, run.timestep, settings.seed, settings.search, progress)
     count = min(len(found.failures.contact), settings.most, settings.budget // (1 + len(JUDGES)))
-    writer, files = Writer(scenario, scene, out, run.timestep, run.road_path), []
+    writer, files = Writer(scenario, scene, out, run.timestep, run), []
     for row in range(count):
         files.append(writer.write(found.failures, row, row, _tags(found.failures, row, driving, settings)))
     outcomes = _run(files, settings)

@@ -60,7 +60,7 @@ def _referred(scenario: Path, run: RunSettings, pinned: Mapping[str, str]) -> It
     for location in locations.children() if locations is not None else ():
         directory = location.need("Directory")
         with suppress(OSError, ValueError):
-            yield from sorted(Path(file) for file in locate(directory.file("path"), scenario).files)
+            yield from sorted(Path(file) for file in locate(directory.file("path"), scenario, run.catalog_path).files)
 
 
 def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:

@@ -78,9 +78,7 @@ def counterexamples(
         return Counterexamples(cases, np.zeros(0, bool), np.zeros(0, bool), ())
     foreseeable = generated.prior.foreseeable(cases.theta)
     preventable = np.any([cases.drivers[name].survived for name in JUDGES], axis=0)
-    files = Writer(scenario, generated.space, out, settings.run.road_path).concrete(
-        cases, evidence(settings), [each[0] for each in names]
-    )
+    files = Writer(scenario, generated.space, out, settings.run).concrete(cases, evidence(settings), [each[0] for each in names])
     found = []
     for row, (file, each) in enumerate(zip(files, names, strict=True)):
         replay, reproduced = _played(file, settings)

@@ -52,8 +52,10 @@ def _export_settings(settings: RunSettings) -> ExportSettings:
     from runner.exports.geometry import RunnerGeometry
     from runner.interpreter.roads import made_roads
 
-    roads = made_roads if settings.road == "auto" else roads_in(*settings.road_path)
-    return ExportSettings(settings.strict, roads, None if settings.strict else partial(RunnerGeometry, settings=settings))
+    made = partial(made_roads, catalog_path=settings.catalog_path)
+    roads = made if settings.road == "auto" else roads_in(*settings.road_path)
+    locate = None if settings.strict else partial(RunnerGeometry, settings=settings)
+    return ExportSettings(settings.strict, roads, locate, settings.catalog_path)
 
 
 def export_runs(

@@ -40,7 +40,11 @@ def compile_file(scenario: str | PathLike[str], parameters: Mapping[str, Argumen
     from runner.interpreter.roads import load_roads
 
     document = xosc.resolve(
-        xosc.load(Path(scenario)), parameters, enforce_constraints=settings.enforce_constraints, strict=settings.strict
+        xosc.load(Path(scenario)),
+        parameters,
+        enforce_constraints=settings.enforce_constraints,
+        strict=settings.strict,
+        catalog_path=settings.catalog_path,
     )
     network, assumed = load_roads(document, settings)
     document = replace(document, remarks=(*document.remarks, *assumed))

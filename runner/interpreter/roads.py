@@ -17,6 +17,8 @@ from xosc.resolve import resolve
 from xosc.roads import RULE, RoadFile, find_roads
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from runner.settings import RunSettings
     from xodr.builders.assumed import RoadUse
     from xodr.network import RoadNetwork
@@ -43,9 +45,9 @@ def load_roads(document: Resolved, settings: RunSettings) -> tuple[RoadNetwork |
     return network, () if found.remark is None else (found.remark,)
 
 
-def made_roads(logic: Node) -> RoadFile:
+def made_roads(logic: Node, catalog_path: Sequence[str] = ()) -> RoadFile:
     """Roads as a scenario's positions use them, whatever road network its LogicFile names; errors as in `load_roads`."""
-    return _made(resolve(load(logic.path)).node, logic)
+    return _made(resolve(load(logic.path), catalog_path=catalog_path).node, logic)
 
 
 def _made(scenario: Node, logic: Node) -> RoadFile:

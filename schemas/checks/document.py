@@ -11,7 +11,7 @@ from typing import NamedTuple
 from lxml import etree
 
 from schemas import expressions
-from schemas.catalogs import Catalogs, Directory, Entry, NoEntry, referred
+from schemas.catalogs import Catalogs, Directory, Entry, Folders, NoEntry, referred
 from schemas.checks import roads
 from schemas.checks.problems import Problem
 from schemas.errors import InvalidFile, ToolchainError
@@ -30,10 +30,11 @@ class Document:
         path: its file, the base of the relative paths in it.
     """
 
-    def __init__(self, tree: etree._ElementTree, path: Path) -> None:
+    def __init__(self, tree: etree._ElementTree, path: Path, catalog_path: Folders = ()) -> None:
         self.tree = tree
         self.root = tree.getroot()
         self.path = path
+        self.catalog_path = catalog_path
         self._defaults: dict[etree._Element, expressions.Value | None] = {}
         self._pending: set[etree._Element] = set()
         self._sources: dict[str, Document] = {}
@@ -194,7 +195,7 @@ class Document:
     @cached_property
     def catalogs(self) -> Catalogs:
         """The catalogues in the scenario's catalogue locations."""
-        return Catalogs(self.path, self._directory, _load)
+        return Catalogs(self.path, self._directory, _load, folders=self.catalog_path)
 
     def _directory(self, location: str) -> Directory | None:
         for element in self.elements(location):

@@ -44,6 +44,14 @@ def _print_version(context: typer.Context, requested: bool) -> None:
         raise typer.Exit
 
 
+CatalogPath = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--catalog-path",
+        metavar="DIR",
+        help="Folder with catalogues that are not where the scenario says (repeatable; also XOSC_CATALOG_PATH).",
+    ),
+]
 Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
 

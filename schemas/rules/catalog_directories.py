@@ -19,7 +19,7 @@ def check(document: Document) -> Iterator[Finding]:
         if name is None:
             continue
         try:
-            fault = locate(document.file(name), document.path).assumed
+            fault = locate(document.file(name), document.path, document.catalog_path).assumed
         except (OSError, ValueError):
             fault = f"there is no folder {name!r}"
         if fault:

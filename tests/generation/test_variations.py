@@ -147,5 +147,5 @@ def test_a_road_in_a_folder_that_is_asked_for_is_played_and_taken_along(tmp_path
     settings = RunSettings(road_path=(str(elsewhere),))
     middle = (SPACE.low + SPACE.high)[np.newaxis] / 2.0
     assert Twin(source, SPACE, settings)(middle).executed.all()
-    Writer(source, SPACE, tmp_path / "out", settings.road_path)
+    Writer(source, SPACE, tmp_path / "out", settings)
     assert runner.run(tmp_path / "out" / CUT_IN.name, world="kinematic", max_time=0.2).status

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lxml import etree
 
+from schemas.catalogs import Folders
 from xosc.distributions import ParameterSpace, variations
 from xosc.document import Document, load
 from xosc.node import SOURCE, Node
@@ -23,7 +24,13 @@ _REFERENCES = ("parameterRef",)
 """Attributes by which an element names a parameter when the scenario runs."""
 
 
-def concrete(document: Document, parameters: Mapping[str, Argument] | None = None, *, strict: bool = False) -> Document:
+def concrete(
+    document: Document,
+    parameters: Mapping[str, Argument] | None = None,
+    *,
+    strict: bool = False,
+    catalog_path: Folders = (),
+) -> Document:
     """A scenario whose attributes are literals, with catalogue entries in the place of the references to them.
 
     Its version is the newest of its own and those of its catalogues.
@@ -32,7 +39,7 @@ def concrete(document: Document, parameters: Mapping[str, Argument] | None = Non
     Raises:
         UsageError, InvalidFile: as in `xosc.resolve`.
     """
-    resolved = resolve(document, parameters, strict=strict)
+    resolved = resolve(document, parameters, strict=strict, catalog_path=catalog_path)
     named = {element.get(name) for element in resolved.root.iter() for name in _REFERENCES if element.get(name)}
     for declarations in list(resolved.root.iter("ParameterDeclarations")):
         for declaration in list(declarations):
@@ -69,13 +76,14 @@ def _sources(resolved: Document) -> set[str]:
     return {str(element.get(SOURCE)) for element in resolved.root.iter() if element.get(SOURCE)}
 
 
-def concrete_scenarios(path: Path, *, strict: bool = False) -> Iterator[tuple[str, Document]]:
+def concrete_scenarios(path: Path, *, strict: bool = False, catalog_path: Folders = ()) -> Iterator[tuple[str, Document]]:
     """Name (without ending) and worked-out document of each scenario that a file stands for.
 
     A scenario stands for itself, a distribution for its scenario with every set of parameters, numbered as by `xosc-run`.
 
     Args:
         strict: refuse the faults that are otherwise repaired with a remark.
+        catalog_path: as in `xosc.resolve`.
 
     Raises:
         Unsupported: there are more than `MAX_SETS` sets.
@@ -83,13 +91,14 @@ def concrete_scenarios(path: Path, *, strict: bool = False) -> Iterator[tuple[st
     """
     document = load(path)
     if document.kind == "scenario":
-        yield path.stem, concrete(document, strict=strict)
+        yield path.stem, concrete(document, strict=strict, catalog_path=catalog_path)
         return
     size = ParameterSpace(path).size
     if size > MAX_SETS:
         raise document.node.unsupported(f"{size} sets of parameters would be {size} files, at most {MAX_SETS} are written")
     for number, (scenario, parameters) in enumerate(variations(path)):
-        yield f"{path.stem}~{number:06d}", concrete(load(scenario), parameters, strict=strict)
+        worked_out = concrete(load(scenario), parameters, strict=strict, catalog_path=catalog_path)
+        yield f"{path.stem}~{number:06d}", worked_out
 
 
 def copied(document: Document) -> Document:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
 
+from schemas.catalogs import Folders
 from schemas.remarks import Remark, Remarks
 from xosc.document import Document
 from xosc.exports.folder import Folder
@@ -35,11 +36,13 @@ class ExportSettings:
         strict: refuse what is otherwise repaired, changed or left out with a remark.
         roads: where road networks are.
         locate: puts scenarios on their roads; None leaves out the changes that need it.
+        catalog_path: folders in which directories of catalogues are looked for that are not where the scenario says.
     """
 
     strict: bool = False
     roads: Roads = field(default_factory=roads_in)
     locate: Locate | None = None
+    catalog_path: Folders = ()
 
 
 DEFAULTS = ExportSettings()

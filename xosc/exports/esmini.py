@@ -99,7 +99,8 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
 
 def _check(document: Document, draft: Draft) -> None:
     """Remarks on a scenario as it stands, and with catalogue entries and values in the place of the references to them."""
-    both = (document, resolve(document, strict=draft.settings.strict))
+    settings = draft.settings
+    both = (document, resolve(document, strict=settings.strict, catalog_path=settings.catalog_path))
     for each in both:
         refuse(each, _REFUSED)
     for each in both:

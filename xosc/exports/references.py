@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from schemas.catalogs import locate
+from schemas.catalogs import locate, missing
 from schemas.errors import InvalidFile
 from schemas.storage import read_bytes
 from xosc.document import Document, load
@@ -62,9 +62,9 @@ def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:
         node = location.need("Directory")
         source = _literal(node, "path")
         try:
-            files = [Path(file) for file in locate(source, document.path).files]
+            files = [Path(file) for file in locate(source, document.path, draft.settings.catalog_path).files]
         except (OSError, ValueError):
-            raise node.invalid(f"the directory {source} does not exist or can't be read") from None
+            raise node.invalid(missing(source)) from None
         for catalog in [load(file, strict=draft.settings.strict) for file in files]:
             if catalog.kind == "catalog":
                 draft.note(*catalog.remarks)

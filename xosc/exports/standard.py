@@ -72,7 +72,9 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
         add(document, version, trial)
         return trial.write()
     except Unsupported as error:
-        add_worked_out(concrete(document, strict=draft.settings.strict), version, draft)
+        settings = draft.settings
+        worked_out = concrete(document, strict=settings.strict, catalog_path=settings.catalog_path)
+        add_worked_out(worked_out, version, draft)
         return draft.write(f"everything is worked out: {error}")
 
 
@@ -155,6 +157,7 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
 
 def write_sets(document: Document, version: Version | None, draft: Draft, remark: str) -> Sequence[str]:
     """Write the scenario of a distribution with each set of its parameters worked out; remarks and errors as in `export`."""
-    for name, worked_out in concrete_scenarios(document.path, strict=draft.settings.strict):
+    settings = draft.settings
+    for name, worked_out in concrete_scenarios(document.path, strict=settings.strict, catalog_path=settings.catalog_path):
         add_worked_out(worked_out, version, draft, name)
     return draft.write(remark)
