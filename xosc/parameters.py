@@ -151,7 +151,8 @@ class Scope:
         for name, declaration in self.declarations.items():
             groups = declaration.children("ConstraintGroup")
             parameter = self._visible[name]
-            if groups and not any(all(self._holds(parameter, item) for item in group.children()) for group in groups):
+            held = [[self._holds(parameter, item) for item in group.children()] for group in groups]  # a faulty one is refused
+            if groups and not any(map(all, held)):
                 limits = " or ".join(f"({_described(group)})" if len(groups) > 1 else _described(group) for group in groups)
                 yield declaration.invalid(f"the parameter {name} = {parameter.text} violates its constraint: {limits}")
 

@@ -262,3 +262,9 @@ def test_violations_that_are_not_enforced_are_recorded(tmp_path: Path) -> None:
     assert "Speed = 70" in str(violation)
     assert violation.line == 5
     assert xosc.resolve(document, {"Speed": 50}, enforce_constraints=False).violations == ()
+
+
+def test_a_constraint_without_a_meaning_is_refused_where_another_group_holds_already(scenario):
+    groups = [("lessThan", "2")], [("below", "2")]
+    with pytest.raises(InvalidFile, match="'below' is not a rule"):
+        resolved(scenario(parameters=parameter("p", "1", "double", *groups)))
