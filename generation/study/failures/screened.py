@@ -1,5 +1,5 @@
 """The extras of quality-diversity search for any method: runs are spent only on what is foreseeable, unlike known failures, and
-fails on the twin in a way that a careful driver prevents."""
+fails on the twin in a way that a careful driver prevents; without a twin, is likely to fail by the runs so far."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ LEAST = 0.05
 def screened(search: Search, proposals: int) -> Search:
     """The method, with a budget of proposals; it ends before, once the runs are spent.
 
-    What is not worth a try is answered as a scenario in which nothing happens, the rest by the twin (without one, by runs).
+    What is not worth a try is answered as a scenario in which nothing happens, the rest by the twin. Without a twin, the most
+    promising proposals are run, as many as the budget has for so many proposals, the rest is answered by the run most like it.
 
     Args:
         proposals: points that the method may propose at most.
     """
 
     def searching(problem: Problem, budget: int, seed: int) -> History:
-        answers = _Answers(Screen(problem, budget, LEAST))
+        answers = _Answers(Screen(problem, budget, LEAST, pace=proposals / budget))
         with suppress(_Spent):
             search(replace(problem, evaluate=answers), proposals, seed)
         answers.screen.spend()
@@ -51,8 +52,6 @@ class _Answers:
         if not screen.left:
             raise _Spent
         tried = np.flatnonzero(screen.worth(theta))
-        if screen.twin is None:
-            tried = tried[: screen.left]
         found = np.arange(len(theta))
         found[tried] = len(theta) + np.arange(len(tried))
         outcomes = screen.attempt(theta[tried]).outcomes if len(tried) else Outcomes.of(0)

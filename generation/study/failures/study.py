@@ -46,19 +46,20 @@ class Comparison:
             return None
         counting = None if posed.problem.twin is None else Counting(posed.problem.twin)
         problem = replace(posed.problem, twin=counting)
-        history = self._method(name, counting is not None)(problem, self.budget, seed)
+        history = self._method(name)(problem, self.budget, seed)
         played = counting.played if counting is not None else 0
         counts = counted(history, posed, played)
         save(counts, path, self.budget)
         return counts
 
-    def _method(self, name: str, twin: bool) -> Search:
+    def _method(self, name: str) -> Search:
         """As many proposals for all methods, where they are screened, on a twin or by the prior alone."""
         settings = dict(self.tuned.get(name, {}))
         if self.extras is None:
             return with_settings(name, settings)
         if name == DEFAULT:
-            return with_settings(name, settings | {"generations": QualitySettings().generations_of(self.extras, twin)})
+            own = {"generations": QualitySettings().generations_of(self.extras), "pace": self.extras / self.budget}
+            return with_settings(name, settings | own)
         return screened(with_settings(name, settings), min(self.extras, SLOW.get(name, self.extras)))
 
 

@@ -11,6 +11,7 @@ from generation.logical.library import SCENARIOS
 from generation.outcomes.references import survivors
 from generation.recorded import of_recordings, of_samples
 from generation.search.diversity import distinctive
+from generation.search.nearness import nearness
 from generation.search.problem import Calls, History, Problem
 from generation.search.reward import Realism, Reward
 from generation.search.space import Space
@@ -60,6 +61,15 @@ def test_a_screened_method_runs_only_new_failures_that_are_foreseeable_and_preve
 def test_a_screened_method_ends_with_its_runs(posed: Problem) -> None:
     assert len(screened(traffic, 30000)(posed, 1, 1).theta) == 1
     assert len(screened(with_settings("random", {"batch": 500}), 1000)(replace(posed, twin=None), 5, 1).theta) <= 5
+
+
+def test_without_a_twin_the_runs_last_for_all_proposals_and_the_most_promising_are_run(posed: Problem) -> None:
+    alone = screened(traffic, 9000)(replace(posed, twin=None), 90, 1)
+    assert len(alone.theta) == 90
+    assert posed.prior is not None
+    assert posed.prior.foreseeable(alone.theta).all()
+    drawn = posed.evaluate(posed.prior.sample(1000, np.random.default_rng(1)))
+    assert nearness(alone.outcomes).mean() > 2.0 * nearness(drawn).mean()
 
 
 def test_every_trial_is_of_settings_that_its_method_has() -> None:

@@ -1,0 +1,36 @@
+"""The model of runs so far: it ranks points by how near they come to a failure, and knows the run that is most like a point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from generation.outcomes.outcomes import Outcomes
+from generation.search.nearness import nearness
+from generation.search.surrogate import Surrogate
+
+
+def test_points_near_failures_come_first() -> None:
+    x = np.random.default_rng(0).random((400, 3))
+    surrogate = Surrogate()
+    surrogate.learn(x[:300], Outcomes.of(300, collision=x[:300, 0] > 0.8, max_drac=8.0 * x[:300, 0], clearance=[1.0] * 300))
+    assert len(surrogate) == 300
+    order = surrogate.ranked(x[300:])
+    np.testing.assert_array_equal(np.sort(order), np.arange(100))
+    assert x[300:][order[:10], 0].min() > 0.75
+    assert x[300:][order[-10:], 0].max() < 0.25
+
+
+def test_a_point_is_like_the_nearest_run() -> None:
+    surrogate = Surrogate()
+    np.testing.assert_array_equal(surrogate.ranked(np.zeros((3, 2))), [0, 1, 2])
+    assert not surrogate.alike(np.zeros((3, 2))).collision.any()
+    surrogate.learn(np.array([[0.1, 0.1]]), Outcomes.of(1, collision=[True]))
+    surrogate.learn(np.array([[0.9, 0.9]]), Outcomes.of(1, collision=[False]))
+    np.testing.assert_array_equal(surrogate.alike(np.array([[0.2, 0.3], [0.8, 0.6]])).collision, [True, False])
+
+
+def test_passing_in_another_lane_is_further_from_a_failure_than_braking_for_a_leader() -> None:
+    beside, braking, error = nearness(
+        Outcomes.of(3, clearance=[1.95, 6.0, 0.0], max_drac=[0.0, 3.0, 9.0], status=["completed", "completed", "error"])
+    )
+    assert error == 0.0 < beside < braking < 1.0
