@@ -50,7 +50,7 @@ class Recorded(NamedTuple):
         values: recorded values (n,) by parameter, of pinned ones too.
         roles: of these parameters.
         marginals: densities of those of which nothing is recorded; their columns of `theta` are drawn.
-        kind: of the units; empty where they are of several or none.
+        kind: of the units, or of the pairs; empty where they are of several or none.
         exposure: of the recordings, by their names; none where it is not known.
         pairs: what two adversaries did, where the rows are such pairs.
     """
@@ -247,7 +247,7 @@ def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
     kept = samples.apart(values)
     values = {name: each[kept] for name, each in values.items()}
     theta = np.stack([values[name] for name in space.names], axis=1)
-    return Recorded(theta, recordings[kept], None, values, samples.roles, pairs=samples)
+    return Recorded(theta, recordings[kept], None, values, samples.roles, {}, samples.kind, samples.exposure, samples)
 
 
 def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, IntArray]:

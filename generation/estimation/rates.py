@@ -2,12 +2,14 @@
 
 Manoeuvres are a Poisson process with the posterior Gamma(count + ½, exposure) of its rate; of these a share Beta(possible + ½,
 others + ½) is what the estimate is of; the probability is log-normal, as its interval is. ½ is the prior of H. Jeffreys, 1946.
+Pairs of simultaneous manoeuvres are found among those that have parameters; how many more there are follows from the share of
+each kind that has some, as if it were independent of the other one.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,11 +42,11 @@ class Rate(NamedTuple):
 
 @dataclass(frozen=True)
 class Driving:
-    """What recordings say of how often a manoeuvre comes.
+    """What recordings say of how often a manoeuvre comes, or a pair of them.
 
     Attributes:
         exposure: of all recordings.
-        kind: of the units.
+        kind: of the units, or pairs.
         recordings: how many there are.
         units: how many of the units have parameters. possible: how many of these are within the density's limits.
     """
@@ -90,13 +92,17 @@ def driving(recorded: Recorded, space: Space, prior: Prior) -> Driving | str:
     total = Exposure.total(recorded.exposure.values())
     if not (total.hours and total.kilometres):
         return "nothing is recorded of how many hours and kilometres were driven"
-    if len({role.actor for role in recorded.roles.values()}) > 1:
+    pairs = recorded.pairs
+    if pairs is None and len({role.actor for role in recorded.roles.values()}) > 1:
         return "it combines units of several actors, and nothing is recorded of how often they come together"
     pinned = [name for name, role in recorded.roles.items() if name in space.pinned and role.role not in NUISANCES]
     if pinned:
         return f"{pinned[0]} is pinned, and manoeuvres were counted at all its values"
-    possible = int(prior.possible(recorded.theta).sum())
-    return Driving(total, recorded.kind, len(recorded.exposure), len(recorded.theta), possible)
+    units, possible = len(recorded.theta), int(prior.possible(recorded.theta).sum())
+    if pairs is not None:
+        units = len(pairs.recordings)
+        total = replace(total, counts={pairs.kind: round(units / pairs.known)})
+    return Driving(total, recorded.kind, len(recorded.exposure), units, possible)
 
 
 def _chances(probability: Probability, generator: np.random.Generator) -> tuple[FloatArray, float]:

@@ -14,6 +14,7 @@ from generation.logical.maneuvers import EGO
 from generation.logical.pairs.scenario import BEGIN, LEAD_IN, ROLES
 from generation.logical.pairs.table import Follower, Pair, Part
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
+from recognition.maneuvers.units.exposure import Exposure
 from recognition.maneuvers.units.pairs import LENGTH, Followed, Pairs, followed, pairs
 from recognition.maneuvers.units.samples import Samples
 from xodr.array_types import BoolArray, FloatArray
@@ -25,7 +26,23 @@ _CROSSED = 0.5
 
 
 class PairUnits(ABC):
-    """Recorded pairs of what two adversaries do."""
+    """Recorded pairs of what two adversaries do.
+
+    Attributes:
+        known: share of such pairs in recordings whose parameters could be estimated.
+    """
+
+    known: float
+
+    @property
+    @abstractmethod
+    def kind(self) -> str:
+        """Kinds of the units, for people."""
+
+    @property
+    @abstractmethod
+    def exposure(self) -> Mapping[str, Exposure]:
+        """Of all recordings that pairs were sought in, by their names; none where it is not known."""
 
     @property
     @abstractmethod
@@ -53,10 +70,16 @@ class PairUnits(ABC):
 
 def pair_units(samples: Samples, pair: Pair) -> PairUnits:
     """The pairs among units."""
-    second = pair.second
+    second, known = pair.second, float(np.prod([_known(samples, part.kind) for part in pair.parts]))
     if isinstance(second, Follower):
-        return BehindUnits(pair.first, second, followed(samples, pair.first.kind))
-    return AheadUnits(pair.ego_lane, pair.first, second, pairs(samples, pair.first.kind, second.kind))
+        return BehindUnits(pair.first, second, followed(samples, pair.first.kind), known)
+    return AheadUnits(pair.ego_lane, pair.first, second, pairs(samples, pair.first.kind, second.kind), known)
+
+
+def _known(samples: Samples, kind: str) -> float:
+    """Share of the units of a kind whose parameters could be estimated, by the counts of the exposure; 1 without these."""
+    counted = Exposure.total(samples.exposure.values()).counts.get(kind, 0)
+    return float((samples.kinds == kind).sum()) / counted if counted else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +94,17 @@ class AheadUnits(PairUnits):
     first: Part
     second: Part
     units: Pairs
+    known: float = 1.0
+
+    @property
+    def kind(self) -> str:
+        """Kinds of the two."""
+        return f"{self.first.kind} with {self.second.kind}"
+
+    @property
+    def exposure(self) -> Mapping[str, Exposure]:
+        """Of all recordings, by their names."""
+        return self.units.first.exposure
 
     @property
     def recordings(self) -> NDArray[np.str_]:
@@ -129,6 +163,17 @@ class BehindUnits(PairUnits):
     first: Part
     second: Follower
     units: Followed
+    known: float = 1.0
+
+    @property
+    def kind(self) -> str:
+        """The first one's."""
+        return f"{self.first.kind} before one who is followed"
+
+    @property
+    def exposure(self) -> Mapping[str, Exposure]:
+        """Of all recordings, by their names."""
+        return self.units.units.exposure
 
     @property
     def recordings(self) -> NDArray[np.str_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,11 @@ from generation.density.roles import Role
 from generation.estimation.probability import Probability, probability
 from generation.estimation.rates import PER_DISTANCE, PER_HOUR, Driving, driving
 from generation.logical.library import SCENARIOS
+from generation.logical.pairs.table import PAIRS
+from generation.logical.pairs.units import PairUnits, pair_units
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
-from recognition.maneuvers.units import Exposure, extract
+from recognition.maneuvers.units import OWN, Exposure, Samples, extract
 from tests.recognition.motorway import write_motorway
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -69,6 +72,33 @@ def test_recordings_of_others_have_rates(tmp_path: Path) -> None:
     assert (found.kind, found.recordings, found.units) == ("cut_in", 1, len(recorded.theta))
     assert found.count >= found.units >= found.possible
     assert "cut_in in 0." in str(found)
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_pairs_have_rates_of_the_recordings_that_they_were_sought_in(name: str) -> None:
+    space = Space.of(SCENARIOS / f"{name}_highway.xosc")
+    samples, pairs = Samples.read(OWN), of_recordings(None, name)
+    assert isinstance(pairs, PairUnits)
+    recorded = of_samples(pairs, space)
+    found = driving(recorded, space, recorded.prior(space, "gaussian"))
+    assert isinstance(found, Driving)
+    every = Exposure.total(samples.exposure.values())
+    assert (found.exposure.hours, found.exposure.kilometres) == (every.hours, every.kilometres)
+    assert found.count > found.units == len(pairs.recordings) >= len(recorded.theta) >= found.possible > 0
+    kinds = [(samples.kinds == part.kind).sum() / every.counts[part.kind] for part in PAIRS[name].parts]
+    assert found.count == pytest.approx(found.units / np.prod(kinds), abs=0.5)
+    rate = found.rates(SURE)[PER_HOUR]
+    assert rate.value == pytest.approx(0.01 * found.possible / found.units * found.count / every.hours)
+    assert f"{found.count} manoeuvres {pairs.kind} in " in str(found)
+
+
+def test_pairs_without_exposure_have_no_rates() -> None:
+    name = next(iter(PAIRS))
+    space = Space.of(SCENARIOS / f"{name}_highway.xosc")
+    samples = replace(Samples.read(OWN), exposure={})
+    recorded = of_samples(pair_units(samples, PAIRS[name]), space)
+    assert recorded.pairs is not None and recorded.pairs.known == 1.0
+    assert "how many hours" in str(driving(recorded, space, recorded.prior(space, "gaussian")))
 
 
 def test_what_is_not_known_is_said_by_name(tmp_path: Path) -> None:
