@@ -38,7 +38,7 @@ class Surrogate:
 
     def ranked(self, x: FloatArray) -> IntArray:
         """Indices of points (n, k), those that come nearest to a failure first; in their order while there are no runs."""
-        if not len(self):
+        if not len(self) or not len(x):
             return np.arange(len(x))
         outcomes = joined(self._outcomes)
         scores = np.where(outcomes.collision & outcomes.executed, 1.0, nearness(outcomes))

@@ -14,6 +14,7 @@ def test_points_near_failures_come_first() -> None:
     surrogate = Surrogate()
     surrogate.learn(x[:300], Outcomes.of(300, collision=x[:300, 0] > 0.8, max_drac=8.0 * x[:300, 0], clearance=[1.0] * 300))
     assert len(surrogate) == 300
+    assert not len(surrogate.ranked(x[:0]))
     order = surrogate.ranked(x[300:])
     np.testing.assert_array_equal(np.sort(order), np.arange(100))
     assert x[300:][order[:10], 0].min() > 0.75
