@@ -117,6 +117,17 @@ class RunnerGeometry:
         row = int(np.searchsorted(track.columns["time"], time - _SAME))
         return self._state(track, row) if row < len(track.columns["time"]) else None
 
+    def put(self, action: Node, entity: str) -> Place | None:
+        """Where an action puts an entity at once in that run; None where it doesn't begin."""
+        time, track = self.begins(action), self._whole.recording.tracks.get(entity)
+        if time is None or track is None:
+            return None
+        rows = np.flatnonzero(track.columns["time"] > time + _SAME)[:1]  # a step after it, which it has driven on
+        for x, y, z, h, speed in zip(*(track.columns[each][rows] for each in ("x", "y", "z", "h", "speed")), strict=True):
+            gone = float(speed) * self._settings.timestep
+            return Place(float(x) - gone * math.cos(h), float(y) - gone * math.sin(h), float(z), float(h))
+        return None
+
     def direction(self, road: str, lane: int) -> int:
         """1 where the traffic of a lane drives towards greater s, else −1."""
         assert self._network is not None

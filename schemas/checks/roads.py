@@ -53,16 +53,9 @@ def _read(path: Path, _stamp: Stamp) -> Roads:
     root = parse(path).getroot()
     if local_name(root) != "OpenDRIVE":
         raise InvalidFile(f"the root element is <{local_name(root)}>, not OpenDRIVE", path=path)
-    roads: dict[str, Road] = {}
-    signals, controllers = set(), set()
-    for element in root.iter("{*}road", "{*}signal", "{*}controller", "{*}geoReference"):
-        name, identity = local_name(element), element.get("id") or ""
-        if name == "road":
-            roads[identity] = _road(element)
-        elif name == "signal":
-            signals.add(identity)
-        elif name == "controller":
-            controllers.add(identity)
+    roads = {element.get("id") or "": _road(element) for element in root.iterchildren("{*}road")}
+    signals = {element.get("id") or "" for element in root.iter("{*}signal")}
+    controllers = {element.get("id") or "" for element in root.iter("{*}controller")}
     geo_reference = any((element.text or "").strip() for element in root.iter("{*}geoReference"))
     return Roads(path, geo_reference, roads, frozenset(signals), frozenset(controllers))
 

@@ -105,3 +105,31 @@ def test_lane_changes_that_no_way_stands_for_are_refused(why: str, tmp_path: Pat
     path.write_text(text, encoding="utf-8")
     (done,) = export_documents([path], TARGETS["carla"], Folder(tmp_path / "out"))
     assert done.exit_code == 4 and "other lanes of the same direction only" in done.remarks[0]
+
+
+TELEPORTED = [WHERE.format(-1, 20), '<RelativeRoadPosition entityRef="Ego" ds="30" dt="-1"/>']
+
+
+@pytest.mark.parametrize("position", TELEPORTED)
+def test_places_beside_others_for_carla_are_those_of_a_run(position: str, tmp_path: Path) -> None:
+    teleport = f"<PrivateAction><TeleportAction><Position>{position}</Position></TeleportAction></PrivateAction>"
+    path = scenario(tmp_path, stories=story("Lead", [(1.0, teleport)]), stop=4.0)
+    copy, remarks = exported(path, "carla", tmp_path / "out")
+    assert any("written as the place where it is in a run" in remark for remark in remarks)
+    assert stops_at(xosc.load(copy).root) == [] and distance(path, copy) < 0.01
+
+
+@pytest.mark.parametrize("target", ["1.0", "carla"])
+def test_a_headway_ahead_is_one_along_the_route(target: str, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Lead", [(1.0, speed_action(5))]), stop=6.0)
+    text, time = path.read_text(encoding="utf-8"), '<SimulationTimeCondition value="1.0" rule="greaterOrEqual"/>'
+    headway = (
+        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
+        '<EntityCondition><TimeHeadwayCondition entityRef="Lead" value="1.5" freespace="false" coordinateSystem="entity" '
+        'relativeDistanceType="longitudinal" rule="lessThan"/></EntityCondition></ByEntityCondition>'
+    )
+    assert time in text
+    path.write_text(text.replace(f"<ByValueCondition>{time}</ByValueCondition>", headway), encoding="utf-8")
+    copy, remarks = exported(path, target, tmp_path / "out")
+    assert any("a distance ahead is written as one along the route" in remark for remark in remarks)
+    assert distance(path, copy) < 1e-6

@@ -198,6 +198,7 @@ def _along_route(condition: etree._Element) -> None:
 _NOT_SHOWN = "this version does not have it, and no motion depends on it"
 _COUNTED = "TimeOfDayCondition"
 _ALONG = "[@coordinateSystem='road' and @relativeDistanceType='longitudinal']"
+_AHEAD = "[(@coordinateSystem='entity' or not(@coordinateSystem)) and @relativeDistanceType='longitudinal']"
 
 OMISSIONS: tuple[Omission, ...] = (
     # 1.3
@@ -258,6 +259,9 @@ OMISSIONS: tuple[Omission, ...] = (
     Omission(
         (1, 1), " | ".join(f"//{tag}Condition{_ALONG}" for tag in ("TimeHeadway", "TimeToCollision", "Distance")),
         _along_route, "a distance along the road is written as one along the route",
+    ),
+    Omission(
+        (1, 1), f"//TimeHeadwayCondition{_AHEAD}", _along_route, "a distance ahead is written as one along the route",
     ),
 )  # fmt: skip
 """In the order in which they are made."""

@@ -15,7 +15,7 @@ from xosc.exports.carla.beginning import begin
 from xosc.exports.carla.changes import change
 from xosc.exports.carla.delays import no_delays
 from xosc.exports.carla.dialect import IGNORED, REFUSED
-from xosc.exports.carla.driven import trajectories
+from xosc.exports.carla.driven import teleports, trajectories
 from xosc.exports.carla.lane_changes import change_lanes
 from xosc.exports.carla.town import settle
 from xosc.exports.carla.ways import routes, steer, times
@@ -86,7 +86,8 @@ def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str
         *polylines(scenario, geometry, _CURVES, offsets=True, during=geometry.during),
         *in_world(scenario, geometry, _is_read_otherwise),
     )
-    draft.note(*routes(scenario, geometry), *begin(scenario, known), *trajectories(scenario, geometry))
+    draft.note(*routes(scenario, geometry), *begin(scenario, known))
+    draft.note(*trajectories(scenario, geometry), *teleports(scenario, geometry))
     times(scenario)
     return {**starts(scenario.node), **known}
 

@@ -13,6 +13,7 @@ from xosc.dialects.carla import is_for_carla
 from xosc.document import Document
 from xosc.exports.carla.ways import follow, starts_with_scenario
 from xosc.exports.on_roads.geometry import Geometry, Place
+from xosc.exports.on_roads.shapes import world_position
 from xosc.exports.on_roads.starts import actors
 from xosc.node import Node
 
@@ -42,6 +43,19 @@ def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
         if len(places) > 1:
             _replace(action, places if timing is not None else _apart(places), timed=timing is not None)
             yield f"{action.where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test"
+
+
+def teleports(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say positions to which stories put an actor, and which depend on what happens, by where they are, in place; remarks."""
+    if is_for_carla(document.node):
+        return
+    for story in document.node.need("Storyboard").children("Story"):
+        for action in story.iter("TeleportAction"):
+            position, doing = action.need("Position").only(), actors(action)
+            place = geometry.put(action, doing[0]) if position.tag in _MOVING and len(doing) == 1 else None
+            if place is not None:
+                action.need("Position").element.replace(position.element, world_position(place))
+                yield f"{position.where}: {position.tag}: written as the place where it is in a run without a system under test"
 
 
 def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsupported) -> str:

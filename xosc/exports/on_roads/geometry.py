@@ -49,6 +49,10 @@ class Geometry(Protocol):
         """
         ...
 
+    def put(self, action: Node, entity: str) -> Place | None:
+        """Where an action puts an entity at once in that run; None where it doesn't begin."""
+        ...
+
     def direction(self, road: str, lane: int) -> int:
         """1 where the traffic of a lane drives towards greater s, else −1.
 
