@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -26,6 +26,7 @@ from generation.loop.stages.findings import (
 )
 from generation.loop.stages.finished import FinishedStages, Report, Stage
 from generation.loop.tasks import recognising
+from generation.loop.tasks.beside import Searchers
 from generation.loop.tasks.comparing import Earlier, compare
 from generation.loop.tasks.running import run_all
 from generation.loop.tasks.searching import found_by, search
@@ -39,6 +40,7 @@ from schemas import check_many
 from schemas.commands.files import expand
 from schemas.errors import UsageError
 from schemas.storage import alone
+from xodr.array_types import FloatArray
 
 CATALOGUE = "catalogue"
 UNITS = "units.parquet"
@@ -73,7 +75,8 @@ def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report:
     stages = FinishedStages(out, settings.deciding() | {"inputs": inputs.identity}, report)
     work = _Loop(inputs, out, settings, bar, stages)
     recognised, targets, refused = work.recognise()
-    rounds = [work.round(number, targets) for number in range(1, settings.rounds + 1)] if targets else []
+    with Searchers(out, settings) as searchers:
+        rounds = [work.round(number, targets, searchers) for number in range(1, settings.rounds + 1)] if targets else []
     return LoopResult(
         settings=settings.deciding(),
         recordings=len(inputs.recordings),
@@ -106,7 +109,8 @@ class _Loop:
     """What the stages do."""
 
     def __init__(self, inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, stages: FinishedStages) -> None:
-        self._inputs, self._out, self._settings, self._bar, self._once = inputs, out, settings, bar, stages.once
+        self._inputs, self._out, self._settings, self._bar = inputs, out, settings, bar
+        self._stages, self._once = stages, stages.once
         self._earlier: dict[str, list[Searched]] = {}
 
     def recognise(self) -> tuple[Recognised, list[Target], list[Refused]]:
@@ -127,12 +131,9 @@ class _Loop:
         targets, refused = split(chain(listed, asked))
         return found, targets, refused
 
-    def round(self, number: int, targets: Iterable[Target]) -> Round:
+    def round(self, number: int, targets: Sequence[Target], searchers: Searchers) -> Round:
         """Search everything, run what was found, and recognise it in the runs."""
-        searched = [
-            self._once(Stage("search", number, target.name), Searched, partial(self._search, number, target))
-            for target in targets
-        ]
+        searched = self._searched(number, targets, searchers)
         for each in searched:
             self._earlier.setdefault(each.target, []).append(each)
         files = [self._out / case.file for each in searched for case in each.cases]
@@ -174,10 +175,28 @@ class _Loop:
         with self._bar(f"comparing with {earlier.folder}", len(targets)) as advance:
             return compare(earlier, targets, found, self._settings, advance)
 
+    def _searched(self, number: int, targets: Sequence[Target], searchers: Searchers) -> list[Searched]:
+        """The searches of a round, several at a time where that many processes are wanted."""
+        stages = {target.name: Stage("search", number, target.name) for target in targets}
+        left = [target for target in targets if not self._stages.has(stages[target.name])]
+        works: dict[str, Callable[[], Searched]] = {each.name: partial(self._search, number, each) for each in targets}
+        if self._settings.processes > 1 and len(left) > 1:
+            begun = {each.name: searchers.begin(each, number, self._known(each)) for each in left}
+            works |= {each.name: partial(self._await, each, begun[each.name]) for each in left}
+        return [self._once(stages[target.name], Searched, works[target.name]) for target in targets]
+
     def _search(self, number: int, target: Target) -> Searched:
-        known = found_by(self._earlier.get(target.name, []))
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
-            return search(target, number, self._out, self._settings, known, advance)
+            return search(target, number, self._out, self._settings, self._known(target), advance)
+
+    def _await(self, target: Target, result: Callable[[], Searched]) -> Searched:
+        with self._bar(f"searching {target.title}", self._settings.budget) as advance:
+            found = result()
+            advance(self._settings.budget)
+            return found
+
+    def _known(self, target: Target) -> FloatArray | None:
+        return found_by(self._earlier.get(target.name, []))
 
     def _run(self, jobs: Sequence[Job | Outcome], settings: RunSettings, folder: Path) -> Ran:
         with self._bar("running", len(jobs)) as advance:

@@ -31,7 +31,7 @@ class LoopSettings:
         shown: recorded scenarios of each class that can be played on the page.
         method: of the search.
         seed: of everything random.
-        processes: how many runs at a time.
+        processes: how many runs, or searches of several targets, at a time.
         ask: what to search of the user's own scenarios, and what is likely of it.
         against: output folder of an earlier loop, of another version of the system under test; None to compare with none.
     """

@@ -111,9 +111,13 @@ class Pool:
                 return self._died(job)
 
 
-def executor(processes: int, max_memory: float | None = None) -> ProcessPoolExecutor:
-    """Processes that end quietly on Ctrl-C, and with the one that made them; each with so many GiB of memory at most."""
-    return ProcessPoolExecutor(processes, initializer=_serve, initargs=(max_memory,))
+def executor(processes: int, max_memory: float | None = None, *, anew: bool = False) -> ProcessPoolExecutor:
+    """Processes that end quietly on Ctrl-C, and with the one that made them; each with so many GiB of memory at most.
+
+    Started anew they are no copies of this process, whose libraries may have threads that copies lack.
+    """
+    context = multiprocessing.get_context("spawn") if anew else None
+    return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(max_memory,))
 
 
 def _serve(max_memory: float | None) -> None:

@@ -35,7 +35,7 @@ class Stage(NamedTuple):
 
 
 Report = Callable[[Stage, Finding, float | None], None]
-"""Called with each finished stage, what it found, and the time (s) that it took; None where it was finished before."""
+"""Called with each finished stage, what it found, and the time (s) that was waited for it; None where it was finished before."""
 
 
 class FinishedStages:
@@ -58,13 +58,17 @@ class FinishedStages:
             raise UsageError("there is something else in this folder: a loop needs one of its own", path=out)
         write_object(settings, path)
 
+    def has(self, stage: Stage) -> bool:
+        """Whether a stage has been finished."""
+        return self._path(stage).is_file()
+
     def once(self, stage: Stage, kind: type[F], work: Callable[[], F]) -> F:
         """What a stage finds, of that kind; it does its work only where it has not been finished before.
 
         Raises:
             InvalidFile: what it has left is not readable.
         """
-        path = self._folder / f"{stage.name}.json"
+        path = self._path(stage)
         if path.is_file():
             found = _read(path, kind)
             self._report(stage, found, None)
@@ -74,6 +78,9 @@ class FinishedStages:
         write_object(asdict(found), path)
         self._report(stage, found, time.monotonic() - begun)
         return found
+
+    def _path(self, stage: Stage) -> Path:
+        return self._folder / f"{stage.name}.json"
 
 
 def searches(out: Path) -> tuple[str, list[Searched]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ SETTINGS = LoopSettings(model=None, rounds=2, budget=12, most=2, shown=2, method
 BAR = partial(progress_bar, quiet=True)
 
 
-def go(folder: Path, out: Path, stop_at: str = "") -> list[tuple[str, bool]]:
+def go(folder: Path, out: Path, stop_at: str = "", processes: int = 1) -> list[tuple[str, bool]]:
     """Run the loop, interrupted when a stage is finished; the stages, and whether each was done now."""
     told = []
 
@@ -40,7 +41,7 @@ def go(folder: Path, out: Path, stop_at: str = "") -> list[tuple[str, bool]]:
             raise KeyboardInterrupt
 
     try:
-        write(run_loop(folder, out, SETTINGS, BAR, report), out)
+        write(run_loop(folder, out, replace(SETTINGS, processes=processes), BAR, report), out)
     except KeyboardInterrupt:
         assert stop_at
     return told
@@ -116,9 +117,9 @@ def test_every_written_file_is_sound(out: Path) -> None:
     ] == []
 
 
-def test_the_same_folder_gives_the_same_page_in_one_go(folder: Path, out: Path, tmp_path: Path) -> None:
+def test_the_same_folder_gives_the_same_page_in_one_go_and_by_two_processes(folder: Path, out: Path, tmp_path: Path) -> None:
     whole = tmp_path / "out"
-    go(folder, whole)
+    go(folder, whole, processes=2)
     assert (whole / PAGE).read_bytes() == (out / PAGE).read_bytes()
 
 
