@@ -14,6 +14,8 @@ from schemas.extras import optional
 from xodr.array_types import FloatArray, IntArray
 
 _TREES = 100
+_FEW = 60
+"""Runs from which points are ranked"""
 
 
 class Surrogate:
@@ -37,8 +39,8 @@ class Surrogate:
         self._outcomes.append(outcomes)
 
     def ranked(self, x: FloatArray) -> IntArray:
-        """Indices of points (n, k), those that come nearest to a failure first; in their order while there are no runs."""
-        if not len(self) or not len(x):
+        """Indices of points (n, k), those that come nearest to a failure first; in their order while there are few runs."""
+        if len(self) < _FEW or not len(x):
             return np.arange(len(x))
         outcomes = joined(self._outcomes)
         scores = np.where(outcomes.collision & outcomes.executed, 1.0, nearness(outcomes))
