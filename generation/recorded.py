@@ -80,7 +80,19 @@ class Recorded(NamedTuple):
         if not self.marginals and space.constraints is None and self.pairs is None:
             return told
         parts = (told, self._stated(space)) if self.marginals or self.pairs is None else (told,)
-        return JointPrior(space.names, parts, partial(self._admitted, space))
+        return JointPrior(space.names, parts, partial(self._admitted, space), self.alone(space, density))
+
+    def alone(self, space: Space, density: str) -> list[RecordedPrior]:
+        """What all units of its kind say of what each of two adversaries does, whatever the other one does."""
+        found = []
+        for each in self.pairs.alone if self.pairs is not None else ():
+            names = tuple(name for name in space.names if name in each.values)
+            columns = [space.names.index(name) for name in names]
+            pinned = {name: float(value) for name, value in space.pinned.items() if name in each.values}
+            if names:
+                box = Box(names, space.low[columns], space.high[columns], pinned)
+                found.append(RecordedPrior(box, each.values, each.recordings, each.roles, density))
+        return found
 
     def _admitted(self, space: Space, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that keep the scenario's constraints, with nobody driving through another one: (n,)."""

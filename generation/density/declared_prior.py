@@ -92,10 +92,11 @@ class JointPrior(Prior):
         names: of all columns, in their order.
         parts: priors of some of them each; the recorded rows are those of the first one.
         admits: rows that keep the scenario's constraints.
+        alone: priors of some columns that say with the others what is foreseeable, and are no part of the density.
     """
 
-    def __init__(self, names: Sequence[str], parts: Sequence[Prior], admits: Admits) -> None:
-        self.names, self._parts, self._admits = tuple(names), list(parts), admits
+    def __init__(self, names: Sequence[str], parts: Sequence[Prior], admits: Admits, alone: Sequence[Prior] = ()) -> None:
+        self.names, self._parts, self._admits, self._alone = tuple(names), list(parts), admits, list(alone)
         owner = {name: part for part in parts for name in part.names}
         self.low = np.array([owner[name].low[owner[name].names.index(name)] for name in names])
         self.high = np.array([owner[name].high[owner[name].names.index(name)] for name in names])
@@ -134,8 +135,9 @@ class JointPrior(Prior):
         return np.where(self.possible(theta), found, -np.inf)
 
     def foreseeable(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that are possible, and foreseeable in each part: (n,)."""
-        return self.possible(theta) & np.all([part.foreseeable(self._columns(part, theta)) for part in self._parts], axis=0)
+        """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is done alone: (n,)."""
+        judges = *self._parts, *self._alone
+        return self.possible(theta) & np.all([each.foreseeable(self._columns(each, theta)) for each in judges], axis=0)
 
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) with nuisances as each part has them."""

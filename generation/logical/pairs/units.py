@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,24 +26,50 @@ _CROSSED = 0.5
 """Share of a lane change from which one is in the new lane"""
 
 
+class Alone(NamedTuple):
+    """All units of the kind of what an adversary does: values (n,) by parameter, roles of these, the recording of each (n,)."""
+
+    values: dict[str, FloatArray]
+    roles: dict[str, Role]
+    recordings: NDArray[np.str_]
+
+
+@dataclass(frozen=True, eq=False)
 class PairUnits(ABC):
     """Recorded pairs of what two adversaries do.
 
     Attributes:
-        known: share of such pairs in recordings whose parameters could be estimated.
+        every: all units, of pairs or not.
+        first: who does what, as the first one.
     """
 
-    known: float
+    every: Samples
+    first: Part
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What is done ahead of the ego."""
+        return (self.first,)
+
+    @property
+    def alone(self) -> list[Alone]:
+        """Of each adversary who acts; gap and speed of the ego are those of the first one."""
+        return [_alone(self.every, part, nearest=part is self.first) for part in self.parts]
+
+    @property
+    def known(self) -> float:
+        """Share of such pairs in recordings whose parameters could be estimated."""
+        return float(np.prod([_known(self.every, part.kind) for part in self.parts]))
+
+    @property
+    def exposure(self) -> Mapping[str, Exposure]:
+        """Of all recordings that pairs were sought in, by their names; none where it is not known."""
+        return self.every.exposure
 
     @property
     @abstractmethod
     def kind(self) -> str:
         """Kinds of the units, for people."""
-
-    @property
-    @abstractmethod
-    def exposure(self) -> Mapping[str, Exposure]:
-        """Of all recordings that pairs were sought in, by their names; none where it is not known."""
 
     @property
     @abstractmethod
@@ -70,10 +97,10 @@ class PairUnits(ABC):
 
 def pair_units(samples: Samples, pair: Pair) -> PairUnits:
     """The pairs among units."""
-    second, known = pair.second, float(np.prod([_known(samples, part.kind) for part in pair.parts]))
+    second = pair.second
     if isinstance(second, Follower):
-        return BehindUnits(pair.first, second, followed(samples, pair.first.kind), known)
-    return AheadUnits(pair.ego_lane, pair.first, second, pairs(samples, pair.first.kind, second.kind), known)
+        return BehindUnits(samples, pair.first, second, followed(samples, pair.first.kind))
+    return AheadUnits(samples, pair.first, second, pair.ego_lane, pairs(samples, pair.first.kind, second.kind))
 
 
 def _known(samples: Samples, kind: str) -> float:
@@ -87,14 +114,12 @@ class AheadUnits(PairUnits):
     """Pairs of two who act ahead of the ego.
 
     Attributes:
-        ego_lane: where the ego drives. first, second: who does what. units: the pairs.
+        second: who does what, as the second one. ego_lane: where the ego drives. units: the pairs.
     """
 
-    ego_lane: int
-    first: Part
     second: Part
+    ego_lane: int
     units: Pairs
-    known: float = 1.0
 
     @property
     def kind(self) -> str:
@@ -102,9 +127,9 @@ class AheadUnits(PairUnits):
         return f"{self.first.kind} with {self.second.kind}"
 
     @property
-    def exposure(self) -> Mapping[str, Exposure]:
-        """Of all recordings, by their names."""
-        return self.units.first.exposure
+    def parts(self) -> tuple[Part, ...]:
+        """What is done ahead of the ego."""
+        return self.first, self.second
 
     @property
     def recordings(self) -> NDArray[np.str_]:
@@ -157,23 +182,16 @@ class BehindUnits(PairUnits):
     """Pairs of one who acts ahead of the ego and one who follows it.
 
     Attributes:
-        first, second: who does what. units: what the first one does, and how far behind the ego the second one is.
+        second: who follows. units: what the first one does, and how far behind the ego the second one is.
     """
 
-    first: Part
     second: Follower
     units: Followed
-    known: float = 1.0
 
     @property
     def kind(self) -> str:
         """The first one's."""
         return f"{self.first.kind} before one who is followed"
-
-    @property
-    def exposure(self) -> Mapping[str, Exposure]:
-        """Of all recordings, by their names."""
-        return self.units.units.exposure
 
     @property
     def recordings(self) -> NDArray[np.str_]:
@@ -197,6 +215,17 @@ class BehindUnits(PairUnits):
     def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
         """Everywhere: one is ahead of the ego, the other one behind."""
         return np.ones(len(values[f"{EGO}_Speed_mps"]), bool)
+
+
+def _alone(every: Samples, part: Part, nearest: bool) -> Alone:
+    units = every.of_kind(part.kind)
+    values = _acting(part.actor, units)
+    roles = {declared_name(part.actor, role): Role(part.actor, role) for role in ROLES}
+    if nearest:
+        values[f"{EGO}_Speed_mps"], roles[f"{EGO}_Speed_mps"] = units.ego_speeds, Role(part.actor, EGO_SPEED)
+    else:
+        del values[declared_name(part.actor, "gap")], roles[declared_name(part.actor, "gap")]
+    return Alone(values, roles, units.recordings)
 
 
 def _acting(actor: str, samples: Samples) -> dict[str, FloatArray]:

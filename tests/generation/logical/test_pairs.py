@@ -78,6 +78,20 @@ def test_recorded_pairs_fill_a_space_and_its_prior_lets_nobody_drive_through_ano
         assert (np.abs(begin - LEAD_IN) <= MOST_LAG).all()
 
 
+def test_what_is_foreseeable_together_is_also_foreseeable_alone() -> None:
+    path = path_of(TAIL_GATED)
+    space = Space.of(path, {"Merging_Duration_s": "4"})
+    recorded = of_samples(of_recordings(None, kind_of(path)), space)
+    prior, together = recorded.prior(space, "gaussian"), recorded.recorded_prior(space, "gaussian")
+    (merging,) = recorded.alone(space, "gaussian")
+    assert set(merging.names) == set(space.names) - {"TailGater_Gap_m"}
+    drawn = space.draw(2000, np.random.default_rng(0))
+    single = merging.foreseeable(drawn[:, [space.names.index(name) for name in merging.names]])
+    pair = together.foreseeable(drawn)
+    assert (pair & ~single).any()
+    np.testing.assert_array_equal(prior.foreseeable(drawn), pair & single)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_twin_plays_both_as_the_interpreter_does(name: str) -> None:
     space = Space.of(path_of(name))

@@ -1,0 +1,36 @@
+"""`python -m generation.study foreseen`: what the limit of what is foreseeable lets pass where there are two adversaries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from generation.options import Recorded, Sut
+from runner.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.commands.options import Verbose, Version, interruptible
+
+NAME = "python -m generation.study foreseen"
+
+
+def command(
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library.")],
+    sut: Sut = DEFAULT_SYSTEM,
+    draws: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")] = 4000,
+    recorded: Recorded = None,
+    _verbose: Verbose = False,
+    _version: Version = False,
+) -> None:
+    """Compare limits of what is foreseeable by what they let pass: recorded pairs, draws, draws that collide, the whole space."""
+    from generation.recorded import kind_of, of_recordings, of_samples
+    from generation.search.space import Space
+    from generation.study.foreseen import limits
+    from generation.twin.episodes import Twin
+
+    with interruptible(NAME):
+        for scenario in scenarios:
+            space = Space.of(scenario)
+            units = of_samples(of_recordings(recorded, kind_of(scenario)), space)
+            found = limits(space, units, Twin(scenario, space, RunSettings(sut=sut)), draws)
+            print(f"{scenario.stem}\n\n{found.markdown()}", flush=True)
