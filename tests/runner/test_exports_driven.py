@@ -133,3 +133,45 @@ def test_a_headway_ahead_is_one_along_the_route(target: str, tmp_path: Path) -> 
     copy, remarks = exported(path, target, tmp_path / "out")
     assert any("a distance ahead is written as one along the route" in remark for remark in remarks)
     assert distance(path, copy) < 1e-6
+
+
+def test_a_profile_of_speeds_for_carla_is_a_trajectory_with_times(tmp_path: Path) -> None:
+    profile = (
+        '<PrivateAction><LongitudinalAction><SpeedProfileAction followingMode="position">'
+        '<SpeedProfileEntry time="2" speed="15"/><SpeedProfileEntry time="1" speed="12"/>'
+        "</SpeedProfileAction></LongitudinalAction></PrivateAction>"
+    )
+    path = scenario(tmp_path, stories=story("Lead", [(0.5, profile)]), stop=6.0)
+    copy, _ = exported(path, "carla", tmp_path / "out")
+    root = xosc.load(copy).root
+    assert stops_at(root) == [] and len(list(root.iter("Timing"))) == 1 and distance(path, copy) < 0.05
+
+
+def test_a_lane_change_of_the_beginning_into_oncoming_traffic_is_a_way_from_there(tmp_path: Path) -> None:
+    init = place("Ego", 100, 20) + place("Lead", 150, 10, more=lane_change(1))
+    path = scenario(tmp_path, init=init, stories=story("Lead", [(3.0, speed_action(5))]), stop=5.0)
+    copy, _ = exported(path, "carla", tmp_path / "out")
+    assert stops_at(xosc.load(copy).root) == [] and distance(path, copy) < 0.05
+
+
+def test_a_route_that_another_one_ends_is_the_way_until_there_for_carla(tmp_path: Path) -> None:
+    point = '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="{}" s="{}"/></Position></Waypoint>'
+    route = f'<Route name="r" closed="false">{point.format(-1, 160)}{point.format(-2, 300)}</Route>'
+    assign = f"<PrivateAction><RoutingAction><AssignRouteAction>{route}</AssignRouteAction></RoutingAction></PrivateAction>"
+    acquire = (
+        '<PrivateAction><RoutingAction><AcquirePositionAction><Position><LanePosition roadId="1" laneId="-1" s="400"/></Position>'
+        "</AcquirePositionAction></RoutingAction></PrivateAction>"
+    )
+    path = scenario(tmp_path, stories=story("Lead", [(0.5, assign), (3.0, acquire)]), stop=7.0)
+    copy, _ = exported(path, "carla", tmp_path / "out")
+    root = xosc.load(copy).root
+    assert stops_at(root) == [] and not list(root.iter("AssignRouteAction", "AcquirePositionAction"))
+    assert distance(path, copy) < 0.2
+
+
+def test_a_time_that_has_been_reached_has_no_edge_down(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Lead", [(1.0, speed_action(5))]), stop=3.0)
+    text = path.read_text(encoding="utf-8").replace('conditionEdge="none"', 'conditionEdge="risingOrFalling"')
+    path.write_text(text.replace('<SimulationTimeCondition value="0"', '<SimulationTimeCondition value="-1"'), encoding="utf-8")
+    copy, _ = exported(path, "carla", tmp_path / "out")
+    assert distance(path, copy) < 1e-6

@@ -207,6 +207,10 @@ OMISSIONS: tuple[Omission, ...] = (
         (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle[not(Trailer)]/*[self::TrailerHitch or self::TrailerCoupler]",
         _remove, "nothing is towed by it",
     ),
+    Omission(
+        (1, 3), "//ScenarioObject/ObjectController[preceding-sibling::ObjectController]", _remove,
+        "this version has one controller of an object, none of which are executed here",
+    ),
     Omission((1, 3), "//ObjectController/@name/..", _without("name"), "this version's controllers of objects have no name"),
     Omission(
         (1, 3), "//ActivateControllerAction/@objectControllerRef/..", _without("objectControllerRef"),

@@ -10,6 +10,8 @@ from xosc.exports.refusals import Rule
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
 """Where triggers are looked at: that of the storyboard's end is not."""
 _SIGNAL = "[not(starts-with(@name, 'id=') or starts-with(@name, 'pos='))]"
+_MAY_END = "[@conditionEdge='falling' or not(ByValueCondition/SimulationTimeCondition[starts-with(@rule, 'greater')])]"
+"""A time that has been reached stays so: it has no other edge than that."""
 ASIDE = 0.1
 """m from the lane's middle, where CARLA's controller ends lane changes, that it keeps to."""
 
@@ -50,7 +52,7 @@ REFUSED = (
     Rule("//EntitySelection", "scenario_runner does not have it"),
     Rule("//Event[number(@maximumExecutionCount) > 1]", "scenario_runner's events happen once"),
     Rule(f"{_TRIGGERS}//TriggeringEntities[count(EntityRef) > 1]", "scenario_runner looks at one triggering entity"),
-    Rule(f"{_TRIGGERS}//Condition[contains(@conditionEdge, 'alling')]", "scenario_runner does not see conditions end"),
+    Rule(f"{_TRIGGERS}//Condition[contains(@conditionEdge, 'alling')]{_MAY_END}", "scenario_runner does not see conditions end"),
     Rule(f"{_TRIGGERS}//DistanceCondition[@freespace='true' or @freespace='1']", "scenario_runner does not read freespace"),
     Rule(f"{_TRIGGERS}//UserDefinedValueCondition", "scenario_runner does not have this condition"),
     Rule(

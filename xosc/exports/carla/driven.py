@@ -22,6 +22,7 @@ _MOVING = ("RelativeLanePosition", "RelativeRoadPosition", "RelativeObjectPositi
 """Positions that depend on what happens, where they are not in the world by now."""
 _ENDS = ("LateralAction", "RoutingAction", "TeleportAction", "SynchronizeAction")
 """Actions that end the way of one who follows a trajectory."""
+_KINDS = ("LongitudinalAction", "LateralAction", "RoutingAction")
 _APART = 0.5
 """m between two vertices at least, where times don't count."""
 _JUMP = 2.0
@@ -34,15 +35,30 @@ def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
     for action in list(document.node.iter("FollowTrajectoryAction")):
         timing = action.find("TimeReference", "Timing")
         late = timing is not None and timing.get("domainAbsoluteRelative") == "absolute" and not starts_with_scenario(action)
-        begin, doing = geometry.begins(action), actors(action)
-        unread = late or action.float("initialDistanceOffset", 0.0) or any(True for _ in action.iter(*_CURVES, *relative))
-        if not unread or begin is None or len(doing) != 1:
-            continue
-        end = geometry.ends(action)
-        places = _from_its_start(geometry.driven(doing[0], begin, end if end is not None else math.inf))
-        if len(places) > 1:
-            _replace(action, places if timing is not None else _apart(places), timed=timing is not None)
-            yield f"{action.where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test"
+        if late or action.float("initialDistanceOffset", 0.0) or any(True for _ in action.iter(*_CURVES, *relative)):
+            yield from _as_driven(action, geometry, timed=timing is not None)
+
+
+def profiles(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say profiles of speeds that depend on nobody else, while nothing else leads their actor, by its way and times; remarks."""
+    stories = document.node.need("Storyboard").children("Story")
+    for action in [each for story in stories for each in story.iter("SpeedProfileAction")]:
+        begin, end, doing = geometry.begins(action), geometry.ends(action), set(actors(action))
+        others = [geometry.begins(each) for story in stories for each in story.iter(*_ENDS) if doing & set(actors(each))]
+        alone = not any(time is not None and (end is None or time < end) for time in others)
+        if begin is not None and alone and not action.get("entityRef", ""):
+            yield from _as_driven(action, geometry, timed=True)
+
+
+def _as_driven(action: Node, geometry: Geometry, *, timed: bool) -> Iterator[str]:
+    """Say an action of one actor by its way from the action's begin to its end, where it begins in a run; the remark."""
+    begin, end, doing = geometry.begins(action), geometry.ends(action), actors(action)
+    if begin is None or len(doing) != 1:
+        return
+    places, where = _from_its_start(geometry.driven(doing[0], begin, end if end is not None else math.inf)), action.where
+    if len(places) > 1:
+        _replace(action, places if timed else _apart(places), timed=timed)
+        yield f"{where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test"
 
 
 def teleports(document: Document, geometry: Geometry) -> Iterator[str]:
@@ -59,12 +75,13 @@ def teleports(document: Document, geometry: Geometry) -> Iterator[str]:
 
 
 def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsupported) -> str:
-    """Say a lateral action by the way that its actor takes from its beginning until another action leads it; the remark.
+    """Say a lateral action or a route by the way that its actor takes from there until another action leads it; the remark.
 
     Raises:
         Unsupported: `refusal`, as it does not begin in the run, jumps, or something waits for its end.
     """
-    begin, doing = geometry.begins(action), actors(action)
+    first = starts_with_scenario(action) or any(True for _ in action.element.iterancestors("Init"))
+    begin, doing = 0.0 if first else geometry.begins(action), actors(action)
     jumps = any(each.get("dynamicsShape", "") == "step" for each in action.children())
     if begin is None or len(doing) != 1 or jumps or _is_awaited(action, scenario):
         raise refusal
@@ -109,7 +126,7 @@ def _apart(places: Sequence[Place]) -> list[Place]:
 
 
 def _replace(action: Node, places: Sequence[Place], *, timed: bool) -> None:
-    holder = next(each for each in action.element.iterancestors() if each.tag in ("LateralAction", "RoutingAction"))
+    holder = next(action.element.iterancestors(*_KINDS))
     parent = holder.getparent()
-    assert parent is not None, "a LateralAction is part of a PrivateAction"
+    assert parent is not None, "it is part of a PrivateAction"
     parent.replace(holder, follow(places, timed=timed))

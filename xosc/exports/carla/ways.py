@@ -7,68 +7,21 @@ that does not look at them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from lxml import etree
 
 from xosc.document import Document
-from xosc.exports.carla.beginning import STORY, to_story
-from xosc.exports.omissions import leave_out
-from xosc.exports.on_roads.geometry import Geometry, Place
+from xosc.exports.carla.beginning import STORY
+from xosc.exports.on_roads.geometry import Place
 from xosc.exports.on_roads.shapes import polyline
 from xosc.exports.on_roads.starts import actors
 from xosc.node import Node
 
-ROUTES = ("AssignRouteAction", "AcquirePositionAction")
 _CONTROLLER = "simple_vehicle_control"
-_STOPS = "scenario_runner stops at routes"
 _OVERRIDES = {
     "Throttle": "value", "Brake": "value", "Clutch": "value", "ParkingBrake": "value", "SteeringWheel": "value", "Gear": "number",
 }  # fmt: skip
-
-
-def routes(document: Document, geometry: Geometry) -> Iterator[str]:
-    """Make trajectories of routes, in place; remarks.
-
-    Raises:
-        Unsupported: the way is not known before the scenario runs.
-    """
-    scenario = document.node
-    for action in [each for tag in ROUTES for each in scenario.iter(tag)]:
-        for entity in actors(action):
-            places = geometry.way(action, entity)
-            if places:
-                _only_way(action, entity, scenario)
-                to_story(Node(_private_action(places), action.path), entity, scenario)
-        said = f"written as a trajectory from the beginning on, {_STOPS}" if places else "left out, the lanes lead that way"
-        yield f"{action.where}: {action.tag}: {said}"
-        leave_out(action, scenario)
-
-
-def _only_way(action: Node, entity: str, scenario: Node) -> None:
-    others = [*scenario.iter(*ROUTES, "FollowTrajectoryAction", "LateralAction"), *_teleports(scenario)]
-    for other in others:
-        if other.element is not action.element and entity in actors(other):
-            if other.tag == "LateralAction" and _is_first(other):
-                continue
-            raise action.unsupported(
-                f"scenario_runner gets the route as a trajectory, which {other.tag} in line {other.line} ends"
-            )
-
-
-def _teleports(scenario: Node) -> list[Node]:
-    return [each for story in scenario.need("Storyboard").children("Story") for each in story.iter("TeleportAction")]
-
-
-def _is_first(action: Node) -> bool:
-    return any(each.tag == "Init" for each in action.element.iterancestors())
-
-
-def _private_action(places: Sequence[Place]) -> etree._Element:
-    """An action that follows a trajectory without times."""
-    action = etree.Element("PrivateAction")
-    action.append(follow(places, timed=False))
-    return action
 
 
 def follow(places: Sequence[Place], *, timed: bool) -> etree._Element:
