@@ -233,7 +233,7 @@ _TITLES = {
 
 def main() -> None:
     """Write the page to the file named on the command line."""
-    Path(sys.argv[1]).write_text(markdown(), encoding="utf-8")
+    Path(sys.argv[1]).write_text(markdown(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

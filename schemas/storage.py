@@ -201,6 +201,10 @@ def keep(content: bytes, path: Path) -> Path:
     try:
         draft.write_bytes(content)
         return draft.replace(path)
+    except PermissionError:  # Windows replaces no file that is open: one who writes the same was first, and it is read
+        if path.is_file() and path.read_bytes() == content:
+            return path
+        raise
     finally:
         draft.unlink(missing_ok=True)
 

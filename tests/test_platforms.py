@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import os
 import subprocess
 import sys
@@ -13,10 +14,12 @@ import pytest
 import runner
 import schemas
 from runner.batch import pool
+from runner.batch.jobs import Job, Outcome
+from runner.batch.journal import enter
 from runner.settings import RunSettings
 from schemas.catalogs import locate, referred
 from schemas.errors import UsageError
-from schemas.storage import in_any_case
+from schemas.storage import in_any_case, keep
 from tests.runner.files import distribution, scenario
 
 ROOT = Path(__file__).parents[1]
@@ -61,6 +64,44 @@ def test_texts_have_an_encoding() -> None:
         and not any(keyword.arg == "encoding" for keyword in call.keywords)
     ]
     assert found + opened == []
+
+
+def test_texts_have_the_same_ends_of_lines_everywhere() -> None:
+    found = [
+        f"{module.relative_to(ROOT)}:{call.lineno}"
+        for module in MODULES
+        for call in calls(module)
+        if isinstance(call.func, ast.Attribute)
+        and call.func.attr == "write_text"
+        and not any(keyword.arg in ("newline", None) for keyword in call.keywords)
+    ]
+    assert found == []
+
+
+def test_a_file_that_is_read_while_another_writes_the_same_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "cached"
+
+    def replace(draft: Path, target: Path) -> Path:
+        target.write_bytes(first)
+        raise PermissionError(errno.EACCES, "it is open", str(target))
+
+    monkeypatch.setattr(Path, "replace", replace)
+    first = b"the same"
+    assert keep(b"the same", path) == path and list(tmp_path.iterdir()) == [path]
+    path.unlink()
+    first = b"another"
+    with pytest.raises(PermissionError):
+        keep(b"the same", path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_journal_of_a_batch_is_written_as_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flags: list[int] = []
+    real = os.open
+    monkeypatch.setattr(os, "O_BINARY", 0x8000, raising=False)
+    monkeypatch.setattr(os, "open", lambda path, flag, mode=0o777: (flags.append(flag), real(path, flag & ~0x8000, mode))[1])
+    enter(tmp_path, Outcome(Job("a", Path("a.xosc"), Path("a.xosc")), "passed", 0))
+    assert flags and all(flag & 0x8000 for flag in flags)
 
 
 def test_nothing_needs_what_windows_lacks() -> None:

@@ -116,7 +116,7 @@ class Comparison:
         import pyarrow.parquet as pq
 
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "systems.md").write_text(self.markdown(), encoding="utf-8")
+        (folder / "systems.md").write_text(self.markdown(), encoding="utf-8", newline="\n")
         pq.write_table(self.table(), folder / "cases.parquet", compression="zstd")
 
 

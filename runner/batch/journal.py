@@ -26,7 +26,8 @@ def enter(out: Path, outcome: Outcome) -> None:
     entry = {key: value for key, value in asdict(outcome).items() if key != "trace"}  # begins with the job: _BEGINNING
     entry["job"] = asdict(job) | {"source": str(job.source), "scenario": str(job.scenario)}
     line = json.dumps(finite(entry), allow_nan=False) + "\n"
-    file = os.open(out / _JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    binary = getattr(os, "O_BINARY", 0)  # else Windows makes two bytes of the end of a line
+    file = os.open(out / _JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT | binary, 0o644)
     try:
         content = line.encode()
         if os.write(file, content) < len(content):  # one call: lines of several processes do not mix

@@ -59,7 +59,9 @@ def criteria(verdict: Verdict) -> list[dict[str, Any]]:
 def write_json(values: dict[str, Any], path: Path) -> None:
     """Write JSON that every reader takes: infinite numbers become null."""
     text = json.dumps(finite(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    path.write_text(text, encoding="utf-8", errors="backslashreplace")  # which is how JSON writes bytes in file names
+    path.write_text(
+        text, encoding="utf-8", newline="\n", errors="backslashreplace"
+    )  # which is how JSON writes bytes in file names
 
 
 def finite(value: Any) -> Any:

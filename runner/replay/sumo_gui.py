@@ -92,7 +92,7 @@ def show(result: RunResult, stay: bool = True) -> None:
     dt = result.settings["timestep"]
     with tempfile.TemporaryDirectory(prefix="xosc-gui-") as folder:
         view = Path(folder) / "view.xml"
-        view.write_text('<viewsettings><scheme name="real world"/></viewsettings>\n', "utf-8")
+        view.write_text('<viewsettings><scheme name="real world"/></viewsettings>\n', encoding="utf-8", newline="\n")
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # traci prints its attempts to connect
                 traci.start(_arguments(net.path, view, dt), numRetries=20)

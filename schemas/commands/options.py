@@ -130,7 +130,7 @@ def deliver(content: str, what: str, output: Path | None) -> None:
         print(content, end="")
         return
     with writing(what, output):
-        output.write_text(content, encoding="utf-8", errors="backslashreplace")
+        output.write_text(content, encoding="utf-8", newline="\n", errors="backslashreplace")
 
 
 @contextmanager

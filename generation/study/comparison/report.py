@@ -86,10 +86,10 @@ def write_report(study: Study) -> list[Table]:
     last, complete = results(study), results(study, complete=True)
     found = _tables(study, last, complete)
     text = "\n".join([f"# Results of generation\n\n{_introduction(study, last)}\n", *(table.markdown() for table in found)])
-    (study.out / "report.md").write_text(text, encoding="utf-8")
+    (study.out / "report.md").write_text(text, encoding="utf-8", newline="\n")
     (study.out / "tables").mkdir(exist_ok=True)
     for table in found:
-        (study.out / "tables" / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8")
+        (study.out / "tables" / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8", newline="\n")
     with (study.out / "results.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("episodes", "method", "seed", *Measures._fields))

@@ -73,7 +73,7 @@ class Store:
         kept = {name: self._before[name] for name in self.edited if name in self._before}
         text = json.dumps({"files": dict(sorted((self._now | kept).items()))}, indent=1, ensure_ascii=False) + "\n"
         with writing("this", self.root / MANIFEST):
-            (self.root / MANIFEST).write_text(text, encoding="utf-8")
+            (self.root / MANIFEST).write_text(text, encoding="utf-8", newline="\n")
         return removed
 
 

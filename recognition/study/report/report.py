@@ -163,10 +163,10 @@ def write_report(evaluation: Evaluation, out: Path) -> list[Table]:
         f"`{settings.preset}`, at most {settings.events_per_class or 'all'} events of each class.\n\n{PUBLISHED}"
     )
     text = "\n".join([f"# Results of recognition\n\n{intro}\n", *(table.markdown() for table in found)])
-    (out / "report.md").write_text(text, encoding="utf-8")
+    (out / "report.md").write_text(text, encoding="utf-8", newline="\n")
     (out / "tables").mkdir(exist_ok=True)
     for table in found:
-        (out / "tables" / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8")
+        (out / "tables" / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8", newline="\n")
     with (out / "results.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(_single_figures(evaluation))
     return found
