@@ -1,9 +1,9 @@
-"""How closely catalogues of vehicles' scenes repeat recordings when they are run: places, speeds, accelerations, criticality.
+"""How closely catalogues of vehicles' scenes repeat data sets when they are run: places, speeds, accelerations, criticality.
 
     python benchmarks/replay_fidelity.py PATH... [--world sumo|kinematic] [--limit 0.3]
 
 Every usable vehicle's scene becomes a scenario, is checked and is run with `--sut none`; every participant is compared with the
-recording at every recorded row.
+smoothed recording at every recorded row. Each path is a data set, with figures of its own.
 """
 
 from __future__ import annotations
@@ -35,17 +35,24 @@ def main() -> None:
     arguments.add_argument("--world", default="sumo", help="sumo, or kinematic: without a simulator")
     arguments.add_argument("--limit", type=float, default=0.3, help="distance (m) that counts as faithful")
     options = arguments.parse_args()
+    for path in options.paths:
+        print(f"== {path}")
+        measure(path, options.world, options.limit)
+
+
+def measure(path: Path, world: str, limit: float) -> None:
+    """Make the scenes of all vehicles of a data set, check and run them, and print how far they are from the recordings."""
     settings = stages.CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        made = pipeline.build(options.paths, out, settings, pipeline.ByRules(), lambda sources, _: sources)
+        made = pipeline.build([path], out, settings, pipeline.ByRules(), lambda sources, _: sources)
         print(f"{sum(made.classes.values())} scenes of vehicles, {len(made.exclusions)} vehicles without: {dict(made.passages)}")
         for name, error in made.failures.items():
             print(f"{name} was not read: {error}")
         problems = Counter(problem.level for _, found in check_many(expand([str(out)])) for problem in found)
         print(f"problems in the files: {dict(problems) or 'none'}")
-        sources = [source for path in options.paths for source in datasets.open(path).sources]
-        report(dict(fidelity.of_catalogue(out, sources, settings.config.scope, options.world)), options.limit)
+        sources = datasets.open(path).sources
+        report(dict(fidelity.of_catalogue(out, sources, settings.config.scope, world)), limit)
 
 
 def report(runs: dict[str, fidelity.Replay], limit: float) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from recognition.datasets.participants import Participant
 from recognition.datasets.smoothing import pedestrians, vehicles
+from recognition.datasets.smoothing.edges import Edge, edges, without
 from recognition.datasets.smoothing.jumps import JUMP, Breaks, breaks
 from recognition.datasets.smoothing.limits import Bounds
 from recognition.datasets.smoothing.noise import deviation
@@ -60,9 +61,13 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
     x, y = x[rest.kept], y[rest.kept]
     off, behind = deviation(rest.rows, x, y), behind[rest.kept]
     seen = Seen(rest.rows.starts, rest.rows.time, x, y, columns["h"], columns["speed"], trusted, off, behind, bounds, noise)
-    states = _states(rest.rows, who, seen, columns)
-    _tell_hard(report, rest.rows, who, states["acceleration"], bounds)
-    return Smoothed(rest.rows, who, columns | states)
+    columns |= _states(rest.rows, who, seen, columns)
+    wrong = edges(rest.rows, who, columns["speed"], columns["acceleration"])
+    _tell_edges(report, who, wrong)
+    kept = without(rest.rows, wrong)
+    rows, columns = rest.rows.among(kept), {name: values[kept] for name, values in columns.items()}
+    _tell_hard(report, rows, who, columns["acceleration"], Bounds(*(each[kept] for each in bounds)))
+    return Smoothed(rows, who, columns)
 
 
 def _names(who: Sequence[Participant], origin: IntArray) -> list[str]:
@@ -96,6 +101,15 @@ def _tell(report: Report, rows: Rows, who: Sequence[Participant], broken: Breaks
         report.remarks.append(
             f"{who[index].name}: {astray[index]} rows are away by more than {JUMP} m and come back: interpolated"
         )
+
+
+def _tell_edges(report: Report, who: Sequence[Participant], wrong: Sequence[Edge]) -> None:
+    """Enter rows at the ends of tracks that were left out."""
+    for edge in wrong:
+        count = edge.rows.stop - edge.rows.start
+        turn = f"turns back at {edge.time:.2f} s with {edge.acceleration:.1f} m/s², which nothing does"
+        report.exclusions.append(Exclusion(who[edge.track].name, count, f"at the edge of the view it {turn}"))
+        report.rows -= count
 
 
 def _tell_hard(report: Report, rows: Rows, who: Sequence[Participant], acceleration: FloatArray, bounds: Bounds) -> None:

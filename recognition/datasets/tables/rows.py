@@ -73,6 +73,12 @@ class Rows:
         starts, keys, repeated = self.starts[first : last + 1] - a, self.keys[tracks], self.repeated[tracks]
         return Rows(self.order[own], keys, starts, self.time[own], self.step, self.first[own] - a, self.last[own] - a, repeated)
 
+    def among(self, kept: NDArray[np.bool_]) -> Rows:
+        """Some of the rows, at least one of each track."""
+        starts, time = np.append(0, np.cumsum(np.add.reduceat(kept, self.starts[:-1], dtype=np.int64))), self.time[kept]
+        pieces = _pieces(time, starts, self.step)
+        return Rows(self.order[kept], self.keys, starts, time, self.step, *pieces, self.repeated)
+
     def each(self, values: Any) -> NDArray[Any]:
         """A value for each track, repeated for its rows."""
         return np.repeat(values, self.sizes)

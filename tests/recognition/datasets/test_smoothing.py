@@ -145,6 +145,25 @@ def test_vehicle_that_reverses_keeps_its_heading(tmp_path: Path) -> None:
     assert columns["speed"][75:-5] == pytest.approx(3.0, abs=0.2)
 
 
+@pytest.mark.parametrize("mirrored", [False, True], ids=["leaving", "entering"])
+def test_rows_at_the_edge_of_the_view_that_turn_back_hard_are_left_out_and_reported(tmp_path: Path, mirrored: bool) -> None:
+    x = 8.0 * TIME - 2.25 * np.maximum(TIME - 9.5, 0.0) ** 2  # at 11.3 s it turns back
+    x = -x[::-1] if mirrored else x
+    recording, report = recorded(tmp_path, x, np.zeros(N), np.zeros(N))
+    columns = recording.tracks["1"].columns
+    assert columns["speed"].min() >= 0.0 and len(columns["time"]) == report.rows < N
+    (left,) = report.exclusions
+    assert left.what == "1" and left.rows == N - report.rows
+    assert re.match(r"at the edge of the view it turns back at \d+\.\d0 s with -?\d\.\d m/s², which nothing does", left.reason)
+    assert columns["time"][0] == pytest.approx(0.1 + 0.1 * left.rows * mirrored)
+
+
+def test_vehicle_that_stops_before_it_reverses_at_the_end_keeps_all_rows(tmp_path: Path) -> None:
+    x = np.interp(TIME, [0.0, 6.0, 10.0], [0.0, 30.0, 30.0]) - np.where(TIME > 10.0, 0.4 * (TIME - 10.0) ** 2, 0.0)
+    report = recorded(tmp_path, x, np.zeros(N), np.zeros(N))[1]
+    assert report.rows == N and not report.exclusions
+
+
 def test_no_vehicle_of_real_recordings_moves_beyond_what_is_possible(recordings: Path) -> None:
     for source in datasets.open(recordings / "taf_bw").sources:
         for track in source.load().tracks.values():
@@ -152,3 +171,5 @@ def test_no_vehicle_of_real_recordings_moves_beyond_what_is_possible(recordings:
             assert np.abs(columns["speed"]).max() <= limits.speed
             assert columns["acceleration"].max() <= 1.4 * limits.acceleration
             assert columns["acceleration"].min() >= -1.1 * limits.braking
+            turns = columns["speed"][[0, -1]] < 0.0
+            assert not (turns & (np.abs(columns["acceleration"][[0, -1]]) > 4.0)).any()
