@@ -85,7 +85,7 @@ def _made(path: Path, roads: Path, view: View, rules: Rules) -> tuple[Windows, W
 
 
 def accept(model: TRFE, windows: Sequence[Windows]) -> None:
-    """Let a model take no more than a tenth of the rules' events on other sites for unknown, where its own δ took more.
+    """Let a model take no more than a tenth of the rules' events of other sites for unknown, at each, where its own δ took more.
 
     On sites like those that trained it, everything looks more usual than elsewhere: a δ chosen there rejects most of what it gets
     right on roads that it has not seen.
@@ -93,10 +93,9 @@ def accept(model: TRFE, windows: Sequence[Windows]) -> None:
     Args:
         windows: of events on sites that neither train nor measure it.
     """
-    scores = np.concatenate([np.zeros(0), *(model.recognise(one.inputs).score for one in windows)])
-    if len(scores):
-        screening = model.known.screening
-        screening.threshold = max(screening.threshold, float(np.quantile(scores, 1.0 - REJECTED)))
+    scores = [model.recognise(one.inputs).score for one in windows if len(one)]
+    screening = model.known.screening
+    screening.threshold = max(screening.threshold, *(float(np.quantile(one, 1.0 - REJECTED)) for one in scores), 0.0)
 
 
 def agreement(recognise: Recognise, windows: SiteWindows) -> Agreement:

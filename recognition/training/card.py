@@ -76,7 +76,11 @@ def decision(model: TRFE) -> str:
     known = model.known
     trees, features = len(known.forest.trees.estimators_), known.fitted.features.shape[1]
     screening = f"the screening `joint` calls unknown what belongs to no class, by δ = {1.0 - known.screening.threshold:.2g}"
-    return f"{trees} trees vote on {features} features of {len(model.encoders)} encoders; {screening}."
+    text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders; {screening}."
+    if model.least:
+        needed = ", ".join(f"{title_of(label)} {share:.0%}" for label, share in model.least.items())
+        text += f"\nWith less than this share of the votes for classes, a window is taken for nothing: {needed}."
+    return text
 
 
 def scope(model: TRFE) -> str:

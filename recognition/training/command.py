@@ -47,7 +47,8 @@ def train(
         list[Path] | None,
         typer.Option(
             metavar="DIR",
-            help="Recordings of other sites, by which δ is chosen: at most a tenth of events there is unknown.",
+            help="Recordings of other sites, by which δ is chosen (at most a tenth of events there is unknown), and the share of"
+            " votes that each class needs, so that windows in which nothing happens get none (repeatable).",
         ),
     ] = None,
     unseen: Annotated[
@@ -81,6 +82,7 @@ def train(
     from recognition.training.agreement import accept, agreement, site_windows
     from recognition.training.card import CARD, card_of
     from recognition.training.data import source_of, windows_at
+    from recognition.training.operating import least_shares
     from recognition.training.splits import split
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save
@@ -100,13 +102,15 @@ def train(
         model = fitted(windows, parts, trained, seed, forest_samples, DELTA if develop else None)
     rules = Rules(signalised=True)
     if develop:
-        accept(model, [site_windows(one, folder, view, rules).events for one in develop])
+        elsewhere = [site_windows(one, folder, view, rules) for one in develop]
+        accept(model, [one.events for one in elsewhere])
+        model.least = least_shares(model, elsewhere)
     elsewhere = [site_windows(one, folder, view, rules) for one in unseen or ()]
     measured = [agreement(lambda windows: model.recognise(windows.inputs).labels, one) for one in elsewhere]
     if measured:
         model.unseen_sites = min(one.agree for one in measured), max(one.wrong + one.nothing for one in measured)
     save(model, out, samples)
-    chosen_by = f", δ by events of {', '.join(one.name for one in develop)}" if develop else ""
+    chosen_by = f", δ and least shares of votes by {', '.join(one.name for one in develop)}" if develop else ""
     data = f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}{chosen_by}"
     card = card_of(model, windows, parts, data, measured)
     keep(card.encode(), out / CARD)

@@ -71,6 +71,8 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     }
     if model.buffer.inputs is not None:
         arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
+    if model.least:
+        arrays |= _prefixed("least", {"classes": np.array([*model.least]), "shares": np.array([*model.least.values()])})
     stated = {"unseen_sites": dict(zip(("agree", "wrong"), model.unseen_sites, strict=True))} if model.unseen_sites else {}
     about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config), **stated})}
     with writing("the model", folder):
@@ -94,6 +96,7 @@ def load(folder: Path) -> TRFE:
     try:
         model = TRFE(config, encoders, _known(config, arrays, forest))
         model.unseen_sites = unseen
+        model.least = _least(_part(arrays, "least"))
         widths = sum(encoder.architecture.dim for encoder in encoders), model.known.fitted.features.shape[1]
         if encoders and widths[0] != widths[1]:
             raise ValueError(f"its encoders give {widths[0]} features, not {widths[1]}")
@@ -104,6 +107,14 @@ def load(folder: Path) -> TRFE:
     except (KeyError, ValueError, IndexError, TypeError, ToolchainError) as error:
         raise InvalidFile(f"its parts do not fit together: {reason(error)}", path=folder / _MODEL) from None
     return model
+
+
+def _least(arrays: Arrays) -> dict[int, float]:
+    if not arrays:
+        return {}
+    if not ((arrays["shares"] >= 0.0) & (arrays["shares"] <= 1.0)).all():
+        raise ValueError("least shares of votes are from 0 to 1")
+    return dict(zip(arrays["classes"].tolist(), arrays["shares"].tolist(), strict=True))
 
 
 def _read_encoders(folder: Path) -> list[Encoder]:

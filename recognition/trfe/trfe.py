@@ -14,7 +14,7 @@ from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import Discovery, discover
 from recognition.trfe.forest.voting import Votes
 from recognition.trfe.known import Known, Labelled, labelled, learn
-from recognition.trfe.samples import UNKNOWN, Features, matrix
+from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features, matrix
 from recognition.trfe.screening.evt import EvtScreening
 from recognition.trfe.steps import Steps
 from schemas.errors import UsageError
@@ -36,6 +36,7 @@ class Recognition(NamedTuple):
         score: how outlying (n,); higher is more outlying.
         closed: class with most votes (n,), whether the sample is unknown or not.
         features: (n, d).
+        share: of the votes for classes, that of the class with most (n,), in [0, 1]; votes for none of them do not count.
     """
 
     labels: IntArray
@@ -43,6 +44,7 @@ class Recognition(NamedTuple):
     score: FloatArray
     closed: IntArray
     features: Features
+    share: FloatArray
 
 
 class TRFE:
@@ -59,6 +61,8 @@ class TRFE:
         buffer: unknown samples that wait.
         unseen_sites: at sites that it was not trained on, the share of the rules' events that it gives the rules' class, and the
             share to which it gives another one, on the worst site that was measured; None where none was.
+        least: the least `Recognition.share` that a class needs; with less, a sample is taken for `BACKGROUND`. Other classes need
+            none.
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class TRFE:
         self.steps = steps or Steps()
         self.buffer = Buffer(self.config.preprocessing.capacity)
         self.unseen_sites: tuple[float, float] | None = None
+        self.least: dict[int, float] = {}
         self._known = known
 
     @property
@@ -117,12 +122,16 @@ class TRFE:
         return matrix(features(self.encoders, table))
 
     def recognise(self, inputs: ArrayLike) -> Recognition:
-        """The known class of each sample (n, …), windows or features, or that it is unknown."""
+        """The known class of each sample (n, …), windows or features, or that it is unknown, or nothing."""
         features, known = self.encode(inputs), self.known
         votes = known.forest.vote(features)
         closed, most = known.classes[votes.counts.argmax(axis=1)], votes.counts.max(axis=1)
         score, threshold = self._score(features, votes)
-        return Recognition(np.where(score <= threshold, closed, UNKNOWN), most / self.config.trees, score, closed, features)
+        share = most / np.maximum(votes.counts.sum(axis=1), 1)
+        labels = np.where(score <= threshold, closed, UNKNOWN)
+        needed = np.array([self.least.get(label, 0.0) for label in labels.tolist()])
+        labels = np.where(share < needed, BACKGROUND, labels)
+        return Recognition(labels, most / self.config.trees, score, closed, features, share)
 
     def _score(self, features: Features, votes: Votes) -> tuple[FloatArray, float]:
         """Outlyingness (n,) of samples, and the threshold above which they are unknown."""

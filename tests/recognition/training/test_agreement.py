@@ -50,3 +50,9 @@ def test_at_most_a_tenth_of_events_elsewhere_is_unknown_and_never_more_than_befo
     assert model.known.screening.threshold == pytest.approx(expected)
     accept(cast("TRFE", model), [])
     assert model.known.screening.threshold == pytest.approx(expected)
+
+
+def test_at_each_site_at_most_a_tenth_of_events_is_unknown() -> None:
+    model = Scored(np.linspace(0.0, 1.0, 101), 0.1)
+    accept(cast("TRFE", model), [windows([3] * 101), windows([3] * 11)])
+    assert model.known.screening.threshold == pytest.approx(0.9)

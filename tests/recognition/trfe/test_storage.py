@@ -49,9 +49,11 @@ def test_a_model_is_read_as_it_was_written(tmp_path: Path) -> None:
     fitted = TRFE(CONFIG).fit(*clouds([1, 2, 3], 40, seed=0), *clouds([1, 2, 3], 30, seed=1))
     samples, _ = clouds([1, 2, 3, 9, 10, 11], 40, seed=2)
     fitted.observe(samples, np.arange(len(samples)))
+    fitted.least = {1: 0.3, 3: 0.95}
     save(fitted, tmp_path)
     restored = load(tmp_path)
     assert restored.config == fitted.config
+    assert restored.least == fitted.least
     assert restored.buffer.keys.tolist() == fitted.buffer.keys.tolist()
     for one, other in zip(fitted.recognise(samples), restored.recognise(samples), strict=True):
         assert np.array_equal(one, other)
@@ -230,6 +232,10 @@ def rewritten(path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict
         (lambda arrays, settings, about: settings.update(promotion=3), "its settings are not those of Promotion"),
         (lambda arrays, settings, about: arrays.pop("prototypes.radii"), "do not fit together"),
         (lambda arrays, settings, about: arrays.pop("screening.limits"), "do not fit together: there is no 'limits'"),
+        (
+            lambda arrays, settings, about: arrays.update({"least.classes": np.array([1]), "least.shares": np.array([1.2])}),
+            "do not fit together: least shares of votes are from 0 to 1",
+        ),
         (lambda arrays, settings, about: arrays["fitted.features"].fill(np.nan), "fitted.features is not made of finite"),
         (
             lambda arrays, settings, about: arrays.update({"fitted.features": arrays["fitted.features"][:, 1:]}),

@@ -15,7 +15,7 @@ from recognition.study.strategies import keep_all
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
-from recognition.trfe.samples import Features
+from recognition.trfe.samples import BACKGROUND, Features
 from recognition.trfe.screening import EvtJoint
 from recognition.trfe.screening.selection import DELTAS
 from recognition.trfe.steps import Steps
@@ -69,6 +69,18 @@ def test_known_classes_are_recognised_and_new_ones_rejected() -> None:
     assert np.mean(found.closed[known] == truth[known]) > 0.98
     assert ((found.confidence > 0.0) & (found.confidence <= 1.0)).all()
     assert found.score[~known].min() > np.median(found.score[known])
+
+
+def test_classes_that_need_more_of_the_votes_are_taken_for_nothing() -> None:
+    samples, _ = stream()
+    strict = model()
+    before = strict.recognise(samples)
+    strict.least = {2: 1.1}
+    found = strict.recognise(samples)
+    assert ((found.share > 0.0) & (found.share <= 1.0)).all()
+    assert np.array_equal(found.labels == BACKGROUND, before.labels == 2) and (before.labels == 2).any()
+    assert np.array_equal(found.labels[before.labels != 2], before.labels[before.labels != 2])
+    assert np.array_equal(found.closed, before.closed)
 
 
 def test_unknown_samples_wait_in_the_buffer_under_their_keys() -> None:
