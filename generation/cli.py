@@ -216,7 +216,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
     collision = cases.outcomes.collision
     found = "1 edge case" if len(cases) == 1 else f"{len(cases)} edge cases"
-    yield f"  {found}, {int(collision.sum())} of them foreseeable and preventable collisions" if len(cases) else f"  {found}"
+    worth = (
+        f", {int(collision.sum())} of them foreseeable and preventable collisions" if len(cases) else f": {_nothing(generated)}"
+    )
+    yield f"  {found}{worth}"
     survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"
@@ -228,6 +231,19 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
         yield f"  and {len(generated.files) - _LISTED} more files in {generated.files[0].parent}"
+
+
+def _nothing(generated: Generated) -> str:
+    """Why there is no edge case."""
+    outcomes = generated.history.outcomes
+    colliding, near = outcomes.executed & outcomes.collision, outcomes.clearance[outcomes.executed]
+    if not near.size:
+        return "nothing was run"
+    if not colliding.any():
+        return f"no run collides; the least distance of the ego to another one is {near.min():.2f} m"
+    judged = generated.gate.refusal is None
+    foreseeable = generated.prior.foreseeable(generated.history.theta[colliding]).sum() if judged else 0
+    return f"collisions: {colliding.sum()}, foreseeable: {foreseeable}, of these prevented by a careful driver: 0"
 
 
 def _prior(generated: Generated) -> str:

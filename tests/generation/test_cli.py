@@ -37,6 +37,16 @@ def test_a_scenario_becomes_edge_cases(
     assert not any(schemas.check(path) for path in (tmp_path / "out").rglob("*.xosc"))
 
 
+def test_a_search_that_finds_nothing_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = ("--pin", "CutIn_Gap_m=100", "--pin", "Ego_Speed_mps=20")
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *QUICK, *far) == 1
+    assert "0 edge cases: collisions: 1, foreseeable: 0" in capsys.readouterr().out
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "one", *QUICK, *far, "--budget", 1) == 1
+    assert "0 edge cases: no run collides; the least distance of the ego to another one is " in capsys.readouterr().out
+
+
 def test_a_wrong_method_is_named_before_a_folder_is_asked_for(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
