@@ -6,13 +6,15 @@ STAMP := $(VENV)/.installed
 READERS := .venv-readers
 # Tests start many processes: without the compiled modules of the others each would compile all it imports.
 export PYTHONDONTWRITEBYTECODE :=
+# Modules are compiled when they are first imported: most of what is installed never is.
+PIP := pip install --no-compile --quiet --disable-pip-version-check
 
 .PHONY: demo test readers lint types install docs clean
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; sys.exit('Python 3.11 or newer is needed, this is ' + sys.version.split()[0] if sys.version_info < (3, 11) else 0)"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m $(PIP) --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
 install: $(STAMP)
@@ -26,8 +28,8 @@ test: install  ## the whole test suite, in parallel
 
 $(READERS)/.installed: tests/readers/requirements.txt
 	$(PYTHON) -m venv $(READERS)
-	$(READERS)/bin/python -m pip install --quiet --disable-pip-version-check --requirement tests/readers/requirements.txt
-	$(READERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps vcd==6.0.3  # not its OpenCV, which needs a desktop
+	$(READERS)/bin/python -m $(PIP) --requirement tests/readers/requirements.txt
+	$(READERS)/bin/python -m $(PIP) --no-deps vcd==6.0.3  # not its OpenCV, which needs a desktop
 	touch $@
 
 readers: install $(READERS)/.installed  ## what packages of others, in an environment of their own, make of our exports

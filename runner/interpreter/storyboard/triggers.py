@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6
 _SLEEPLESS = 16
-"""Steps from one try to leave conditions alone to the next: where most of them change all tries are in vain."""
+"""Steps from one try to leave conditions alone to the next; twice as many after each try in vain."""
 _LONGEST = 128
 """Steps after which conditions that could not be left alone may have become such that can."""
 
@@ -195,7 +195,7 @@ class Trigger:
             if true and fired is None:
                 fired = group
         if fired is None:
-            if over or (not self._resting and run.step_index % _SLEEPLESS == 0):
+            if over or (not self._resting and run.step_index >= self._next):
                 self._rest(run)
             return False
         self.triggering = tuple(dict.fromkeys(e for c in fired for e in c.condition.triggering))
@@ -204,6 +204,7 @@ class Trigger:
 
     def _look_at_all(self) -> None:
         """Evaluate all conditions from now on."""
+        self._next, self._pause = 0, _SLEEPLESS
         self._resting, self._until, self._changes = False, math.inf, 0
         self._looking = [(group, group, True) for group in self.groups]
         """groups, their conditions that are evaluated, and whether the others of the group are true"""
@@ -223,3 +224,5 @@ class Trigger:
                 self._looking.append((group, awake, not false))
                 self._until = min(self._until, run.time + _LONGEST * run.dt)
             self._resting = self._resting or false or len(awake) < len(group)
+        self._pause = _SLEEPLESS if self._resting else 2 * self._pause
+        self._next = run.step_index + self._pause
