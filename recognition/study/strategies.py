@@ -17,7 +17,7 @@ from recognition.trfe.discovery.clustering import Pairs, k_means_head, random_he
 from recognition.trfe.forest.rfap import random_trees, similarity
 from recognition.trfe.forest.voting import Votes, VotingForest, grow
 from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import Features, deviations
+from recognition.trfe.samples import Features
 from recognition.trfe.trfe import TRFE
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
@@ -96,8 +96,8 @@ class EuclideanPrototypes(Prototypes):
     """Prototypes in features that vary alike over all classes together."""
 
     @staticmethod
-    def _axes(features: Features, columns: IntArray) -> Features:
-        return np.diag(1.0 / deviations(features)).astype(np.float32)
+    def _axes(features: Features, columns: IntArray, scales: Features) -> Features:
+        return np.diag(1.0 / scales).astype(np.float32)
 
 
 class CosinePrototypes(EuclideanPrototypes):

@@ -74,7 +74,7 @@ def _elsewhere(unseen: Sequence[Agreement]) -> list[str]:
 def decision(model: TRFE) -> str:
     """By what a model takes windows for a class, or for unknown."""
     known = model.known
-    trees, features = len(known.forest.trees.estimators_), known.fitted.features.shape[1]
+    trees, features = len(known.forest.trees.estimators_), len(known.prototypes.mean)
     screening = f"the screening `joint` calls unknown what belongs to no class, by δ = {1.0 - known.screening.threshold:.2g}"
     text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders; {screening}."
     if model.least:

@@ -147,11 +147,14 @@ def fitted(windows: Windows, parts: Split, encoders: Sequence[Encoder], seed: in
     """A model with these encoders, whose trees learn from at most so many windows of each class; without a δ one is chosen."""
     import numpy as np
 
+    from recognition.tokens.changes import CHANGES
+    from recognition.tokens.config import Tokens
     from recognition.trfe.config import Config
     from recognition.trfe.samples import drawn_of_each
     from recognition.trfe.trfe import TRFE
 
     labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
-    model = TRFE(Config(seed=seed, pretrained=encoders[0].architecture.dim, delta=delta), encoders)
+    changes = CHANGES if isinstance(encoders[0].view, Tokens) else 0
+    model = TRFE(Config(seed=seed, changes=changes, pretrained=encoders[0].architecture.dim, delta=delta), encoders)
     labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
     return model.fit(labelled.inputs, labelled.labels, held.inputs, held.labels)

@@ -27,6 +27,10 @@ class Labelled(NamedTuple):
     features: Features
     labels: IntArray
 
+    def recognised_by(self, config: Config) -> Labelled:
+        """The same with the features alone by which samples are recognised."""
+        return self._replace(features=config.recognising(self.features))
+
     def joined(self, other: Labelled) -> Labelled:
         """These samples and others."""
         return Labelled(np.concatenate([self.features, other.features]), np.concatenate([self.labels, other.labels]))
@@ -36,11 +40,11 @@ class Known(NamedTuple):
     """What is known.
 
     Args:
-        fitted: samples that the forest was fitted on.
+        fitted: samples that the forest was fitted on, with all features.
         calibrating: other samples of the same classes, which calibrated the screening.
-        forest: votes for classes.
+        forest: votes for classes, by `Config.recognising` features.
         screening: judges the votes.
-        prototypes: centres and radii of the classes.
+        prototypes: centres and radii of the classes, in the same features.
     """
 
     fitted: Labelled
@@ -73,10 +77,11 @@ def learn(fitted: Labelled, calibrating: Labelled, config: Config, steps: Steps)
     """
     if set(fitted.labels.tolist()) != set(calibrating.labels.tolist()):
         raise UsageError("the samples to fit and to calibrate must be of the same classes")
-    forest = steps.grow(*fitted, trees=config.trees, seed=config.seed)
-    prototypes = steps.prototypes(*fitted.joined(calibrating))
-    screening, votes = steps.screening(_delta(fitted, calibrating, config, steps), config.seed), forest.vote(calibrating.features)
-    screening.fit(votes.counts, calibrating.labels, config.trees, votes.distances)
+    trained, held = fitted.recognised_by(config), calibrating.recognised_by(config)
+    forest = steps.grow(*trained, trees=config.trees, seed=config.seed)
+    prototypes = steps.prototypes(*trained.joined(held))
+    screening, votes = steps.screening(_delta(trained, held, config, steps), config.seed), forest.vote(held.features)
+    screening.fit(votes.counts, held.labels, config.trees, votes.distances)
     return Known(fitted, calibrating, forest, screening, prototypes)
 
 

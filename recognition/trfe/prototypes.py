@@ -39,15 +39,21 @@ class Prototypes:
     axes: Features
 
     @classmethod
-    def fit(cls, features: ArrayLike, labels: ArrayLike) -> Self:
+    def fit(cls, features: ArrayLike, labels: ArrayLike, beside: ArrayLike | None = None) -> Self:
         """Prototypes of labelled features (n, d).
+
+        Args:
+            features, labels: of samples of the known classes.
+            beside: features (m, d) of samples of no known class, by which the features' scales are measured too: what never
+                varies in the known classes would count without bounds in others.
 
         Raises:
             UsageError: features that are not finite, labels that are no positive whole numbers.
         """
         table = matrix(features)
         classes, columns = np.unique(class_labels(labels, len(table)), return_inverse=True)
-        mean, axes = table.mean(axis=0), cls._axes(table, columns)
+        scales = deviations(table if beside is None else np.concatenate([table, matrix(beside, table.shape[1])]))
+        mean, axes = table.mean(axis=0), cls._axes(table, columns, scales)
         standard = (table - mean) @ axes
         centres = np.stack([standard[columns == column].mean(axis=0) for column in range(len(classes))])
         found = cls(classes, centres, np.ones(len(classes)), mean, axes)
@@ -66,12 +72,12 @@ class Prototypes:
         return cdist(standard, others)
 
     @staticmethod
-    def _axes(features: Features, columns: IntArray) -> Features:
+    def _axes(features: Features, columns: IntArray, scales: Features) -> Features:
         """Axes (d, d) along which the classes' common covariance, shrunk towards a sphere, is 1.
 
         Source: the distance of Lee et al., "A Simple Unified Framework for Detecting Out-of-Distribution Samples" (NeurIPS 2018).
         """
-        scaling = np.diag(1.0 / deviations(features)).astype(np.float32).astype(np.float64)
+        scaling = np.diag(1.0 / scales).astype(np.float32).astype(np.float64)
         standard = features @ scaling
         counts = np.bincount(columns)
         means = np.stack([np.bincount(columns, values) / counts for values in standard.T], axis=1)

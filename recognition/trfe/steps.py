@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class Steps:
     Attributes:
         grow: fits the forest on labelled samples.
         screening: the screening with a δ and a seed, not calibrated yet.
-        prototypes: centres of labelled samples.
+        prototypes: centres of labelled samples, see `Prototypes.fit`.
         sift: what of a buffer is not clustered.
         similarity: S of samples, see `unsupervised_similarity`.
         cluster: numbers of the clusters of samples.
@@ -54,7 +54,7 @@ class Steps:
 
     grow: Grow = grow
     screening: Callable[[float, int], Screening] = EvtJoint
-    prototypes: Callable[[Any, Any], Prototypes] = Prototypes.fit
+    prototypes: Callable[..., Prototypes] = Prototypes.fit
     sift: Callable[[Features, Prototypes, Preprocessing], Sifted] = sift
     similarity: Callable[[Features, Features, VotingForest, Config], NDArray[np.float32]] = unsupervised_similarity
     cluster: Callable[[Task, Config], IntArray] = cluster_online

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.tree import DecisionTreeClassifier
 
+from recognition.tokens.changes import CHANGES
+from recognition.tokens.config import Tokens
 from recognition.trfe.config import Config
 from recognition.trfe.forest.neighbours import Neighbours
 from recognition.trfe.forest.voting import VotingForest
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray[Any]]
 _MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
-_FORMAT = "xosc-toolchain TRFE 3"
+_FORMAT = "xosc-toolchain TRFE 4"
 _ABOUT = "about"
 """The one entry of the metadata: safetensors writes several in an order that differs from time to time"""
 _TREE = "sklearn.tree._tree.Tree"
@@ -97,12 +99,15 @@ def load(folder: Path) -> TRFE:
         model = TRFE(config, encoders, _known(config, arrays, forest))
         model.unseen_sites = unseen
         model.least = _least(_part(arrays, "least"))
-        widths = sum(encoder.architecture.dim for encoder in encoders), model.known.fitted.features.shape[1]
-        if encoders and widths[0] != widths[1]:
-            raise ValueError(f"its encoders give {widths[0]} features, not {widths[1]}")
+        width = model.known.fitted.features.shape[1]
+        encoded = sum(encoder.architecture.dim for encoder in encoders)
+        if encoders and config.changes not in (0, CHANGES if isinstance(encoders[0].view, Tokens) else 0):
+            raise ValueError(f"{config.changes} features can't be of what changes in a window")
+        if encoders and config.changes + encoded != width:
+            raise ValueError(f"its encoders give {encoded} features, not {width - config.changes}")
         waiting = _part(arrays, "buffer")
         if waiting:
-            model.buffer.add(matrix(waiting["inputs"], len(model.known.prototypes.mean)), waiting["keys"])
+            model.buffer.add(matrix(waiting["inputs"], width), waiting["keys"])
         model.recognise(model.known.fitted.features[:1])
     except (KeyError, ValueError, IndexError, TypeError, ToolchainError) as error:
         raise InvalidFile(f"its parts do not fit together: {reason(error)}", path=folder / _MODEL) from None
@@ -150,8 +155,8 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Kn
     for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes):
         if not np.array_equal(np.unique(of), classes):
             raise ValueError("they are of different classes")
-    width = prototypes.centres.shape[1]
-    if not width == fitted.features.shape[1] == calibrating.features.shape[1] == len(prototypes.mean):
+    width = config.changes + prototypes.centres.shape[1]
+    if not width == fitted.features.shape[1] == calibrating.features.shape[1] == config.changes + len(prototypes.mean):
         raise ValueError("they are of different dimensions")
     return Known(fitted, calibrating, voting, screening, prototypes)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from recognition.tokens.changes import changes
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import Discovery, discover
@@ -107,7 +108,9 @@ class TRFE:
         return self
 
     def encode(self, inputs: ArrayLike) -> Features:
-        """Features (n, d) of windows (n, ...), as the encoders read them; features stay as they are.
+        """Features (n, d) of windows (n, ...): what changes in them, where the model looks at it, and what the encoders read.
+
+        Features stay as they are.
 
         Raises:
             UsageError: neither, or windows without encoders.
@@ -119,14 +122,16 @@ class TRFE:
             raise UsageError("this model has no encoder: it takes features, not windows")
         from recognition.encoder.inference import features
 
-        return matrix(features(self.encoders, table))
+        encoded = features(self.encoders, table)
+        return matrix(np.concatenate([changes(table), encoded], axis=1) if self.config.changes else encoded)
 
     def recognise(self, inputs: ArrayLike) -> Recognition:
         """The known class of each sample (n, …), windows or features, or that it is unknown, or nothing."""
         features, known = self.encode(inputs), self.known
-        votes = known.forest.vote(features)
+        seen = self.config.recognising(features)
+        votes = known.forest.vote(seen)
         closed, most = known.classes[votes.counts.argmax(axis=1)], votes.counts.max(axis=1)
-        score, threshold = self._score(features, votes)
+        score, threshold = self._score(seen, votes)
         share = most / np.maximum(votes.counts.sum(axis=1), 1)
         labels = np.where(score <= threshold, closed, UNKNOWN)
         needed = np.array([self.least.get(label, 0.0) for label in labels.tolist()])

@@ -16,16 +16,21 @@ from recognition.trfe.discovery.discovery import discover
 from recognition.trfe.steps import Steps
 from xodr.array_types import IntArray
 
-GIVEN_K, COUNTED, ALL_FEATURES, LINKAGE = "trfe-given-k", "trfe-counted", "all-features", "rfap-linkage"
+GIVEN_K, COUNTED, LINKAGE = "trfe-given-k", "trfe-counted", "rfap-linkage"
+ENCODED, ENCODED_GIVEN_K, ALL_FEATURES = "encoded", "encoded-given-k", "all-features"
 OWN = {
     "trfe": "**TRFE**",
     GIVEN_K: "TRFE, given K",
     COUNTED: "TRFE, K of held-out classes",
-    ALL_FEATURES: "TRFE, all features, given K",
+    ENCODED: "TRFE, encoders' features",
+    ENCODED_GIVEN_K: "TRFE, encoders' features, given K",
+    ALL_FEATURES: "TRFE, encoders' features with equal weights, given K",
     ONLY_TUNED: "TRFE, features after fine-tuning alone, given K",
-    LINKAGE: "RFAP + average linkage",
+    LINKAGE: "RFAP + average linkage, encoders' features",
 }
 """TRFE's own ways to cluster, by name, with the titles of their rows in the report."""
+_OF_ENCODERS = (ENCODED, ENCODED_GIVEN_K, ALL_FEATURES, ONLY_TUNED, LINKAGE)
+"""Those that do not look at what changes in windows."""
 TITLES = {**OWN, MAP_ONLY: "map only, one frame: k-means, given K", **kinds.titles(kinds.CLUSTERING)}
 """Methods by name."""
 
@@ -36,6 +41,8 @@ def measure_clustering(name: str, trial: Trial) -> dict[str, Any]:
     The samples are the first ones of new classes in the stream, as if screening had missed and mistaken none.
     """
     trial = seen_by(name, trial)
+    if name not in (*_OF_ENCODERS, MAP_ONLY):
+        trial = trial.with_changes
     if name in OWN:
         clusters = _own(name, trial)
     else:
@@ -50,10 +57,10 @@ def _own(name: str, trial: Trial) -> IntArray:
     new, steps = trial.appearing, Steps(sift=keep_all)
     if name == LINKAGE:
         steps = replace(steps, cluster=average_linkage)
-    elif name != "trfe":
+    elif name not in ("trfe", ENCODED):
         count = trial.pool.likely_classes if name == COUNTED else len(trial.round.new)
         steps = replace(steps, cluster=partial(given_count, count))
     buffer = Buffer(len(new.rows))
     buffer.add(new.features, new.rows)
-    config = replace(trial.config, pretrained=0 if name == ALL_FEATURES else trial.tuned)
+    config = replace(trial.config, pretrained=0) if name == ALL_FEATURES else trial.config
     return discover(trial.model.known, buffer, config, steps).clusters

@@ -33,7 +33,7 @@ def measure_open_world(name: str, trial: Trial) -> dict[str, Any]:
     variant, screening = VARIANTS[name], trial.model.known.screening
     if variant.steps.screening in (EvtJoint, Recalibrated):
         variant = replace(variant, config=replace(variant.config, delta=1.0 - screening.threshold))
-    return follow(begin(variant, trial), trial, {})
+    return follow(begin(variant, trial.with_changes), trial.with_changes, {})
 
 
 def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict[str, Any]]:
@@ -44,13 +44,15 @@ def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict
     Returns:
         For each round, see `follow`.
     """
+    first = first.with_changes
     model, names = begin(VARIANTS[name], first), dict[int, int]()
     return [follow(model, replace(first, round=one), names) for one in rounds]
 
 
 def begin(variant: Variant, trial: Trial) -> TRFE:
     """A model that knows the known classes of a trial."""
-    held, config = trial.validation, replace(variant.config, seed=trial.seed, pretrained=trial.tuned)
+    config = replace(variant.config, seed=trial.seed, changes=trial.changes, pretrained=trial.tuned)
+    held = trial.validation
     return variant.model(config, steps=variant.steps).fit(*trial.labelled[:2], held.features, held.labels)
 
 

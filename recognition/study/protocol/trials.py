@@ -17,6 +17,7 @@ from recognition.study.plain import static
 from recognition.study.protocol.pixels import pixel_features
 from recognition.study.protocol.rounds import FIRST, STEP, Round
 from recognition.study.strategies import grow_plain
+from recognition.tokens.changes import CHANGES, changes
 from recognition.training.splits import Split
 from recognition.training.views import View
 from recognition.training.windows import Windows
@@ -60,7 +61,8 @@ class Trial:
         round: which classes are known and new.
         seed: of everything drawn.
         encoded: features (n, d) of all windows in the split, by window number; those of others are 0.
-        tuned: from which column on they are of the encoder after fine-tuning.
+        tuned: from which of the encoders' columns on they are of the encoder after fine-tuning.
+        changes: how many columns, the first ones, are of what changes in a window.
     """
 
     windows: Windows
@@ -69,6 +71,7 @@ class Trial:
     seed: int
     encoded: Features
     tuned: int = 0
+    changes: int = 0
 
     @cached_property
     def only_tuned(self) -> Trial:
@@ -76,9 +79,16 @@ class Trial:
         return replace(self, encoded=np.ascontiguousarray(self.encoded[:, self.tuned :]), tuned=0)
 
     @cached_property
+    def with_changes(self) -> Trial:
+        """The same with what changes in windows of tokens beside the features, by which TRFE clusters; of grids the same."""
+        if self.windows.inputs.dtype != np.float16:
+            return self
+        return replace(self, encoded=np.concatenate([changes(self.windows.inputs), self.encoded], axis=1), changes=CHANGES)
+
+    @cached_property
     def map_only(self) -> Trial:
         """The same with what the map alone tells in place of features, see `recognition.study.plain.static`."""
-        return replace(self, encoded=static(self.windows.inputs), tuned=0)
+        return replace(self, encoded=static(self.windows.inputs), tuned=0, changes=0)
 
     @cached_property
     def labelled(self) -> Samples:
@@ -118,12 +128,13 @@ class Trial:
     def pool(self) -> Pool:
         """The same for clustering methods."""
         new, known = self.appearing, self.labelled
-        return Pool(new.features, self.windows.inputs[new.rows], known.features, known.labels, len(self.round.new), self.tuned)
+        inputs = self.windows.inputs[new.rows]
+        return Pool(new.features, inputs, known.features, known.labels, len(self.round.new), self.config)
 
     @property
     def config(self) -> Config:
         """ProtocolSettings of TRFE in this trial."""
-        return Config(seed=self.seed)
+        return Config(seed=self.seed, changes=self.changes, pretrained=self.tuned)
 
     @cached_property
     def model(self) -> TRFE:

@@ -12,8 +12,7 @@ from recognition.trfe.discovery.buffer import Buffer, Sifted
 from recognition.trfe.discovery.clusterer import Task
 from recognition.trfe.discovery.principal_axes import PrincipalAxes
 from recognition.trfe.discovery.promotion import Candidate, judge, known_cohesion
-from recognition.trfe.known import Known
-from recognition.trfe.prototypes import Prototypes
+from recognition.trfe.known import Known, Labelled
 from recognition.trfe.samples import UNKNOWN, Features, drawn_of_each, matrix
 from recognition.trfe.steps import Steps
 from schemas.errors import UsageError
@@ -58,17 +57,19 @@ def discover(known: Known, buffer: Buffer, config: Config, steps: Steps) -> Disc
     if buffer.inputs is None or not len(buffer):
         raise UsageError("the buffer is empty: there is nothing to discover classes in")
     features = matrix(buffer.inputs)
-    sifted = steps.sift(features, known.prototypes, config.preprocessing)
+    seen = config.recognising(features)
+    sifted = steps.sift(seen, known.prototypes, config.preprocessing)
     rows = np.flatnonzero(sifted.kept)
     clusters, labels = np.full(len(features), SET_ASIDE), np.full(len(features), UNKNOWN)
     if len(rows) < config.promotion.least_samples:
         return Discovery(buffer.keys, features, sifted, clusters, [], labels, 0.0)
-    axes = PrincipalAxes.fit(_prototypes(known, config, steps), features[rows], config.components)
+    axes = clustering_axes(known.fitted.joined(known.calibrating), features[rows], config, steps)
     similar, reference = _similarity(features[rows], axes, known, config, steps)
-    known_samples, least = axes.project(known.fitted.features), config.promotion.relative_cohesion * reference
-    task = Task(axes.project(features[rows]), similar, known_samples, known.fitted.labels, least)
+    known_samples = axes.project(config.clustering_parts(known.fitted.features))
+    least = config.promotion.relative_cohesion * reference
+    task = Task(axes.project(config.clustering_parts(features[rows])), similar, known_samples, known.fitted.labels, least)
     clusters[rows] = steps.cluster(task, config)
-    judged = judge(clusters[rows], features[rows], similar, known.prototypes, reference, config.promotion)
+    judged = judge(clusters[rows], seen[rows], similar, known.prototypes, reference, config.promotion)
     candidates = [one._replace(members=rows[one.members]) for one in judged]
     first = max(int(known.classes[-1]) + 1, FIRST_DISCOVERED)
     for label, one in enumerate((one for one in candidates if one.promoted), first):
@@ -76,12 +77,14 @@ def discover(known: Known, buffer: Buffer, config: Config, steps: Steps) -> Disc
     return Discovery(buffer.keys, features, sifted, clusters, candidates, labels, reference)
 
 
-def _prototypes(known: Known, config: Config, steps: Steps) -> list[Prototypes]:
-    """Those of the known classes in the features before and in those after fine-tuning; or in all, where they are of one kind."""
-    if not config.pretrained:
-        return [known.prototypes]
-    own = known.fitted.joined(known.calibrating)
-    return [steps.prototypes(part, own.labels) for part in np.split(own.features, [config.pretrained], axis=1)]
+def clustering_axes(own: Labelled, unknown: Features, config: Config, steps: Steps) -> PrincipalAxes:
+    """The axes along which unknown samples with these features (n, d) are clustered, beside samples of the known classes."""
+    parts, beside = config.clustering_parts(own.features), config.clustering_parts(unknown)
+    if config.changes:
+        around = [steps.prototypes(parts[0], own.labels, beside[0])]
+    else:
+        around = [steps.prototypes(part, own.labels) for part in parts]
+    return PrincipalAxes.fit(around, beside, config.components)
 
 
 def _similarity(
@@ -91,6 +94,7 @@ def _similarity(
     own, labels = known.calibrating
     chosen = drawn_of_each(labels, _REFERENCE, np.random.default_rng(config.seed))
     both = np.concatenate([features, own[chosen]])
-    similar = steps.similarity(both, axes.project(both), known.forest, config)
+    coordinates = axes.project(config.clustering_parts(both))
+    similar = steps.similarity(config.recognising(both), coordinates, known.forest, config)
     split = len(features)
     return similar[:split, :split], known_cohesion(similar[split:, split:], labels[chosen])

@@ -147,6 +147,28 @@ def test_nothing_is_expanded_where_nothing_is_promoted(round_: Round) -> None:
     assert (discovery.candidates, still.known) == ([], known)
 
 
+def with_changes(labels: list[int], each: int, seed: int) -> tuple[Features, IntArray]:
+    """Samples of which new classes differ in the first eight features alone, and known ones in the others alone."""
+    samples, truth = clouds(labels, each, seed, apart=APART)
+    moved = clouds(labels, each, seed, APART, 8)[0]
+    known = np.isin(truth, KNOWN)[:, None]
+    still = np.random.default_rng(seed).standard_normal((len(truth), 8)).astype(np.float32)
+    unlike = np.float32(APART) + samples - np.array([samples[truth == one].mean(axis=0) for one in truth.tolist()])
+    return np.concatenate([np.where(known, still, moved), np.where(known, samples, unlike)], axis=1), truth
+
+
+def test_classes_are_recognised_by_some_features_and_discovered_by_others() -> None:
+    watching = TRFE(replace(CONFIG, changes=8)).fit(*with_changes(KNOWN, 100, 0), *with_changes(KNOWN, 80, 1))
+    samples, truth = with_changes(KNOWN + NEW, 70, 2)
+    found, known = watching.observe(samples, np.arange(len(truth))), np.isin(truth, KNOWN)
+    assert np.mean(found.labels[~known] == 0) > 0.95 and np.mean(found.closed[known] == truth[known]) > 0.98
+    discovery = watching.discover()
+    assert len(np.unique(discovery.labels[discovery.labels > 0])) == len(NEW)
+    watching.expand(discovery)
+    again, _ = with_changes(NEW, 20, 3)
+    assert watching.recognise(again).features.shape == again.shape
+
+
 @pytest.mark.parametrize("name", ["reading-b", "vote-threshold", "no-ucs", "no-oc", "no-nvp", "cosine"])
 def test_variants_discover_too(name: str) -> None:
     variant = VARIANTS[name]

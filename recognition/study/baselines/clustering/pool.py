@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from recognition.study.semi_supervised import likely_classes
 from recognition.trfe.config import Config
-from recognition.trfe.discovery.principal_axes import PrincipalAxes
-from recognition.trfe.prototypes import Prototypes
+from recognition.trfe.discovery.discovery import clustering_axes
+from recognition.trfe.known import Labelled
 from recognition.trfe.samples import Features
+from recognition.trfe.steps import Steps
 from xodr.array_types import IntArray
 
 
@@ -23,11 +24,11 @@ class Pool:
     """Samples to cluster, and the labelled ones beside them.
 
     Attributes:
-        features: of the unknown samples (n, d), from the frozen encoder.
+        features: of the unknown samples (n, d).
         grids: of the same samples, uint8 (n, frames, channels, rows, columns).
         known, labels: features (m, d) and classes (m,) of the labelled samples.
         classes: true number of classes among the unknown samples; only methods that say so look at it.
-        tuned: from which column on features are of the encoder after fine-tuning.
+        config: TRFE's, which says of what the features are.
     """
 
     features: Features
@@ -35,7 +36,7 @@ class Pool:
     known: Features
     labels: IntArray
     classes: int
-    tuned: int = 0
+    config: Config = field(default_factory=Config)
 
     @cached_property
     def codes(self) -> Features:
@@ -47,25 +48,29 @@ class Pool:
     @cached_property
     def directions(self) -> tuple[Features, Features]:
         """The unknown and the labelled samples along the axes in which TRFE clusters, (n, c) and (m, c)."""
-        parts = np.split(self.known, [self.tuned], axis=1) if self.tuned else [self.known]
-        prototypes = [Prototypes.fit(part, self.labels) for part in parts]
-        axes = PrincipalAxes.fit(prototypes, self.features, Config().components)
-        return axes.project(self.features), axes.project(self.known)
+        axes = clustering_axes(Labelled(self.known, self.labels), self.features, self.config, Steps())
+        unknown, known = (axes.project(self.config.clustering_parts(of)) for of in (self.features, self.known))
+        return unknown, known
 
     @cached_property
     def likely_classes(self) -> int:
         """Number of classes among the unknown samples, estimated on held-out known classes along the axes of both together:
         those of `directions` begin at the known classes, which are nowhere along them."""
-        unknown, known = self.standardised()
+        parts = (np.concatenate(self.config.clustering_parts(of), axis=1) for of in (self.features, self.known))
+        unknown, known = _standard(*parts)
         both = np.concatenate([unknown, known])
-        axes = np.linalg.svd(both - both.mean(axis=0), full_matrices=False)[2][: Config().components].T
+        axes = np.linalg.svd(both - both.mean(axis=0), full_matrices=False)[2][: self.config.components].T
         return likely_classes(unknown @ axes, known @ axes, self.labels)
 
     def standardised(self) -> tuple[Features, Features]:
-        """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
-        both = np.concatenate([self.features, self.known])
-        standard = ((both - both.mean(axis=0)) / (both.std(axis=0) + 1e-6)).astype(np.float32)
-        return standard[: len(self.features)], standard[len(self.features) :]
+        """The encoders' features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
+        return _standard(self.config.recognising(self.features), self.config.recognising(self.known))
+
+
+def _standard(unknown: Features, known: Features) -> tuple[Features, Features]:
+    both = np.concatenate([unknown, known])
+    standard = ((both - both.mean(axis=0)) / (both.std(axis=0) + 1e-6)).astype(np.float32)
+    return standard[: len(unknown)], standard[len(unknown) :]
 
 
 class ClusteringMethod(ABC):
