@@ -13,8 +13,19 @@ import typer
 from generation.density.model import JUDGE
 from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
 from generation.search.method import DEFAULT as METHOD
+from runner.run_options import RoadPath
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of, progress_bar
+from schemas.commands.options import (
+    CatalogPath,
+    Verbose,
+    Version,
+    guarded,
+    interruptible,
+    new_app,
+    out_folder,
+    parameters_of,
+    progress_bar,
+)
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -57,6 +68,8 @@ def xosc_loop(
     ] = None,
     fail_if: FailIf = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    road_path: RoadPath = None,
+    catalog_path: CatalogPath = None,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
     quiet: Quiet = False,
@@ -70,7 +83,8 @@ def xosc_loop(
     --against compares with a loop of another version of the system: the failures of its edge cases are replayed, and are fixed or
     still there; those found now that are unlike them are new.
 
-    --recorded, --kind, --pin, --free and --map are about the scenarios in the folder, as in xosc-generate.
+    --recorded, --kind, --pin, --free, --map, --road-path and --catalog-path are about the scenarios in the folder, as in
+    xosc-generate.
     """
     from generation.declared import Ask
     from generation.loop.loop import run_loop
@@ -80,9 +94,8 @@ def xosc_loop(
     from generation.report.regression import fates
 
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
-    settings = LoopSettings(
-        RunSettings(sut=sut), _model(labels, model), rounds, budget, most, shown, method, seed, jobs, ask, against
-    )
+    run = RunSettings(sut=sut, road_path=tuple(road_path or ()), catalog_path=tuple(catalog_path or ()))
+    settings = LoopSettings(run, _model(labels, model), rounds, budget, most, shown, method, seed, jobs, ask, against)
     _refuse_wrong(settings)
     wanted = fates(fail_if, against)
     with interruptible(NAME, "the same command goes on where it was"):

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import xosc
+from generation.declared import scenario_of
+from generation.outcomes.inputs import files
 from recognition import datasets
 from recognition.datasets import Source
-from schemas.errors import InvalidFile
+from runner.settings import RunSettings
+from schemas.errors import InvalidFile, ToolchainError
 from schemas.storage import digest
 
 
@@ -49,7 +55,34 @@ class Inputs(NamedTuple):
         return {path: path.stem if stems.count(path.stem) == 1 else "_".join(inside[path].parts) for path in self.scenarios}
 
     @property
-    def identity(self) -> str:
-        """A short name for the files of the folder, by their names and sizes."""
-        files = sorted(path for path in self.folder.rglob("*") if path.is_file())
-        return digest(repr([(path.relative_to(self.folder).as_posix(), path.stat().st_size) for path in files]).encode())
+    def recorded(self) -> str:
+        """A short name for all files of the folder but scenarios, by their content; empty without recordings.
+
+        Raises:
+            InvalidFile: one of them can't be read.
+        """
+        if not self.recordings:
+            return ""
+        found = sorted(path for path in self.folder.rglob("*") if path.is_file() and path.suffix != ".xosc")
+        return digest(repr([(path.relative_to(self.folder).as_posix(), _content(path)) for path in found]).encode())
+
+    def played(self, run: RunSettings) -> str:
+        """A short name for the scenarios, with the roads and catalogues that they refer to, by their content."""
+        return digest(repr([played(path, run) for path in self.scenarios]).encode())
+
+
+def played(path: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> Any:
+    """The content of a scenario, or of a variation file and its scenario, and what is wrong with it."""
+    try:
+        return digest(path.read_bytes()), files(scenario_of(path), run, pinned)
+    except ToolchainError as error:
+        return digest(path.read_bytes()), str(error)
+
+
+def _content(path: Path) -> str:
+    """A digest of a file, which may be larger than memory."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "blake2b").hexdigest()
+    except OSError as error:
+        raise InvalidFile(f"the file can't be read: {error.strerror or error}", path=path) from None

@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from generation.loop.inputs import Inputs
+from generation.loop.inputs import Inputs, played
 from generation.loop.settings import Bar, LoopSettings
 from generation.loop.stages.findings import (
     Against,
@@ -31,6 +31,7 @@ from generation.loop.tasks.comparing import Earlier, compare
 from generation.loop.tasks.running import run_all
 from generation.loop.tasks.searching import found_by, search
 from generation.loop.tasks.targets import Target, of_classes, of_input, split
+from generation.outcomes.inputs import plugged_in
 from recognition.catalogue.episodes import plain
 from recognition.catalogue.writing.index import rows_of
 from recognition.maneuvers.units import Samples
@@ -39,7 +40,7 @@ from runner.settings import RunSettings
 from schemas import check_many
 from schemas.commands.files import expand
 from schemas.errors import UsageError
-from schemas.storage import alone
+from schemas.storage import alone, digest
 from xodr.array_types import FloatArray
 
 CATALOGUE = "catalogue"
@@ -72,7 +73,7 @@ def run_loop(folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: 
 
 
 def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report: Report, earlier: Earlier | None) -> LoopResult:
-    stages = FinishedStages(out, settings.deciding() | {"inputs": inputs.identity}, report)
+    stages = FinishedStages(out, settings.deciding() | {"code of the system": plugged_in(settings.run)}, report)
     work = _Loop(inputs, out, settings, bar, stages)
     recognised, targets, refused = work.recognise()
     with Searchers(out, settings) as searchers:
@@ -85,7 +86,7 @@ def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report:
         rounds=rounds,
         played=work.play() if inputs.recordings else Ran(),
         scenarios=work.run_scenarios() if inputs.scenarios else Ran(),
-        checked=stages.once(Stage("check"), Checked, work.check),
+        checked=work.check(targets),
         against=work.compare(earlier, targets, rounds) if earlier is not None else None,
     )
 
@@ -112,6 +113,7 @@ class _Loop:
         self._inputs, self._out, self._settings, self._bar = inputs, out, settings, bar
         self._stages, self._once = stages, stages.once
         self._earlier: dict[str, list[Searched]] = {}
+        self._recorded, self._played = inputs.recorded, inputs.played(settings.run)
 
     def recognise(self) -> tuple[Recognised, list[Target], list[Refused]]:
         """Make the catalogue; what to search, and what not."""
@@ -121,9 +123,10 @@ class _Loop:
         if self._inputs.recordings:
             catalogue, model = self._out / CATALOGUE, self._out / recognising.MODEL
             make = partial(recognising.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
-            found = self._once(Stage("recognise"), Recognised, make)
+            found = self._once(Stage("recognise"), Recognised, make, self._recorded, (catalogue, model))
             table = self._out / UNITS
-            self._once(Stage("measure"), Measured, partial(recognising.units, self._inputs.recordings, table, self._bar))
+            measure = partial(recognising.units, self._inputs.recordings, table, self._bar)
+            self._once(Stage("measure"), Measured, measure, self._recorded, (table,))
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
         names = self._inputs.names
@@ -141,8 +144,10 @@ class _Loop:
             return Round(number, searched, Ran(), Labelled())
         folder = self._out / f"round_{number}"
         run = partial(self._run, list(jobs_of(files, {}, True)), self._settings.run, folder / RUNS)
-        runs = self._once(Stage("run", number), Ran, run)
-        return Round(number, searched, runs, self._once(Stage("label", number), Labelled, partial(self._label, folder)))
+        of = self._all(targets)
+        runs = self._once(Stage("run", number), Ran, run, of, (folder / RUNS,))
+        label = partial(self._label, folder)
+        return Round(number, searched, runs, self._once(Stage("label", number), Labelled, label, of, (folder / RECOGNISED,)))
 
     def play(self) -> Ran:
         """Replay some recorded scenarios of each class, as they were recorded."""
@@ -152,15 +157,22 @@ class _Loop:
             for path in [self._out / CATALOGUE / row["file"]]
         ]
         as_recorded = replace(self._settings.run, sut=None)
-        return self._once(Stage("play"), Ran, partial(self._run, jobs, as_recorded, self._out / "played"))
+        folder = self._out / "played"
+        return self._once(Stage("play"), Ran, partial(self._run, jobs, as_recorded, folder), self._recorded, (folder,))
 
     def run_scenarios(self) -> Ran:
         """Run the user's own scenarios against the system under test."""
         jobs = list(jobs_of(self._inputs.scenarios, {}, True))
-        return self._once(Stage("run_scenarios"), Ran, partial(self._run, jobs, self._settings.run, self._out / "scenarios"))
+        folder = self._out / "scenarios"
+        return self._once(
+            Stage("run_scenarios"), Ran, partial(self._run, jobs, self._settings.run, folder), self._played, (folder,)
+        )
 
-    def check(self) -> Checked:
+    def check(self, targets: Sequence[Target]) -> Checked:
         """Check everything that was written, and the user's scenarios."""
+        return self._once(Stage("check"), Checked, self._check, self._all(targets))
+
+    def _check(self) -> Checked:
         files = [*expand([str(self._out)]), *self._inputs.scenarios]
         problems = []
         with self._bar("checking", len(files)) as advance:
@@ -178,12 +190,26 @@ class _Loop:
     def _searched(self, number: int, targets: Sequence[Target], searchers: Searchers) -> list[Searched]:
         """The searches of a round, several at a time where that many processes are wanted."""
         stages = {target.name: Stage("search", number, target.name) for target in targets}
-        left = [target for target in targets if not self._stages.has(stages[target.name])]
+        of = {target.name: self._of(target) for target in targets}
+        left = [target for target in targets if not self._stages.has(stages[target.name], of[target.name])]
         works: dict[str, Callable[[], Searched]] = {each.name: partial(self._search, number, each) for each in targets}
         if self._settings.processes > 1 and len(left) > 1:
             begun = {each.name: searchers.begin(each, number, self._known(each)) for each in left}
             works |= {each.name: partial(self._await, each, begun[each.name]) for each in left}
-        return [self._once(stages[target.name], Searched, works[target.name]) for target in targets]
+        return [
+            self._once(stages[name], Searched, works[name], of[name], (self._out / f"round_{number}" / name,)) for name in stages
+        ]
+
+    def _of(self, target: Target) -> str:
+        """The content of all that a search of a target depends on."""
+        asked = target.asked
+        scenario = played(target.scenario, self._settings.run, asked.pinned if asked is not None else {})
+        own = [digest(path.read_bytes()) for path, name in self._inputs.names.items() if name == target.name]
+        return digest(repr((self._recorded, scenario, own)).encode())
+
+    def _all(self, targets: Sequence[Target]) -> str:
+        """The content of all targets and inputs."""
+        return digest(repr((self._recorded, self._played, [self._of(target) for target in targets])).encode())
 
     def _search(self, number: int, target: Target) -> Searched:
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:

@@ -41,12 +41,23 @@ def inputs(scenario: Path, run: RunSettings, rss: str, pinned: Mapping[str, str]
         UsageError: there is no such system under test.
     """
     return {
-        "scenario": digest(scenario.read_bytes()),
-        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in _referred(scenario, run, pinned)},
-        "system": [system_name(run.sut), parameters_of(load_system(run.sut)), _plugged_in(run)],
+        **files(scenario, run, pinned),
+        "system": [system_name(run.sut), parameters_of(load_system(run.sut)), plugged_in(run)],
         "settings": {name: value for name, value in run.as_json().items() if name != "sut"} | {"rss": rss},
         "toolchain": _code(_OURS),
         "versions": {name: version(name) for name in _LIBRARIES},
+    }
+
+
+def files(scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
+    """Digests of a scenario, its road network and its catalogues.
+
+    Raises:
+        InvalidFile: one of them is malformed, or there is no such road network.
+    """
+    return {
+        "scenario": digest(scenario.read_bytes()),
+        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in _referred(scenario, run, pinned)},
     }
 
 
@@ -76,7 +87,7 @@ def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
     return root
 
 
-def _plugged_in(run: RunSettings) -> str:
+def plugged_in(run: RunSettings) -> str:
     """Digest of the code of a system under test that is none of ours: of all modules of its package."""
     made = find_system(run.sut) if isinstance(run.sut, str | None) else type(run.sut)
     factory = getattr(made, "func", made)

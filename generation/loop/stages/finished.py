@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 from generation.loop.stages.findings import Finding, Searched
 from generation.loop.stages.records import from_json
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import LOCK, check_settings, read_object, write_object
+from schemas.storage import LOCK, check_settings, read_object, write_object, writing
 
 _FOLDER = "stages"
 _SETTINGS = "loop.json"
@@ -58,24 +59,35 @@ class FinishedStages:
             raise UsageError("there is something else in this folder: a loop needs one of its own", path=out)
         write_object(settings, path)
 
-    def has(self, stage: Stage) -> bool:
-        """Whether a stage has been finished."""
-        return self._path(stage).is_file()
+    def has(self, stage: Stage, of: str = "") -> bool:
+        """Whether a stage has been finished, of the same content."""
+        path = self._path(stage)
+        return path.is_file() and _is_done(_read(path), of)
 
-    def once(self, stage: Stage, kind: type[F], work: Callable[[], F]) -> F:
+    def once(self, stage: Stage, kind: type[F], work: Callable[[], F], of: str = "", made: Sequence[Path] = ()) -> F:
         """What a stage finds, of that kind; it does its work only where it has not been finished before.
+
+        Args:
+            work: what it does.
+            of: the content of its inputs. Where it has changed, what was made of the old one is removed, and the work done again.
+            made: files and folders that it writes.
 
         Raises:
             InvalidFile: what it has left is not readable.
+            UsageError: what it has left can't be removed.
         """
         path = self._path(stage)
-        if path.is_file():
-            found = _read(path, kind)
+        before = _read(path) if path.is_file() else {"of": of, "found": None}
+        if _is_done(before, of):
+            found = _finding(path, kind, before)
             self._report(stage, found, None)
             return found
+        if before["of"] != of:
+            _remove(made)
+        write_object({"of": of, "found": None}, path)
         begun = time.monotonic()
         found = work()
-        write_object(asdict(found), path)
+        write_object({"of": of, "found": asdict(found)}, path)
         self._report(stage, found, time.monotonic() - begun)
         return found
 
@@ -92,12 +104,33 @@ def searches(out: Path) -> tuple[str, list[Searched]]:
     path = out / _SETTINGS
     if not path.is_file():
         raise UsageError("no loop is in this folder", path=out)
-    found = [_read(each, Searched) for each in sorted((out / _FOLDER).glob("round_*_search_*.json"))]
+    left = ((each, _read(each)) for each in sorted((out / _FOLDER).glob("round_*_search_*.json")))
+    found = [_finding(path, Searched, record) for path, record in left if record["found"] is not None]
     return str(read_object(path).get("sut", "")), sorted(found, key=lambda each: each.round)
 
 
-def _read(path: Path, kind: type[F]) -> F:
+def _read(path: Path) -> dict[str, Any]:
+    record = read_object(path, _REMEDY)
+    if set(record) != {"of", "found"}:
+        raise InvalidFile(f"this is not what a stage leaves; {_REMEDY}", path=path)
+    return record
+
+
+def _is_done(record: Mapping[str, Any], of: str) -> bool:
+    return record["of"] == of and record["found"] is not None
+
+
+def _finding(path: Path, kind: type[F], record: Mapping[str, Any]) -> F:
     try:
-        return from_json(kind, read_object(path, _REMEDY))
+        return from_json(kind, record["found"])
     except (TypeError, ValueError) as error:
         raise InvalidFile(f"this is not what the stage finds: {error}; {_REMEDY}", path=path) from None
+
+
+def _remove(made: Sequence[Path]) -> None:
+    for path in made:
+        with writing("the folder", path):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)

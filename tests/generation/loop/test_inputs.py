@@ -11,10 +11,13 @@ from generation.logical.library import SCENARIOS
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
 from generation.loop.settings import LoopSettings
+from runner.settings import RunSettings
 from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.motorway import write_motorway
 from tests.runner.files import distribution, scenario
+from xosc.exports import standard
+from xosc.exports.folder import Folder
 
 
 def test_recordings_and_scenarios_are_told_apart(tmp_path: Path) -> None:
@@ -50,12 +53,27 @@ def test_the_output_may_not_be_among_the_recordings(tmp_path: Path) -> None:
         run_loop(tmp_path, tmp_path / "out", LoopSettings(), lambda *_: progress_bar("", 0, quiet=True), lambda *_: None)
 
 
-def test_other_files_are_another_identity(tmp_path: Path) -> None:
-    scenario(tmp_path, stop=1.0)
-    before = Inputs.of(tmp_path).identity
-    assert Inputs.of(tmp_path).identity == before
-    (tmp_path / "more.txt").write_text("more")
-    assert Inputs.of(tmp_path).identity != before
+def test_recordings_are_told_apart_by_their_content(tmp_path: Path) -> None:
+    write_motorway(tmp_path / "recordings")
+    before = Inputs.of(tmp_path).recorded
+    shutil.copy(SCENARIOS / "simple_cut_in.xosc", tmp_path)
+    assert Inputs.of(tmp_path).recorded == before
+    table = tmp_path / "recordings" / "01_tracks.csv"
+    table.write_bytes(table.read_bytes().replace(b"1", b"2", 1))
+    assert Inputs.of(tmp_path).recorded != before
+
+
+def test_scenarios_are_told_apart_by_their_content_and_that_of_their_roads(tmp_path: Path) -> None:
+    standard.export(SCENARIOS / "simple_cut_in.xosc", "1.3", Folder(tmp_path))
+    names = [Inputs.of(tmp_path).played(RunSettings())]
+    for pattern in ("*.xodr", "simple_cut_in.xosc"):
+        (file,) = tmp_path.rglob(pattern)
+        file.write_text(file.read_text(encoding="utf-8") + "<!-- changed -->", encoding="utf-8")
+        names.append(Inputs.of(tmp_path).played(RunSettings()))
+    (file,) = tmp_path.rglob("*.xodr")
+    file.unlink()
+    names.append(Inputs.of(tmp_path).played(RunSettings()))
+    assert len(set(names)) == 4
 
 
 def test_scenarios_of_the_same_name_have_names_of_their_own(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,26 @@ def test_a_stage_that_was_interrupted_is_done_again(tmp_path: Path) -> None:
     assert stages(tmp_path / "out", []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1})).kinds == {"a": 1}
 
 
+@pytest.mark.parametrize("finished", [True, False])
+def test_a_stage_of_other_content_is_done_again_without_what_was_made_of_the_old(tmp_path: Path, finished: bool) -> None:
+    out, made = tmp_path / "out", tmp_path / "out" / "made"
+
+    def work(name: str) -> Measured:
+        made.mkdir(exist_ok=True)
+        (made / name).touch()
+        if not finished and name == "old":
+            raise KeyboardInterrupt
+        return Measured(kinds={name: 1})
+
+    with nullcontext() if finished else pytest.raises(KeyboardInterrupt):
+        stages(out, []).once(COUNT, Measured, lambda: work("old"), "old", (made,))
+    again = stages(out, [])
+    assert again.has(COUNT, "old") == finished
+    assert not again.has(COUNT, "new")
+    assert again.once(COUNT, Measured, lambda: work("new"), "new", (made,)).kinds == {"new": 1}
+    assert [path.name for path in made.iterdir()] == ["new"]
+
+
 def test_each_stage_of_each_round_has_a_file_of_its_own() -> None:
     names = [Stage("check"), Stage("run", 1), Stage("search", 2, "cut_in")]
     assert [each.name for each in names] == ["check", "round_1_run", "round_2_search_cut_in"]
@@ -110,7 +131,7 @@ def damaged() -> list[str]:
         {**searched, "cases": {"0": case}},
         {name: value for name, value in searched.items() if name != "prior"},
     ]
-    return ["", "{", "[1]", *map(json.dumps, wrong)]
+    return ["", "{", "[1]", json.dumps(searched), *(json.dumps({"of": "", "found": each}) for each in wrong)]
 
 
 @pytest.mark.parametrize("text", damaged())

@@ -1,0 +1,62 @@
+"""A loop goes on in its folder with inputs that were mended, and not with another version of the system."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from importlib import invalidate_caches
+from pathlib import Path
+
+import pytest
+
+from generation.declared import Ask
+from generation.logical.library import SCENARIOS
+from generation.loop.loop import run_loop
+from generation.loop.settings import LoopSettings
+from generation.loop.stages.findings import Finding
+from generation.loop.stages.finished import Stage
+from runner.settings import RunSettings
+from schemas.commands.options import progress_bar
+from schemas.errors import UsageError
+from tests.generation.outcomes.test_inputs import SYSTEM
+from xosc.exports import standard
+from xosc.exports.folder import Folder
+
+SETTINGS = LoopSettings(model=None, rounds=1, budget=6, most=1, method="random", processes=1, ask=Ask(density="uniform"))
+
+
+def go(folder: Path, out: Path, settings: LoopSettings = SETTINGS) -> list[str]:
+    """Run the loop; the stages that were done now."""
+    done = []
+
+    def report(stage: Stage, found: Finding, seconds: float | None) -> None:
+        if seconds is not None:
+            done.append(stage.name)
+
+    run_loop(folder, out, settings, partial(progress_bar, quiet=True), report)
+    return done
+
+
+def test_only_what_a_mended_scenario_decides_is_done_again(tmp_path: Path) -> None:
+    folder, out = tmp_path / "mine", tmp_path / "out"
+    for name in ("cut_in_highway", "congestion_highway"):
+        standard.export(SCENARIOS / f"{name}.xosc", "1.3", Folder(folder / name))
+    first = go(folder, out)
+    assert {"round_1_search_cut_in_highway", "round_1_search_congestion_highway"} <= set(first)
+    assert go(folder, out) == []
+    (file,) = (folder / "cut_in_highway").rglob("cut_in_highway.xosc")
+    file.write_text(file.read_text(encoding="utf-8") + "<!-- mended -->", encoding="utf-8")
+    assert go(folder, out) == [name for name in first if name != "round_1_search_congestion_highway"]
+
+
+def test_another_version_of_the_system_needs_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, out, module = tmp_path / "mine", tmp_path / "out", tmp_path / "plugged_in.py"
+    standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module.write_text(SYSTEM.format(brake=6.0, comment="first"), encoding="utf-8")
+    invalidate_caches()
+    settings = replace(SETTINGS, run=RunSettings(sut="plugged_in:Mine"))
+    go(folder, out, settings)
+    module.write_text(SYSTEM.format(brake=6.0, comment="second"), encoding="utf-8")
+    with pytest.raises(UsageError, match=r"other settings \(code of the system\)"):
+        go(folder, out, settings)
