@@ -38,7 +38,7 @@ from recognition.maneuvers.units import Samples
 from runner.batch.jobs import Job, Outcome, jobs_of
 from runner.settings import RunSettings
 from schemas import check_many
-from schemas.commands.files import expand
+from schemas.commands.files import files_in
 from schemas.errors import UsageError
 from schemas.storage import alone, digest
 from xodr.array_types import FloatArray
@@ -173,7 +173,7 @@ class _Loop:
         return self._once(Stage("check"), Checked, self._check, self._all(targets))
 
     def _check(self) -> Checked:
-        files = [*expand([str(self._out)]), *self._inputs.scenarios]
+        files = [*files_in(self._out), *self._inputs.scenarios]
         problems = []
         with self._bar("checking", len(files)) as advance:
             for _, found in check_many(files):

@@ -33,12 +33,13 @@ def _expand(argument: str) -> list[Path]:
     except (OSError, ValueError):
         return [path]  # no such name can be; the check says so
     matches = [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
-    found = [file for match in matches for file in _files(match)]
+    found = [file for match in matches for file in files_in(match)]
     if not found:
         raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
     return found
 
 
-def _files(path: Path) -> list[Path]:
+def files_in(path: Path) -> list[Path]:
+    """The scenario and road files in a folder and below it, sorted; a file itself, if it is one."""
     candidates = sorted(path.rglob("*")) if path.is_dir() else [path]
     return [candidate for candidate in candidates if candidate.suffix.lower() in SUFFIXES and candidate.is_file()]

@@ -21,7 +21,7 @@ VEHICLE = (
     car("Ego")
     .replace("</Axles>", '</Axles><TrailerCoupler dx="0"/><TrailerHitch dx="-1"/>')
     .replace('vehicleCategory="car"', 'vehicleCategory="car" role="police" model3d="police.osgb"')
-    .replace("</Vehicle>", f"</Vehicle>{CONTROLLER}")
+    .replace("</Vehicle>", f"</Vehicle>{CONTROLLER}{CONTROLLER.replace('own', 'other')}")
 )
 TOWING = car("Lead").replace(
     "</Axles>", '</Axles><TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef=""/></Trailer>'
@@ -68,9 +68,12 @@ def event(name: str, action: str, trigger: str) -> str:
 @pytest.fixture
 def recent(tmp_path: Path) -> Path:
     """A scenario of 1.3 with everything that is left out before, where events depend on each other."""
-    near = entity_condition(
-        '<TimeHeadwayCondition entityRef="Ego" value="9" freespace="false" rule="lessThan" coordinateSystem="road" '
-        'relativeDistanceType="longitudinal"/>'
+    near = "".join(
+        entity_condition(
+            f'<TimeHeadwayCondition entityRef="Ego" value="9" freespace="false" rule="lessThan" coordinateSystem="{system}" '
+            'relativeDistanceType="longitudinal"/>'
+        )
+        for system in ("road", "entity")
     )
     phase = condition('<ByValueCondition><VariableCondition variableRef="Phase" value="2" rule="equalTo"/></ByValueCondition>')
     events = event("set", SET, near) + event("drive", AHEAD, phase)

@@ -22,9 +22,9 @@ function against() {
     el(
       "p",
       { class: "muted" },
-      "Failures among the edge cases of that loop are replayed on this system. One is fixed where it is survived and no edge case " +
-        "found now is a failure like it; new are failures unlike all of before: these may be older than they look, where the " +
-        "searches before did not come by.",
+      "Failures among the edge cases of that loop are replayed on this system. One is fixed where it is survived and no edge " +
+        "case found now is a failure like it; new are failures unlike all of before: these may be older than they look, where " +
+        "the searches before did not come by.",
     ),
     ...found.compared.map(each => compared(each)),
   );

@@ -49,6 +49,21 @@ def test_only_what_a_mended_scenario_decides_is_done_again(tmp_path: Path) -> No
     assert go(folder, out) == [name for name in first if name != "round_1_search_congestion_highway"]
 
 
+def test_a_scenario_without_its_road_is_named_and_searched_once_it_is_there(tmp_path: Path) -> None:
+    folder, out = tmp_path / "mine", tmp_path / "out"
+    standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))
+    (road,) = folder.rglob("*.xodr")
+    away = road.rename(tmp_path / "away")
+    run = partial(run_loop, folder, out, SETTINGS, partial(progress_bar, quiet=True), lambda *_: None)
+    found = run()
+    assert "LogicFile: the road network" in found.rounds[0].searches[0].error
+    assert any("there is no file" in problem for problem in found.checked.problems)
+    away.rename(road)
+    again = run()
+    assert again.rounds[0].searches[0].error == ""
+    assert again.checked.problems == []
+
+
 def test_another_version_of_the_system_needs_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, out, module = tmp_path / "mine", tmp_path / "out", tmp_path / "plugged_in.py"
     standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))
