@@ -55,7 +55,7 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     if found is None:
         raise logic.invalid(
             f"the road network {named} does not exist: put it there, name its folder with --road-path (or in {VARIABLE}), "
-            "or have a road made with --road auto"
+            "or have one made by xosc-run --road auto"
         )
     return RoadFile(found, logic.remark(RULE, f"the road network {named} does not exist; {found} is taken"))
 
