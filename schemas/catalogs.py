@@ -21,7 +21,7 @@ from lxml import etree
 
 from schemas.errors import ToolchainError, nearest
 from schemas.remarks import Remark, Remarks
-from schemas.storage import Stamp, in_any_case, stamp
+from schemas.storage import Stamp, in_any_case, search_path, stamp
 from schemas.values import quoted
 
 ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
@@ -266,7 +266,7 @@ def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
 
 def _asked_for(path: Path, folders: Folders) -> Path | None:
     """The directory, or file, of that name in one of the folders that were asked for, or else the first that has catalogues."""
-    places = [Path(folder) for folder in (*folders, *filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)))]
+    places = search_path(folders, VARIABLE)
     name = os.path.basename(os.path.normpath(path))
     named = next((place / name for place in places if (place / name).exists()), None)
     return named or next((place for place in places if any(place.glob("*.xosc"))), None)

@@ -7,7 +7,7 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -41,6 +41,11 @@ def read_bytes(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file can't be read: {reason}", path=path) from None
+
+
+def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[Path]:
+    """Folders that were asked for: these, then those of an environment variable, separated as in PATH."""
+    return [Path(folder) for folder in (*folders, *filter(None, os.environ.get(variable, "").split(os.pathsep)))]
 
 
 def in_any_case(path: Path) -> Path | None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from schemas.remarks import Remark
-from schemas.storage import in_any_case
+from schemas.storage import in_any_case, search_path
 from xosc.node import Node
 
 VARIABLE = "XOSC_ROAD_PATH"
@@ -45,8 +45,7 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     if os.path.exists(named) and not os.path.isdir(named):  # unlike those of Path they take names of any length
         return RoadFile(named, None)
     names = _names(named.name)
-    asked_for = [Path(folder) for folder in (*folders, *filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)))]
-    found = _first(asked_for, names)
+    found = _first(search_path(folders, VARIABLE), names)
     if found is not None:
         return RoadFile(found, None)
     scenario = Path(os.path.abspath(logic.path)).parent
