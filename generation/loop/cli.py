@@ -35,8 +35,9 @@ if TYPE_CHECKING:
 
 NAME = "xosc-loop"
 _EPILOG = (
-    "Exit codes: 0 the page is written, 1 it is, but a file made is not valid (with --against, also: a failure is new or "
-    "still there), 2 wrong usage, 3 invalid file, 4 valid file that asks for something that is not done here, 5 internal error."
+    "Exit codes: 0 the page is written, 1 it is, but a scenario in the folder, or a file made, is not valid (with --against, "
+    "also: a failure is new or still there), 2 wrong usage, 3 invalid file, 4 valid file that asks for something that is not "
+    "done here, 5 internal error."
 )
 
 app = new_app()
@@ -82,6 +83,8 @@ def xosc_loop(
 
     --against compares with a loop of another version of the system: the failures of its edge cases are replayed, and are fixed or
     still there; those found now that are unlike them are new.
+
+    Scenarios that can't be read, run or searched are listed with the reason; the others go on.
 
     --recorded, --kind, --pin, --free, --map, --road-path and --catalog-path are about the scenarios in the folder, as in
     xosc-generate.

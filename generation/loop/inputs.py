@@ -24,7 +24,7 @@ class Inputs(NamedTuple):
     Attributes:
         folder: the folder.
         recordings: of the formats that recognition reads.
-        scenarios: OpenSCENARIO files that can be run: scenarios and variation files.
+        scenarios: OpenSCENARIO files but catalogues: scenarios and variation files, those that can't be read among them.
     """
 
     folder: Path
@@ -36,9 +36,9 @@ class Inputs(NamedTuple):
         """Look through a folder and all below it.
 
         Raises:
-            InvalidFile: it does not exist, holds neither recordings nor scenarios, or a file in it is malformed.
+            InvalidFile: it does not exist, holds neither recordings nor scenarios, or a recording in it is malformed.
         """
-        scenarios = [path for path in sorted(folder.rglob("*.xosc")) if xosc.load(path).kind != "catalog"]
+        scenarios = [path for path in sorted(folder.rglob("*.xosc")) if not path.is_dir() and not _is_catalog(path)]
         try:
             recordings = datasets.open(folder).sources
         except InvalidFile as error:
@@ -73,10 +73,20 @@ class Inputs(NamedTuple):
 
 def played(path: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> Any:
     """The content of a scenario, or of a variation file and its scenario, and what is wrong with it."""
+    content = ""
     try:
-        return digest(path.read_bytes()), files(scenario_of(path), run, pinned)
+        content = _content(path)
+        return content, files(scenario_of(path), run, pinned)
     except ToolchainError as error:
-        return digest(path.read_bytes()), str(error)
+        return content, str(error)
+
+
+def _is_catalog(path: Path) -> bool:
+    """A file that can't be read is none: each stage says so of it, and goes on with the others."""
+    try:
+        return xosc.load(path).kind == "catalog"
+    except ToolchainError:
+        return False
 
 
 def _content(path: Path) -> str:

@@ -31,6 +31,10 @@ def closing(found: LoopResult) -> Iterator[str]:
     """A whole loop, in lines."""
     cases = [case for each in found.rounds for search in each.searches for case in search.cases]
     collisions = sum(case.verdict is CaseVerdict.COLLISION for case in cases)
+    reasons: dict[str, list[str]] = {}
+    for refused in found.refused:
+        reasons.setdefault(refused.reason, []).append(refused.title)
+    yield from (f"not searched: {', '.join(titles)}: {reason}" for reason, titles in reasons.items())
     avoidable = sum(case.avoidable for case in cases)
     yield f"{len(cases)} edge cases, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
     if found.against is not None:

@@ -4,6 +4,7 @@ function flow() {
   const step = (title, count, told) =>
     el("li", null, el("h3", null, title), el("strong", null, count.toLocaleString("en")), el("p", null, told));
   const unread = Object.keys(data.unread).length,
+    runs = state => data.scenarios.filter(run => run.state === state).length,
     found = sum(data.classes.map(each => each.count)),
     steps = [];
   if (data.recordings) {
@@ -15,7 +16,7 @@ function flow() {
       step(
         "Runs of your scenarios",
         data.scenarios.length,
-        `${data.scenarios.filter(run => run.state === "failed").length} failed`,
+        `${runs("failed")} failed, ${runs("error")} with errors`,
       ),
     );
   steps.push(

@@ -9,8 +9,8 @@ function generated() {
   const why = refused.length
     ? el(
         "details",
-        { class: "group" },
-        el("summary", null, el("h3", null, `Not varied: ${many(refused.length, "class", "classes")}`)),
+        { class: "group", open: !done.length },
+        el("summary", null, el("h3", null, `Not searched: ${many(refused.length, "class or scenario", "classes or scenarios")}`)),
         el("dl", null, ...refused.flatMap(([title, reason]) => [el("dt", null, title), el("dd", null, reason)])),
       )
     : null;

@@ -17,7 +17,7 @@ from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_sa
 from generation.search.space import Space
 from recognition.labels.classes import Label
 from recognition.maneuvers.units import OWN, Samples
-from schemas.errors import Unsupported, UsageError
+from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 
 LIBRARY = {
     Label.FREE_CRUISE: "free_cruise_highway",
@@ -128,10 +128,17 @@ def of_input(path: Path, own: Samples | None, ask: Ask, name: str = "") -> Targe
         count = len(found.within(space).theta)
         if count < LEAST:
             raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
-    except (UsageError, Unsupported) as error:
-        return Refused(name, error.message)
+    except (UsageError, Unsupported, InvalidFile) as error:
+        return Refused(name, _with_place(error, path))
     stated = len(found.marginals) == len(space.names)
     return Target(name, name, asked.scenario, asked.recorded, Prior(0 if stated else count, own=False), asked)
+
+
+def _with_place(error: ToolchainError, path: Path) -> str:
+    """What an error says of a file, with its line, or the name of another file that it is in."""
+    if error.path in (None, str(path)):
+        return f"line {error.line}: {error.message}" if error.line else error.message
+    return f"{Path(str(error.path)).name}{f':{error.line}' if error.line else ''}: {error.message}"
 
 
 def _concerning(ask: Ask, path: Path) -> Ask:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from generation.logical.library import SCENARIOS
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
+from generation.loop.messages import closing
 from generation.loop.settings import LoopSettings
 from runner.settings import RunSettings
 from schemas.commands.options import progress_bar
@@ -27,6 +29,29 @@ def test_recordings_and_scenarios_are_told_apart(tmp_path: Path) -> None:
     found = Inputs.of(tmp_path)
     assert [source.name for source in found.recordings] == ["recordings/01"]
     assert [path.name for path in found.scenarios] == ["gaps.xosc", "scenario.xosc"]
+
+
+def test_scenarios_that_cannot_be_read_are_listed_and_the_others_go_on(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    scenario(folder, "good", stop=0.2)
+    distribution(folder, "varied", {"Gap": (10, 20, 10)})
+    (folder / "broken.xosc").write_text("<OpenSCENARIO>\n<FileHeader", encoding="utf-8")
+    (folder / "gone.xosc").symlink_to("nowhere")
+    (folder / "folder.xosc").mkdir()
+    (folder / "varied.xosc").write_text(
+        (folder / "varied.xosc").read_text(encoding="utf-8").replace("scenario.xosc", "nowhere.xosc"), encoding="utf-8"
+    )
+    found = run_loop(folder, tmp_path / "out", LoopSettings(processes=1), partial(progress_bar, quiet=True), lambda *_: None)
+    reasons = {each.title: each.reason for each in found.refused}
+    assert set(reasons) == {"broken", "gone", "good", "varied"}
+    assert "line 2: not well-formed XML" in reasons["broken"]
+    assert reasons["gone"] == "no such file"
+    assert "nowhere.xosc" in reasons["varied"]
+    states = {name: [run.state for run in runs] for name, runs in found.scenarios.files.items()}
+    assert states == {"broken.xosc": ["error"], "gone.xosc": ["error"], "good.xosc": ["passed"], "varied.xosc": ["error"]}
+    assert {Path(each.partition(":")[0]).name for each in found.checked.problems} == {"broken.xosc", "gone.xosc", "varied.xosc"}
+    assert f"not searched: gone: {reasons['gone']}" in closing(found)
 
 
 def test_scenarios_alone_are_enough(tmp_path: Path) -> None:
