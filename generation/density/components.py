@@ -46,8 +46,8 @@ class Components:
         if len(white) == 1:
             squares = cdist(z @ white[0].T, self.means @ white[0].T, "sqeuclidean")
         else:
-            offsets = np.einsum("kij,nkj->nki", white, z[:, None] - self.means)
-            squares = np.square(offsets).sum(axis=2)
+            turned = np.swapaxes(white, 1, 2)
+            squares = np.square(z @ turned - self.means[:, None] @ turned).sum(axis=2).T
         log_volume = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1) + 0.5 * z.shape[1] * np.log(2.0 * np.pi)
         return -0.5 * squares - log_volume
 
