@@ -47,7 +47,8 @@ def varied(path: Path) -> Varied | None:
         return None
     for each in space.distribution.definition.distributions:
         if isinstance(each, DeterministicMultiParameterDistribution):
-            raise UsageError("sets of values that belong together have no density: search the scenario itself", path=path)
+            reason = f"sets of values that belong together have no density: search {space.scenario.name} itself"
+            raise UsageError(reason, path=path)
         try:
             of = marginal(each.distribution)
         except UsageError as error:

@@ -22,7 +22,7 @@ from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
 from generation.logical.pairs.table import PAIRS
 from generation.logical.pairs.units import PairUnits, pair_units
-from generation.search.space import Space, numbers
+from generation.search.space import Space, free_option, numbers
 from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract
 from schemas.errors import UsageError
@@ -33,8 +33,6 @@ from xosc.tags import PREFIX
 _RECORDING = f"{PREFIX}Recording"
 _BESIDE = 7
 """How many units further, by the ego's speed, the unit of the next actor is: the next ones may be of the same lane change."""
-_LISTED = 6
-"""Parameters that a message names at most"""
 _DRAWN, _PARTS = 1000, 5
 """Draws in the place of recorded units, and how many recordings they count as."""
 
@@ -197,20 +195,13 @@ def kind_of(scenario: Path) -> str:
     kinds = {**{name: name for name in PAIRS}, **{name: each.kind for name, each in MANEUVERS.items()}}
     found = next((kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None)
     if found is None:
-        raise UsageError(_unlikely(numbers(scenario)), path=scenario)
+        raise UsageError(
+            "nothing says which values are likely: its name is not that of a manoeuvre, as cut_in_highway.xosc. Give ranges, as "
+            f"{free_option(numbers(scenario))}, or --density uniform for all that has limits, or name recorded units that are "
+            "like it by --kind",
+            path=scenario,
+        )
     return found
-
-
-def _unlikely(names: Sequence[str]) -> str:
-    """Why recordings don't say which values are likely, by the numbers that a scenario declares, and what would."""
-    if not names:
-        return "it declares no parameter that is a number: there is nothing to search"
-    listed = ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
-    return (
-        f"nothing says which values are likely: its name is not that of a manoeuvre, as cut_in_highway.xosc. Give ranges, as "
-        f"--free {names[0]}=LOW..HIGH (it declares {listed}), or --density uniform for all that has limits, or name recorded "
-        "units that are like it by --kind"
-    )
 
 
 def of_samples(

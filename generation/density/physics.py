@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from generation.density.roles import BEHIND, EGO_SPEED, Role
 from xodr.array_types import BoolArray, FloatArray
 
 QUANTILE = 0.999
@@ -46,6 +47,36 @@ def quantities(values: ByRole) -> dict[str, FloatArray]:
         found["deceleration"] = np.max([-each for each in phases], axis=0)
         found["acceleration"] = np.max(phases, axis=0)
     return found
+
+
+@dataclass(frozen=True)
+class LeastGap:
+    """The gap that a follower keeps at least, which grows with the speed.
+
+    Attributes:
+        gap, speed: names of the two parameters.
+        headway: gap by speed that all but 0.1 % of recorded followers keep.
+    """
+
+    gap: str
+    speed: str
+    headway: float
+
+    @classmethod
+    def of(cls, values: Mapping[str, FloatArray], roles: Mapping[str, Role]) -> LeastGap | None:
+        """That of recorded values (n,) by parameter; None where nobody follows."""
+        names = {role.role: name for name, role in roles.items() if name in values}
+        if not {BEHIND, EGO_SPEED} <= names.keys():
+            return None
+        gap, speed = names[BEHIND], names[EGO_SPEED]
+        moving = values[speed] > 0.0
+        if not moving.any():
+            return None
+        return cls(gap, speed, float(np.quantile(values[gap][moving] / values[speed][moving], 1.0 - QUANTILE)))
+
+    def at(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """The least gap (n,)."""
+        return self.headway * values[self.speed]
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,9 @@
 
 All that is searched is positive: gaps, speeds, durations. Their logarithms have no edges, so that no draw crosses one. As
 densities with full covariances do not change with linear maps, ratios of speeds and time headways (differences of logarithms)
-are as good in them. Rows at zero are left out. Start and rest time, of which up to a half are cut off at 10 s, are no part of the
-density.
+are as good in them. Rows at zero are left out. A follower's gap is counted from the least that followers keep: headways end far
+more steeply than what is normal in logarithms. Start and rest time, of which up to a half are cut off at 10 s, are no part of
+the density.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from generation.density.base import Density
 from generation.density.components import Components
 from generation.density.fitting import fitted, others
-from generation.density.physics import ByRole, Limits
+from generation.density.physics import ByRole, LeastGap, Limits
 from generation.density.prior import FORESEEABLE, Prior
 from generation.density.roles import NUISANCES, Role
 from schemas.errors import UsageError
@@ -49,7 +50,7 @@ class RecordedPrior(Prior):
         name: of the density (`generation.density.model`).
 
     Attributes:
-        left_out: how many units have no logarithm.
+        left_out: how many units have no logarithm, with those of followers who are nearer than the least gap.
 
     Raises:
         UsageError: there is no such density, it can't be conditioned, or the units make none.
@@ -63,7 +64,9 @@ class RecordedPrior(Prior):
         self._pinned = {each: value for each, value in box.pinned.items() if each in values}
         self._given = [each for each in self._pinned if roles[each].role not in NUISANCES]
         held = [*self.searched, *self._given]
+        self._least_gap = LeastGap.of(values, roles)
         rows = np.stack([values[each] for each in held], axis=1)
+        rows[:, : len(self.searched)] -= self._least(values)
         usable = (rows > 0.0).all(axis=1)
         self.left_out = int((~usable).sum())
         self._log_rows, self._recordings, self._model = np.log(rows[usable]), recordings[usable], name
@@ -84,9 +87,10 @@ class RecordedPrior(Prior):
 
     def possible(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are in the box and within the physical limits: (n,)."""
-        values = {name: np.full(len(theta), value) for name, value in self._pinned.items()}
-        values |= dict(zip(self.names, theta.T, strict=True))
+        values = self._by_name(theta)
         kept = [self._limits[actor].kept(each) for actor, each in self._by_actor(values).items()]
+        if self._least_gap is not None:
+            kept.append(values[self._least_gap.gap] > self._least_gap.at(values))
         return np.all([self.inside(theta), *kept], axis=0)
 
     # density
@@ -108,9 +112,22 @@ class RecordedPrior(Prior):
     def _given_columns(self) -> list[int]:
         return list(range(len(self.searched), len(self.searched) + len(self._given)))
 
+    def _by_name(self, theta: FloatArray) -> dict[str, FloatArray]:
+        """Values (n,) of what is searched, and pinned, by parameter."""
+        pinned = {name: np.full(len(theta), value) for name, value in self._pinned.items()}
+        return pinned | dict(zip(self.names, theta.T, strict=True))
+
+    def _least(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """What is subtracted (n, k) of what is searched before the logarithm is taken."""
+        found = np.zeros((len(next(iter(values.values()))), len(self.searched)))
+        if self._least_gap is not None and self._least_gap.gap in self.searched:
+            found[:, self.searched.index(self._least_gap.gap)] = self._least_gap.at(values)
+        return found
+
     def _logs(self, theta: FloatArray) -> FloatArray:
         """Logarithms of what is searched."""
-        return np.log(np.maximum(theta[:, self.columns(self.searched)], np.finfo(float).tiny))
+        beyond = theta[:, self.columns(self.searched)] - self._least(self._by_name(theta))
+        return np.log(np.maximum(beyond, np.finfo(float).tiny))
 
     def _raw(self, theta: FloatArray) -> FloatArray:
         """log p over all that is positive, whether possible or not (n,)."""
@@ -137,7 +154,9 @@ class RecordedPrior(Prior):
 
     def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
         theta = np.empty((n, len(self.names)))
-        theta[:, self.columns(self.searched)] = np.exp(self._density.sample(n, generator))
+        columns = self.columns(self.searched)
+        theta[:, columns] = np.exp(self._density.sample(n, generator))
+        theta[:, columns] += self._least(self._by_name(theta))  # of what is not shifted itself
         return self.with_nuisances(theta)
 
     # what is foreseeable

@@ -29,6 +29,8 @@ DIGITS = 6
 _STEP = 10.0**-DIGITS
 _WHOLE = ("integer", "int", "unsignedInt", "unsignedShort")
 """Types of whole numbers."""
+_LISTED = 6
+"""Parameters that a message names at most"""
 
 
 class Interval(Protocol):
@@ -165,10 +167,9 @@ class Space:
             raise violation
         searched = [name for name in declared if name in chosen and name not in pinned and (name in bounded or name in ranges)]
         if not searched:
-            raise UsageError(
-                "no parameter with a lower and an upper limit is left to search; --free NAME=LOW..HIGH gives one limits",
-                path=scenario,
-            )
+            left = {name: value for name, value in numbers(scenario).items() if name not in pinned}
+            instead = f"give limits, as {free_option(left)}" if left else "every number that it declares is pinned"
+            raise UsageError(f"no parameter with a lower and an upper limit is left to search: {instead}", path=scenario)
         literals = {name: scope.own[name].text for name, each in declared.items() if "$" not in each.get("value")}
         rest = {name: value for name, value in (literals | pinned).items() if name not in searched}
         sides = (_of_range(name, ranges[name]) if name in ranges else _parameter(declared[name], scope) for name in searched)
@@ -177,14 +178,24 @@ class Space:
         return cls(tuple(sides), rest, {name: each for name, each in choices.items() if each}, admits)
 
 
-def numbers(scenario: str | PathLike[str]) -> list[str]:
-    """Names of the parameters that a scenario declares with a type of numbers.
+def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
+    """Values, as declared, of a scenario's parameters whose type is one of numbers, by name.
 
     Raises:
-        InvalidFile: the file is malformed.
+        UsageError: there is none. InvalidFile: the file is malformed.
     """
     declared = _declarations(xosc.load(scenario).node)
-    return [each.get("name") for each in declared if each.get("parameterType") in ("double", "integer", *_WHOLE)]
+    found = {each.get("name"): each.get("value") for each in declared if each.get("parameterType") in ("double", *_WHOLE)}
+    if not found:
+        raise UsageError("it declares no parameter that is a number: there is nothing to search", path=scenario)
+    return found
+
+
+def free_option(declared: Mapping[str, str]) -> str:
+    """The option that gives parameters limits, and which there are, by name with their values; for messages."""
+    told = [f"{name} = {value}" for name, value in declared.items()]
+    listed = ", ".join(told[:_LISTED]) + (f" and {len(told) - _LISTED} more" if len(told) > _LISTED else "")
+    return f"--free {next(iter(declared))}=LOW..HIGH (it declares {listed})"
 
 
 def _is_number(text: str) -> bool:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from generation.density.physics import Limits, quantities
-from generation.density.recorded_prior import RecordedPrior
+from generation.density.recorded_prior import Box, RecordedPrior
+from generation.density.roles import BEHIND, EGO_SPEED, Role
 from generation.logical.library import SCENARIOS
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
@@ -113,3 +114,35 @@ def test_a_jerk_that_traffic_does_not_have_is_not_possible() -> None:
     exceeded = [name for name, found in quantities(alone).items() if found[0] > most[name]]
     assert exceeded == ["jerk"]
     assert (limits.kept(alone)[0], limits.kept(other)[0]) == (False, True)
+
+
+def followed(**pinned: float) -> tuple[RecordedPrior, np.ndarray]:
+    """A prior of followers who keep half a second and more, and their headways."""
+    generator = np.random.default_rng(0)
+    speeds, headways = generator.uniform(10.0, 30.0, 2000), 0.5 + generator.lognormal(0.0, 0.5, 2000)
+    values = {"Gap": headways * speeds, "Speed": speeds}
+    searched = {name: limits for name, limits in {"Gap": (0.5, 150.0), "Speed": (5.0, 45.0)}.items() if name not in pinned}
+    low, high = np.array(list(searched.values())).T
+    roles = {"Gap": Role("Follower", BEHIND), "Speed": Role("Ego", EGO_SPEED)}
+    return RecordedPrior(
+        Box(tuple(searched), low, high, pinned), values, np.arange(2000).astype(np.str_), roles, "gaussian"
+    ), headways
+
+
+def test_nobody_is_followed_more_closely_than_recorded_followers_do() -> None:
+    found, headways = followed()
+    drawn = found.sample(4000, np.random.default_rng(1))
+    behind = drawn[:, 0] / drawn[:, 1]
+    assert found.left_out == 2
+    assert behind.min() > np.sort(headways)[1]
+    assert np.quantile(behind, 0.01) == pytest.approx(np.quantile(headways, 0.01), abs=0.05)
+    tailgating = np.stack([0.4 * drawn[:, 1], drawn[:, 1]], axis=1)
+    assert not found.possible(tailgating).any()
+    assert np.isneginf(found.log_density(tailgating)).all()
+
+
+@pytest.mark.parametrize("pinned", [{}, {"Speed": 20.0}, {"Gap": 30.0}])
+def test_a_density_of_gaps_behind_integrates_to_one(pinned: dict[str, float]) -> None:
+    found, _ = followed(**pinned)
+    theta = np.random.default_rng(2).uniform(found.low, found.high, (200_000, len(found.names)))
+    assert np.exp(found.log_density(theta)).mean() * np.prod(found.high - found.low) == pytest.approx(1.0, abs=0.05)
