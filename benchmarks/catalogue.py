@@ -1,17 +1,19 @@
 """How long a recording of highD's size (17 minutes, 1,000 vehicles) takes to become a catalogue.
 
-    python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--profile FILE]
+    python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--parts]
 
 The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in
 seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is
 compared with the plain ways: measuring all others of a scene at once with one after the other, and catalogues of trajectories as
-text with documents of scenariogeneration's objects.
+text with documents of scenariogeneration's objects. With --parts the catalogue is made in this process instead, and what its parts
+took of the processor is printed.
 """
 
 from __future__ import annotations
 
 import argparse
-import cProfile
+import functools
+import json
 import resource
 import subprocess
 import sys
@@ -25,11 +27,14 @@ from pathlib import Path
 from scenariogeneration import xosc as sg
 
 from recognition import datasets
+from recognition.catalogue import stages
 from recognition.catalogue.pipeline import SHIPPED, ByRules, build
-from recognition.catalogue.recognisers.model import load
+from recognition.catalogue.recognisers.model import ByModel, load
 from recognition.catalogue.scenes.replay import trajectories
 from recognition.catalogue.scenes.scenes import Part, Scene, SceneCutter, Scope
 from recognition.catalogue.stages import CatalogueSettings
+from recognition.catalogue.writing import annotation
+from recognition.catalogue.writing.chapter import Chapter
 from recognition.recorder.recorder import record_one
 from recognition.recorder.sites import SITES
 from recognition.sites import site_of
@@ -54,7 +59,7 @@ def main() -> None:
     arguments.add_argument("--seconds", type=float, default=_LENGTH, help="length of the recording that is made")
     arguments.add_argument("--labels", choices=("auto", "rules"), default="auto")
     arguments.add_argument("--jobs", type=int, default=2, help="processes of the command")
-    arguments.add_argument("--profile", type=Path, help="profile in this process instead, into this file")
+    arguments.add_argument("--parts", action="store_true", help="in this process instead, with the time of each part")
     options = arguments.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.recording or Path(scratch) / "recording"
@@ -63,20 +68,52 @@ def main() -> None:
             flows = tuple(flow._replace(rate=_TRAFFIC * flow.rate) for flow in site.flows)
             record_one(replace(site, flows=flows), folder, options.seconds)
         out = Path(scratch) / "catalogue"
-        if options.profile:
-            recogniser = ByRules() if options.labels == "rules" else load(SHIPPED)
-            with cProfile.Profile() as profile:
-                build([folder], out, CatalogueSettings(), recogniser, lambda sources, _: sources)
-            profile.dump_stats(options.profile)
+        if options.parts:
+            in_parts(folder, out, options.labels)
             return
         start = time.perf_counter()
         command = [sys.executable, "-m", "recognition.cli", str(folder), "--labels", options.labels]
         subprocess.run([*command, "--out", str(out), "--jobs", str(options.jobs)], check=True)
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         print(
-            f"{time.perf_counter() - start:.1f} s with {options.jobs} jobs, {used.ru_utime + used.ru_stime:.1f} s of processors"
+            f"{len(json.loads((out / 'index.json').read_text())['scenarios'])} scenarios: {time.perf_counter() - start:.1f} s with"
+            f" {options.jobs} jobs, {used.ru_utime + used.ru_stime:.1f} s of processors"
         )
         compare(folder, Path(scratch))
+
+
+def in_parts(folder: Path, out: Path, labels: str) -> None:
+    """Make the catalogue in this process, and print what its parts took of the processor."""
+    taken = dict.fromkeys(("reading and smoothing", "rules", "model", "cutting scenes", "measuring scenes", "writing"), 0.0)
+    places: list[tuple[object, str]] = [
+        (datasets.Source, "load"), (stages, "label"), (ByModel, "look"), (SceneCutter, "cut"), (annotation, "measures"),
+        (Chapter, "add"),
+    ]  # fmt: skip
+    for part, (owner, name) in zip(taken, places, strict=True):
+        setattr(owner, name, _timed(getattr(owner, name), part, taken))
+    start = time.process_time()
+    recogniser = ByRules() if labels == "rules" else load(SHIPPED)
+    loading = time.process_time() - start
+    summary = build([folder], out, CatalogueSettings(), recogniser, lambda items, _: items)
+    whole, count = time.process_time() - start, sum(summary.classes.values())
+    taken["writing"] -= taken["cutting scenes"] + taken["measuring scenes"]
+    print(f"{count} scenarios: {whole:.1f} s of processors, {1e3 * taken['writing'] / count:.1f} ms to write one")
+    for part, seconds in ({"reading the model": loading} | taken | {"rest": whole - loading - sum(taken.values())}).items():
+        print(f"{part:<22}{seconds:6.1f} s {seconds / whole:4.0%}")
+
+
+def _timed(work: Callable[..., object], part: str, taken: dict[str, float]) -> Callable[..., object]:
+    """The same work, with the processor time that it takes added to what the part has taken."""
+
+    @functools.wraps(work)
+    def timed(*arguments: object, **named: object) -> object:
+        start = time.process_time()
+        try:
+            return work(*arguments, **named)
+        finally:
+            taken[part] += time.process_time() - start
+
+    return timed
 
 
 def compare(folder: Path, scratch: Path) -> None:

@@ -86,7 +86,10 @@ class Motion:
         """The same at some of its instants."""
         values = np.array(self.box)
         box = self.box if values.ndim == 1 else BoundingBox(*values[:, rows])
-        return replace(self, box=box, **{name: getattr(self, name)[rows] for name in _ROWS})
+        some = replace(self, box=box, **{name: getattr(self, name)[rows] for name in _ROWS})
+        cos, sin = self.facing
+        some.__dict__["facing"] = cos[rows], sin[rows]  # not worked out again: rows are taken of rows
+        return some
 
 
 _ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
@@ -157,13 +160,13 @@ def seen_by(a: Motion, b: Motion) -> Sight:
 
 def boxes_overlap(a: Motion, b: Motion) -> BoolArray:
     """Where two upright boxes overlap or touch, row by row."""
-    return _outlines_overlap(a, b) & (vertical_gap(a, b) == 0.0)
+    return _outlines_overlap(a.box, b.box, seen_by(a, b)) & (vertical_gap(a, b) == 0.0)
 
 
-def _outlines_overlap(a: Motion, b: Motion) -> BoolArray:
+def _outlines_overlap(own: BoundingBox, other: BoundingBox, seen: Sight) -> BoolArray:
     """The same in the plane, by the separating-axis theorem."""
-    x, y, c, s = seen_by(a, b)
-    al, aw, bl, bw = a.box.length / 2, a.box.width / 2, b.box.length / 2, b.box.width / 2
+    x, y, c, s = seen
+    al, aw, bl, bw = own.length / 2, own.width / 2, other.length / 2, other.width / 2
     cos, sin = np.abs(c), np.abs(s)
     apart = (np.abs(x) > al + bl * cos + bw * sin) | (np.abs(y) > aw + bl * sin + bw * cos)
     apart |= np.abs(x * c + y * s) > bl + al * cos + aw * sin
@@ -179,8 +182,13 @@ def vertical_gap(a: Motion, b: Motion) -> FloatArray:
 
 def box_distance(a: Motion, b: Motion) -> FloatArray:
     """Shortest distance of two boxes in the plane, row by row; 0 where they overlap."""
-    squares = np.minimum(_corner_squares(seen_by(a, b), b.box, a.box), _corner_squares(seen_by(b, a), a.box, b.box))
-    return np.where(_outlines_overlap(a, b), 0.0, np.sqrt(squares))
+    return _distance(a, b, seen_by(a, b))
+
+
+def _distance(a: Motion, b: Motion, seen: Sight) -> FloatArray:
+    """The same, from how a sees b."""
+    squares = np.minimum(_corner_squares(seen, b.box, a.box), _corner_squares(seen_by(b, a), a.box, b.box))
+    return np.where(_outlines_overlap(a.box, b.box, seen), 0.0, np.sqrt(squares))
 
 
 def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatArray:
@@ -202,13 +210,14 @@ def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
     everyone, who = joined(others)
     rows, theirs = _common(ego.time, everyone.time, who)
     a, b = ego.at(rows), everyone.at(theirs)
-    distance = box_distance(a, b)
+    seen = seen_by(a, b)
+    distance = _distance(a, b, seen)
     level = vertical_gap(a, b) <= _STEEPEST * distance
     if not level.all():
         rows, theirs, distance = rows[level], theirs[level], distance[level]
-        a, b = ego.at(rows), everyone.at(theirs)
-    view = in_ego_frame(a, b)
-    same = np.array([road is not None and road == there for road, there in zip(a.road, b.road, strict=True)], dtype=bool)
+        a, b, seen = ego.at(rows), everyone.at(theirs), Sight(*(values[level] for values in seen))
+    view = _in_ego_frame(a, b, seen)
+    same = np.equal(a.road, b.road).astype(bool) & np.not_equal(a.road, None).astype(bool)
     if same.any():
         side, drift = (np.concatenate([getattr(other, name) for other in others])[theirs] for name in ("side", "drift"))
         on_road = _on_road((a, ego.side[rows], ego.drift[rows]), (b, side, drift))
@@ -240,7 +249,11 @@ def interval_gaps(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high
 
 def in_ego_frame(a: Motion, b: Motion) -> View:
     """How a sees b along and across its own heading, row by row."""
-    x, y, c, s = seen_by(a, b)
+    return _in_ego_frame(a, b, seen_by(a, b))
+
+
+def _in_ego_frame(a: Motion, b: Motion, seen: Sight) -> View:
+    x, y, c, s = seen
     cos, sin = np.abs(c), np.abs(s)
     ahead = (b.box.length * cos + b.box.width * sin) / 2
     aside = (b.box.length * sin + b.box.width * cos) / 2

@@ -80,15 +80,15 @@ def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULT
     Args:
         ego, other: at the same instants.
     """
-    approach = _approach(ego, other)
-    (x, y), (vx, vy), half = approach.place, approach.velocity, approach.half
-    probability = np.zeros(len(x))
-    for time in parameters.times:
-        spread = 0.5 * time * time
-        hit = _inside(x + vx * time, half[0], parameters.along * spread)
-        hit *= _inside(y + vy * time, half[1], parameters.across * spread)
-        probability = np.maximum(probability, hit)
-    probability = np.where(boxes_overlap(ego, other), 1.0, probability)
+    approach, touching = _approach(ego, other), boxes_overlap(ego, other)
+    bounds = _bounds(approach, parameters)
+    rows = np.arange(len(touching))
+    likeliest = bounds.argmax(axis=0)
+    found = _overlap(approach, likeliest, rows, parameters)
+    with np.errstate(divide="ignore"):
+        times, rows = np.nonzero((bounds > np.log(found) - _SLACK) & ~touching)  # no other instant can be more
+    np.maximum.at(found, rows, _overlap(approach, times, rows, parameters))
+    probability = np.where(touching, 1.0, found)
     return Field(probability, probability * approach.energy(parameters))
 
 
@@ -137,26 +137,39 @@ def _approach(ego: Motion, other: Motion) -> _Approach:
 def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntArray:
     """Rows among which those with the greatest probability and the greatest risk are.
 
-    By Chernoff's bound a row's probability is at most exp(−z²/2), z² the least sum of squares of both distances in standard
-    deviations. What the rows with the greatest bounds reach, others have to reach by theirs.
+    What the rows with the greatest bounds reach, others have to reach by theirs.
     """
     approach = _approach(ego, other)
-    apart = np.full(len(ego.x), np.inf)
-    for time in parameters.times:
-        squares = np.zeros(len(ego.x))
-        for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
-            distance = np.maximum(np.abs(place + velocity * time) - half, 0.0)
-            squares += (distance / max(0.5 * time * time * deviation, math.ulp(1.0))) ** 2
-        apart = np.minimum(apart, squares)
-    apart[boxes_overlap(ego, other)] = 0.0
+    bound = _bounds(approach, parameters).max(axis=0)
+    bound[boxes_overlap(ego, other)] = 0.0
     with np.errstate(divide="ignore"):
-        bounds = np.stack([-0.5 * apart, np.log(approach.energy(parameters)) - 0.5 * apart])
+        bounds = np.stack([bound, np.log(approach.energy(parameters)) + bound])
         best = bounds.argmax(axis=1)
         reached = np.log(np.diag(np.stack(risk_field(ego.at(best), other.at(best), parameters))))
     return np.flatnonzero((bounds >= reached[:, None] - _SLACK).any(axis=0))
 
 
-def _inside(mean: FloatArray, half: FloatArray, deviation: float) -> FloatArray:
+def _bounds(approach: _Approach, parameters: FieldParameters) -> FloatArray:
+    """Logarithms of what the probabilities of an overlap (k, n) at the look-ahead times are at most, by Chernoff's bound."""
+    bounds = np.empty((len(parameters.times), len(approach.place[0])))
+    for row, time in zip(bounds, parameters.times, strict=True):
+        row[:] = 0.0
+        for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
+            distance = np.maximum(np.abs(place + velocity * time) - half, 0.0)
+            row -= 0.5 * (distance / max(0.5 * time * time * deviation, math.ulp(1.0))) ** 2
+    return bounds
+
+
+def _overlap(approach: _Approach, times: IntArray, rows: IntArray, parameters: FieldParameters) -> FloatArray:
+    """Probabilities (m,) that the boxes of rows (m,) overlap at look-ahead times, given by their numbers (m,)."""
+    time = parameters.times[times]
+    hit = np.ones(len(rows))
+    for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
+        hit *= _inside(place[rows] + velocity[rows] * time, half[rows], 0.5 * time * time * deviation)
+    return hit
+
+
+def _inside(mean: FloatArray, half: FloatArray, deviation: FloatArray) -> FloatArray:
     """Probability that a normal variable is between −half and half (n,)."""
-    scale = -math.sqrt(2.0) * max(deviation, math.ulp(1.0))
+    scale = -math.sqrt(2.0) * np.maximum(deviation, math.ulp(1.0))
     return np.asarray(0.5 * (_erfc((half - mean) / scale) - _erfc((-half - mean) / scale)), dtype=np.float64)

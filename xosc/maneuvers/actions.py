@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
+import numpy as np
 from scenariogeneration import xosc as sg
 
 from schemas.errors import UsageError
@@ -131,7 +131,7 @@ def trajectory(
     columns = [column for column in (time, x, y, z, h) if column is not None]
     if len({len(column) for column in columns}) > 1 or len(time) < 2:
         raise UsageError(f"the trajectory {name!r} needs arrays of one length, of two points at least")
-    if any(later < earlier for earlier, later in pairwise(time)):
+    if (np.diff(time) < 0.0).any():
         raise UsageError(f"the times of the trajectory {name!r} must not go back")
     return Polyline(name, {key: column for key, column in zip("txyzh", (time, x, y, z, h), strict=True) if column is not None})
 

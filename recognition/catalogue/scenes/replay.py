@@ -13,7 +13,6 @@ import numpy as np
 
 from recognition.catalogue.scenes.entities import Entry
 from recognition.catalogue.scenes.scenes import EGO, Part, Scene
-from xodr.array_types import FloatArray
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.files import Header
@@ -31,13 +30,13 @@ def trajectories(scene: Scene) -> list[Any]:
 
 
 def _trajectory(part: Part, start: float) -> Any:
-    time, x, y, h = (_rounded(values) for values in (part.time - start, *(part.column(name) for name in ("x", "y", "h"))))
+    columns = np.stack([part.time - start, *(part.column(name) for name in ("x", "y", "h"))])
+    time, x, y, h = np.round(columns, _DIGITS) + 0.0
     return maneuvers.trajectory(part.name, time, x, y, h=h)
 
 
-def _rounded(values: FloatArray) -> list[float]:
-    rounded: list[float] = (np.round(values, _DIGITS) + 0.0).tolist()
-    return rounded
+def _rounded(value: float) -> float:
+    return round(float(value), _DIGITS) + 0.0
 
 
 def scenario(
@@ -80,8 +79,13 @@ def _from_start(part: Part, scene: Scene) -> bool:
 
 def _place(part: Part) -> Any:
     """Where a participant's trajectory begins."""
-    x, y, h = (_rounded(part.column(name)[:1])[0] for name in ("x", "y", "h"))
+    x, y, h = (_first(part, name) for name in ("x", "y", "h"))
     return maneuvers.world_position(x, y, h=h)
+
+
+def _first(part: Part, name: str) -> float:
+    """The value that a participant's trajectory begins with."""
+    return _rounded(part.track.columns[name][part.rows[0]])
 
 
 def _init(part: Part) -> list[Any]:
@@ -90,11 +94,11 @@ def _init(part: Part) -> list[Any]:
 
 def _speed(part: Part) -> Any:
     """The speed that its trajectory begins with."""
-    return maneuvers.speed(_rounded(part.column("speed")[:1])[0])
+    return maneuvers.speed(_first(part, "speed"))
 
 
 def _events(part: Part, scene: Scene) -> list[Any]:
-    begins, ends = _rounded(part.time[[0, -1]] - scene.start)
+    begins, ends = (_rounded(time - scene.start) for time in part.track.columns["time"][part.rows[[0, -1]]])
     start = maneuvers.simulation_time(begins - _EARLY)
     follow = maneuvers.follow_trajectory(maneuvers.reference("TrajectoryCatalog", part.name), "follow", domain="absolute")
     events = [maneuvers.event("follow", [follow], start, "parallel")]
