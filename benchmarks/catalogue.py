@@ -5,8 +5,8 @@
 The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in
 seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is
 compared with the plain ways: measuring all others of a scene at once with one after the other, and catalogues of trajectories as
-text with documents of scenariogeneration's objects. With --parts the catalogue is made in this process instead, and what its parts
-took of the processor is printed.
+text with documents of scenariogeneration's objects. With --parts the catalogue is made in this process instead, and what each
+part took of the processor is printed.
 """
 
 from __future__ import annotations
@@ -75,10 +75,9 @@ def main() -> None:
         command = [sys.executable, "-m", "recognition.cli", str(folder), "--labels", options.labels]
         subprocess.run([*command, "--out", str(out), "--jobs", str(options.jobs)], check=True)
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        print(
-            f"{len(json.loads((out / 'index.json').read_text())['scenarios'])} scenarios: {time.perf_counter() - start:.1f} s with"
-            f" {options.jobs} jobs, {used.ru_utime + used.ru_stime:.1f} s of processors"
-        )
+        took, processors = time.perf_counter() - start, used.ru_utime + used.ru_stime
+        count = len(json.loads((out / "index.json").read_text())["scenarios"])
+        print(f"{count} scenarios: {took:.1f} s with {options.jobs} jobs, {processors:.1f} s of processors")
         compare(folder, Path(scratch))
 
 

@@ -217,7 +217,7 @@ def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
         rows, theirs, distance = rows[level], theirs[level], distance[level]
         a, b, seen = ego.at(rows), everyone.at(theirs), Sight(*(values[level] for values in seen))
     view = _in_ego_frame(a, b, seen)
-    same = np.equal(a.road, b.road).astype(bool) & np.not_equal(a.road, None).astype(bool)
+    same = np.equal(a.road, b.road).astype(bool) & np.not_equal(a.road, np.array(None, object)).astype(bool)
     if same.any():
         side, drift = (np.concatenate([getattr(other, name) for other in others])[theirs] for name in ("side", "drift"))
         on_road = _on_road((a, ego.side[rows], ego.drift[rows]), (b, side, drift))

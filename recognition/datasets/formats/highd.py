@@ -18,6 +18,7 @@ from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.highway import Highway
 from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, Source
+from recognition.datasets.tables.constants import changes, check_sizes
 from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import Table, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
@@ -41,8 +42,12 @@ _VEHICLES: dict[str, Kind] = {
 _RECORDING: dict[str, Kind] = {
     "frameRate": "number", "speedLimit": "number", "upperLaneMarkings": "text", "lowerLaneMarkings": "text",
 }  # fmt: skip
+_SIZES = ("width", "height")
 _CATEGORIES = {"car": "car", "truck": "truck"}
+_ROUNDED = 0.011
+"""Sizes of one vehicle in two files differ by no more, m, where both are rounded to centimetres."""
 _UPPER, _LOWER = 1, 2
+_NO_LIMIT = -1.0
 _STEADY = 5.0
 """Below this speed (m/s) the boxes' lateral noise would turn slow vehicles: they head along the road ever more."""
 _ROUND = 10.0
@@ -69,19 +74,25 @@ def _meta(path: Path, kind: str) -> Path:
 
 def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     recording = read_table(_meta(path, "recordingMeta"), _RECORDING)
+    if len(recording) > 1:
+        raise recording.fault(1, "frameRate", "a second recording is described here, one is expected")
     rate = float(recording["frameRate"][0])
     if rate < 1.0:
         raise recording.fault(0, "frameRate", f"{rate:g} frames a second are too few")
     vehicles = read_table(_meta(path, "tracksMeta"), _VEHICLES)
     table = read_table(path, _TRACKS)
     rows = in_order(table, table["id"], Clock("frame", table["frame"], rate, 1.0 / rate, zero=1))
+    check_sizes(table, _SIZES)
+    check_sizes(vehicles, _SIZES)
     index = _matched(table, rows, vehicles)
     who = [_participant(vehicles, row) for row in index.tolist()]
     columns = _columns(table, rows, who, vehicles["drivingDirection"][index])
     far = np.abs(columns["x"] - np.median(columns["x"]))
     if far.max() > _FARTHEST:
         raise table.fault(int(rows.order[far.argmax()]), "x", f"the vehicle is {far.max():.0f} m away from the others")
-    report = rows.report([one.name for one in who])
+    names = [one.name for one in who]
+    report = rows.report(names)
+    report.remarks += changes(table, rows, names, _SIZES) + _other_sizes(table, rows, vehicles, index)
     rows, who, columns = smoothed(rows, who, columns, report)
     highway = _highway(recording, columns["x"])
     columns |= highway.places(columns["x"], columns["y"])
@@ -140,10 +151,16 @@ def _participant(vehicles: Table, row: int) -> Participant:
         raise vehicles.fault(row, "class", f"{kind!r} is none of Car and Truck")
     if vehicles["drivingDirection"][row] not in (_UPPER, _LOWER):
         raise vehicles.fault(row, "drivingDirection", f"{vehicles['drivingDirection'][row]} is neither {_UPPER} nor {_LOWER}")
-    for name in ("width", "height"):
-        if vehicles[name][row] <= 0.0:
-            raise vehicles.fault(row, name, f"{vehicles[name][row]:g} m is no size")
     return participant(str(vehicles["id"][row]), category, float(vehicles["width"][row]), float(vehicles["height"][row]))
+
+
+def _other_sizes(table: Table, rows: Rows, vehicles: Table, index: IntArray) -> list[str]:
+    """A remark where the first rows of tracks have other sizes than tracksMeta, whose sizes count."""
+    differ = np.any([np.abs(table[side][rows.heads] - vehicles[side][index]) > _ROUNDED for side in _SIZES], axis=0)
+    if not differ.any():
+        return []
+    first = rows.keys[int(differ.argmax())]
+    return [f"{differ.sum()} vehicles ({first} first) have another size in {vehicles.path.name}: that one counts"]
 
 
 def _highway(recording: Table, x: FloatArray) -> Highway:
@@ -152,6 +169,8 @@ def _highway(recording: Table, x: FloatArray) -> Highway:
     if upper and lower and upper[-1] > lower[0]:
         raise recording.fault(0, "lowerLaneMarkings", f"the lower carriageway begins at {lower[0]:g}, inside the upper one")
     limit = float(recording["speedLimit"][0])
+    if limit <= 0.0 and limit != _NO_LIMIT:
+        raise recording.fault(0, "speedLimit", f"{limit:g} m/s is no speed limit; {_NO_LIMIT:g} stands for none")
     start, end = _ROUND * math.floor(x.min() / _ROUND), _ROUND * math.ceil(x.max() / _ROUND)
     return Highway(upper, lower, start, max(end, start + _ROUND), limit if limit > 0.0 else math.inf)
 

@@ -25,6 +25,7 @@ from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.files import converted
 from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, SiteRoad, Source
+from recognition.datasets.tables.constants import categories, changes, check_sizes
 from recognition.datasets.tables.rates import believable, facing, heading_of_motion, rate
 from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import Table, column_names, read_table
@@ -32,7 +33,7 @@ from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import Kind
 from runner.recording import Recording, Track
 from schemas.errors import InvalidFile
-from xodr.array_types import FloatArray
+from xodr.array_types import BoolArray, FloatArray
 
 FORMAT = "INTERACTION"
 TITLE = "INTERACTION"
@@ -46,7 +47,8 @@ _COLUMNS: dict[str, Kind] = {
     "track_id": "text", "timestamp_ms": "whole", "agent_type": "text",
     "x": "number", "y": "number", "vx": "number", "vy": "number",
 }  # fmt: skip
-_BOX: dict[str, Kind] = {"psi_rad": "optional", "length": "optional", "width": "optional"}
+_SIZES = ("length", "width")
+_BOX: dict[str, Kind] = {"psi_rad": "optional", **dict.fromkeys(_SIZES, "optional")}
 _CATEGORIES = {
     "car": "car", "van": "van", "truck": "truck", "bus": "bus", "tram": "tram",
     "motorcycle": "motorbike", "motorbike": "motorbike",
@@ -157,9 +159,20 @@ def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Tra
     clock = Clock("timestamp_ms", table["timestamp_ms"], 1000.0, STEP)
     rows = in_order(table, track, clock, repeats=True)
     names = [_free(name, taken, number) for name in number]
-    who = [_participant(table, row, name) for name, row in zip(names, rows.heads, strict=True)]
-    report = rows.report([one.name for one in who])
+    kinds = categories(table, "agent_type", _CATEGORIES)
+    _check_sizes(table, kinds == "pedestrian")
+    who = [_participant(table, row, name, str(kinds[row])) for name, row in zip(names, rows.heads, strict=True)]
+    report = rows.report(names)
+    report.remarks += changes(table, rows, names, [name for name in ("agent_type", *_SIZES) if name in table.columns])
     return cut(*smoothed(rows, who, _columns(table, rows, who, report), report)), report
+
+
+def _check_sizes(table: Table, walks: BoolArray) -> None:
+    """Refuse rows without a size; pedestrians' need none."""
+    if _SIZES[0] in table.columns:
+        check_sizes(table, _SIZES, walks)
+    elif not walks.all():
+        raise table.fault(int(walks.argmin()), "agent_type", "no column length, width: only pedestrians may lack a size")
 
 
 def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:
@@ -169,18 +182,12 @@ def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:
     return next(free for n in count(1) if (free := "P" * n + name) not in taken and free not in others)
 
 
-def _participant(table: Table, row: int, name: str) -> Participant:
-    kind = table["agent_type"][row]
-    category = _CATEGORIES.get(kind.strip().lower())
-    if category is None:
-        raise table.fault(row, "agent_type", f"{kind!r} is none of {', '.join(_CATEGORIES)}")
-    length, width = (float(table[side][row]) if side in table.columns else np.nan for side in ("length", "width"))
-    if np.isnan(length + width) and category == "pedestrian":
+def _participant(table: Table, row: int, name: str, category: str) -> Participant:
+    """Who a track is of, by its first row."""
+    if _SIZES[0] not in table.columns:
         return participant(name, category)
-    for side, value in (("length", length), ("width", width)):
-        if not value > 0.0:
-            raise table.fault(row, side, "a value is missing" if np.isnan(value) else f"{value:g} m is no size")
-    return participant(name, category, length, width)
+    length, width = (float(table[side][row]) for side in _SIZES)
+    return participant(name, category) if np.isnan(length + width) else participant(name, category, length, width)
 
 
 def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -> Columns:

@@ -14,7 +14,7 @@ Source: U.S. FHWA, "NGSIM Vehicle Trajectories and Supporting Data" (2016). The 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from recognition.datasets.roads.files import keep_road
 from recognition.datasets.roads.straight import straight_road
 from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, SiteRoad, Source
+from recognition.datasets.tables.constants import changes, check_sizes
 from recognition.datasets.tables.rates import crowded, heading_of_motion, rate
 from recognition.datasets.tables.rows import Clock, Rows, in_order
 from recognition.datasets.tables.table import PARQUET, Table, column_names, read_table
@@ -58,6 +59,8 @@ _METRIC: dict[str, Kind] = {
     "vehicle_id": "whole", "sim_time": "number", "position_x": "number", "position_y": "number", "heading_rad": "number",
     "speed": "number", "lane_id": "whole", "type": "whole", "length": "number", "width": "number",
 }  # fmt: skip
+_PUBLIC_CONSTANTS, _METRIC_CONSTANTS = ("v_class", "v_length", "v_width"), ("type", "length", "width")
+"""Columns with what a vehicle is, and its sizes"""
 _CATEGORIES = {1: "motorbike", 2: "car", 3: "truck"}
 
 
@@ -132,11 +135,8 @@ def _read_public(path: Path, location: str | None) -> tuple[Recording, Report]:
     unit = _unit(table, any(name.endswith("(m)") for name in column_names(path)), remarks)
     track, names = _vehicles(table)
     rows = in_order(table, track, _clock(table), sort=True, repeats=True)
-    who = [
-        _participant(table, row, name, "v_class", "v_length", "v_width", unit)
-        for name, row in zip(names, rows.heads, strict=True)
-    ]
-    if "v_length" not in table.columns:
+    who = _participants(table, rows, names, _PUBLIC_CONSTANTS, unit, remarks)
+    if not {"v_length", "v_width"} <= table.columns.keys():
         remarks.append("sizes are the usual ones of the category")
     columns = _public_columns(table, rows, who, unit, remarks)
     return _finished(rows, who, columns, remarks)
@@ -194,18 +194,24 @@ def _vehicles(table: Table) -> tuple[IntArray, list[str]]:
     return key.reshape(-1), names
 
 
-def _participant(table: Table, row: int, name: str, kind: str, length: str, width: str, unit: float) -> Participant:
-    category = "car"
+def _participants(
+    table: Table, rows: Rows, names: Sequence[str], columns: Sequence[str], unit: float, remarks: list[str]
+) -> list[Participant]:
+    """Who the tracks are of, by the columns with their class, length and width, as far as they are there."""
+    kind, *sizes = columns
     if kind in table.columns:
-        category = _CATEGORIES.get(int(table[kind][row]), "")
-        if not category:
+        unknown = ~np.isin(table[kind], list(_CATEGORIES))
+        if unknown.any():
+            row = int(unknown.argmax())
             raise table.fault(row, kind, f"{table[kind][row]} is none of 1 (motorcycle), 2 (car) and 3 (truck)")
-    if length not in table.columns or width not in table.columns:
-        return participant(name, category)
-    for side in (length, width):
-        if table[side][row] <= 0.0:
-            raise table.fault(row, side, f"{table[side][row]:g} is no size")
-    return participant(name, category, unit * float(table[length][row]), unit * float(table[width][row]))
+    check_sizes(table, [side for side in sizes if side in table.columns])
+    remarks += changes(table, rows, names, [name for name in columns if name in table.columns])
+    who = []
+    for name, row in zip(names, rows.heads, strict=True):
+        category = _CATEGORIES[int(table[kind][row])] if kind in table.columns else "car"
+        sized = [unit * float(table[side][row]) for side in sizes if side in table.columns]
+        who.append(participant(name, category, *(sized if len(sized) == len(sizes) else ())))
+    return who
 
 
 def _read_metric(path: Path) -> tuple[Recording, Report]:
@@ -214,10 +220,7 @@ def _read_metric(path: Path) -> tuple[Recording, Report]:
     frame = np.round(table["sim_time"] / STEP).astype(np.int64)
     keys, track = np.unique(table["vehicle_id"], return_inverse=True)
     rows = in_order(table, track, Clock("sim_time", frame, _FRAMES, STEP), sort=True, repeats=True)
-    who = [
-        _participant(table, row, str(key), "type", "length", "width", 1.0)
-        for key, row in zip(keys.tolist(), rows.heads, strict=True)
-    ]
+    who = _participants(table, rows, [str(key) for key in keys.tolist()], _METRIC_CONSTANTS, 1.0, remarks)
     x, y, h, speed = (table[name][rows.order] for name in ("position_x", "position_y", "heading_rad", "speed"))
     h = h + _turn(x, y, h, rows, remarks)
     remarks.append("positions are taken as centres of the boxes; accelerations are derived from the speeds")

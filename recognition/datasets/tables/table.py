@@ -101,7 +101,7 @@ def _csv_names(path: Path) -> list[str]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             first = file.readline(_LONGEST_HEADER)
-            names = [name.strip() for name in next(csv.reader([first]), [])]
+            names = [name.strip() for name in next(csv.reader([first], strict=True), [])]
     except UnicodeDecodeError:
         raise InvalidFile("this is not UTF-8 text", path=path, line=1) from None
     except csv.Error as error:

@@ -244,7 +244,7 @@ def test_fault_in_an_archive_names_the_file_in_it_and_the_line(tmp_path: Path) -
         ("<time><exact>3</exact>", "<time><exact>2</exact>", InvalidFile, "3: state: the time 2 comes after 2"),
         ("<time><exact>3</exact>", "<time><exact>2.5</exact>", InvalidFile, "3: state: the time 2.5 is not a whole number"),
         ("<type>car</type>", "", InvalidFile, "3: obstacle: there is no type"),
-        ("<length>4.0", "<length>0", InvalidFile, "3: obstacle: the shape has no size"),
+        ("<length>4.0", "<length>0", InvalidFile, "3: length: 0 m is no size"),
         (RECTANGLE, "", InvalidFile, "3: obstacle: the shape is empty"),
         (
             "<time><exact>9</exact>",

@@ -285,7 +285,7 @@ def _at_no_rate(folder: Path) -> Path:
     [
         ("class", "Boat", "'Boat' is none of Car and Truck"),
         ("drivingDirection", 3, "3 is neither 1 nor 2"),
-        ("width", 0, "0 m is no size"),
+        ("width", 0, "0 is no size"),
     ],
 )
 def test_bad_vehicle_meta_is_refused(tmp_path: Path, column: str, value: object, complaint: str) -> None:

@@ -200,7 +200,7 @@ def test_bad_value_is_refused_with_line_and_column(tmp_path: Path, column: str, 
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "complaint"), [("length", None, "a value is missing"), ("width", -1, "-1 m is no size")]
+    ("column", "value", "complaint"), [("length", None, "a value is missing"), ("width", -1, "-1 is no size")]
 )
 def test_vehicle_without_a_size_is_refused(tmp_path: Path, column: str, value: object, complaint: str) -> None:
     with pytest.raises(InvalidFile, match=f"csv:2: column {column}: {complaint}"):

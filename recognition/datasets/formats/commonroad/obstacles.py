@@ -129,14 +129,21 @@ def _corners(shape: etree._Element) -> list[tuple[float, float]]:
     centre = shape.find("center")
     x, y = (number(centre, "x"), number(centre, "y")) if centre is not None else (0.0, 0.0)
     if shape.tag == "circle":
-        radius = number(shape, "radius")
+        radius = _size(shape, "radius")
         return [(x - radius, y - radius), (x + radius, y + radius)]
     if shape.tag != "rectangle":
         raise unsupported(shape, "this shape")
     angle = number(shape, "orientation") if shape.find("orientation") is not None else 0.0
-    half_length, half_width = 0.5 * number(shape, "length"), 0.5 * number(shape, "width")
+    half_length, half_width = 0.5 * _size(shape, "length"), 0.5 * _size(shape, "width")
     ends = [(a * half_length, b * half_width) for a in (-1, 1) for b in (-1, 1)]
     return [(x + u, y + v) for u, v in (_turned(*end, angle) for end in ends)]
+
+
+def _size(shape: etree._Element, name: str) -> float:
+    value = number(shape, name)
+    if value <= 0.0:
+        raise invalid(child(shape, name), f"{value:g} m is no size")
+    return value
 
 
 def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
