@@ -109,15 +109,16 @@ class _Avoidance(_Memory):
 
 class _Emergency(_Memory):
     def __init__(self, system: EmergencyBraking, n: int) -> None:
-        self._system, self._full = system, np.zeros(n, bool)
+        self._system, self._stage = system, np.zeros(n, int)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Where the time to collision is short, with partial or full braking."""
-        time = np.full(len(seen.speed), np.inf)
+        """Where the time to collision is or was short, with partial or full braking, or keeping its speed."""
+        time, held = np.full(len(seen.speed), np.inf), np.zeros(len(seen.speed), bool)
         for ahead, found in seen.encounters():
             time = np.minimum(time, np.where(ahead, self._system.threat(found), np.inf))
-        braking, self._full = self._system.stage(time, self._full)
-        return braking, -np.where(self._full, self._system.full, self._system.partial)
+            held |= ahead & self._system.holds(found, seen.speed)  # type: ignore[arg-type]
+        self._stage = self._system.stage(time, held, self._stage)
+        return self._stage > 0, self._system.acceleration(self._stage)
 
 
 class _Following(_Memory):

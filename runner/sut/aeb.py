@@ -13,19 +13,24 @@ from runner.sut.formulas import choose, greatest, least
 SYSTEM = ("aeb", "EmergencyBraking")
 _FORESEEN = 10.0
 """Time (s) over which someone's way sideways is foreseen, at most"""
+_FOLLOWS, _HOLDS, _PARTIAL, _FULL = range(4)
 
 
 @dataclass
 class EmergencyBraking:
     """Brakes in part, then fully, for who is in its way or will be when it is reached; else it follows the scenario.
 
-    Once it brakes fully it does so until it stands or no one is in the way any more, as systems on the road do.
+    Once it brakes it does so, and as hard, until it is no longer faster than who is in its way, or no one is: it does not let
+    go as soon as braking works. It then keeps its speed, and stays where it stands, while that one is near: the scenario's
+    speed would drive it on.
 
     Args:
         partial_time, full_time: times to collision below which it brakes, s.
         partial, full: its decelerations, m/s².
         sensor_range: how far it sees ahead, m.
         clearance: whoever is less than this far aside counts as in the way, m.
+        hold: having braked, it takes up the scenario's speed when who is in its way is this far ahead, m, and what it drives
+            in `partial_time`.
     """
 
     partial_time: float = 1.6
@@ -34,28 +39,45 @@ class EmergencyBraking:
     full: float = 9.0
     sensor_range: float = 80.0
     clearance: float = 0.2
+    hold: float = 5.0
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Forget the last run."""
-        self._full = False
+        self._stage = _FOLLOWS
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """Braking with the reason, or nothing."""
-        times = ((self.threat(found), found.name) for found in encounters(observation))
-        time, name = min(times, key=lambda threat: threat[0], default=(math.inf, ""))
-        braking, self._full = self.stage(time, self._full)
-        if not braking:
+        """Braking or keeping the speed, with the reason, or nothing."""
+        seen = list(encounters(observation))
+        time, name = min(((self.threat(each), each.name) for each in seen), key=lambda threat: threat[0], default=(math.inf, ""))
+        held = next((each.name for each in seen if self.holds(each, observation.ego.speed)), None)
+        self._stage = self.stage(time, held is not None, self._stage)
+        if self._stage == _FOLLOWS:
             return Control()
-        return Control(-(self.full if self._full else self.partial), reason=f"{name} is reached in {time:.2f} s")
+        reason = f"{held} is near" if self._stage == _HOLDS else f"{name} is reached in {time:.2f} s"
+        return Control(self.acceleration(self._stage), reason=reason)
 
     def threat(self, found: Encounter) -> float:
         """Time (s) until the ego reaches someone who is in its way, or will be by then; infinite for all others."""
         time = found.time_to_collision
-        left = found.aside - greatest(found.approach, 0.0) * least(time, _FORESEEN)
-        reached: float = choose((found.gap <= self.sensor_range) & (left < self.clearance), time, math.inf)
+        reached: float = choose((found.gap <= self.sensor_range) & self._in_way(found), time, math.inf)
         return reached
 
-    def stage(self, time: Any, full: Any) -> tuple[Any, Any]:
-        """Whether it brakes, and whether fully, with someone reached in a time (s), given whether it braked fully before."""
-        braking = time <= self.partial_time
-        return braking, braking & (full | (time <= self.full_time))
+    def holds(self, found: Encounter, speed: float) -> bool:
+        """Whether someone in its way is so near that, having braked at a speed (m/s), it does not speed up again."""
+        near: bool = (found.gap <= self.hold + self.partial_time * speed) & self._in_way(found)
+        return near
+
+    def stage(self, time: Any, held: Any, stage: Any) -> Any:
+        """What it does, with someone reached in a time (s), or held by someone near, given what it did before."""
+        braking = (time <= self.partial_time) | ((stage >= _PARTIAL) & (time < math.inf))
+        full = braking & ((stage == _FULL) | (time <= self.full_time))
+        holding = choose((stage != _FOLLOWS) & held, _HOLDS, _FOLLOWS)
+        return choose(full, _FULL, choose(braking, _PARTIAL, holding))
+
+    def acceleration(self, stage: Any) -> Any:
+        """The acceleration (m/s²) of what it does."""
+        return choose(stage == _FULL, -self.full, choose(stage == _PARTIAL, -self.partial, 0.0))
+
+    def _in_way(self, found: Encounter) -> bool:
+        left = found.aside - greatest(found.approach, 0.0) * least(found.time_to_collision, _FORESEEN)
+        return left < self.clearance

@@ -135,6 +135,21 @@ def test_aeb_brakes_in_part_then_fully_and_not_for_who_is_beside() -> None:
     assert system.control(seen(20.0, entity("Beside", 4.0 + 9.0, 3.5, 10.0)), 0.1) == Control()
 
 
+def test_aeb_brakes_until_it_is_no_faster_then_keeps_behind() -> None:
+    system = ready(EmergencyBraking())
+
+    def answer(own: float, gap: float, other: float) -> float | None:
+        return system.control(seen(own, entity("Lead", 4.0 + gap, 0.0, other)), 0.1).acceleration
+
+    assert answer(8.0, 13.0, 0.0) is None
+    assert answer(8.0, 12.0, 0.0) == -4.0
+    assert answer(4.0, 8.0, 0.0) == -4.0, "2 s to the collision: braking works, and goes on"
+    assert answer(0.0, 4.0, 0.0) == 0.0, "it stands, and the scenario's speed would drive it on"
+    assert answer(0.0, 4.0, 5.0) == 0.0
+    assert answer(0.0, 5.5, 5.0) is None, "the other one has driven off"
+    assert answer(0.0, 4.0, 5.0) is None, "it keeps behind only after braking"
+
+
 @pytest.mark.parametrize("name", ["aeb", "idm", "r157-cc", "r157-reg", "rss", "fsm"])
 def test_each_is_found_by_name_and_avoids_what_everyone_can(name: str) -> None:
     assert load_system(name) is not None
