@@ -1,4 +1,4 @@
-"""What is said of entities that never appear, and of an ego that leaves the road, or comes to its end."""
+"""What is said of entities that never appear, and of an ego that stands all the time, leaves the road, or comes to its end."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
+    from runner.recording import Track
 
 
 def absences(scenario: Path, entities: Iterable[Entity]) -> tuple[str, ...]:
@@ -24,6 +25,20 @@ def absences(scenario: Path, entities: Iterable[Entity]) -> tuple[str, ...]:
             text = f"{entity.name!r} never appears: no action of this run gives it a position"
             found.append(str(Remark(PLACED, text, str(scenario), declared.line if declared is not None else None)))
     return tuple(found)
+
+
+def standstill(ego: Track | None, system: str) -> tuple[str, ...]:
+    """A remark where nothing has set the ego in motion: a verdict on such a run says little.
+
+    Args:
+        ego: its recording; None without an ego.
+        system: name of the system under test, `none` for none.
+    """
+    if ego is None or len(ego.columns["time"]) < 2 or ego.columns["speed"].any():
+        return ()
+    nothing = "nothing" if system == "none" else f"neither the scenario nor {system}"
+    driver = "" if system == "sumo" else "; SUMO's driver would drive it (--sut sumo)"
+    return (f"{ego.name} stands during the whole run: {nothing} sets it in motion{driver}",)
 
 
 class Departures:

@@ -9,7 +9,7 @@ from os import PathLike
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from runner.interpreter.departures import Departures, absences
+from runner.interpreter.departures import Departures, absences, standstill
 from runner.interpreter.drivers import observe
 from runner.interpreter.ego import cruise_speed, driver_of
 from runner.interpreter.preparation import Compiled, compile_file
@@ -180,6 +180,7 @@ class Session:
         recording = sim.recorder.recording()
         verdict = judge(compiled, sim.contacts, recording, ego)
         driven = ego if system is not None else None
+        sut = system_name(self.settings.sut) if ego is not None else "none"
         result = RunResult(
             scenario=compiled.path,
             parameters={name: str(value) for name, value in self._compiled.parameters.items()},
@@ -193,11 +194,12 @@ class Session:
                 ),
                 *absences(compiled.path, compiled.entities.values()),
                 *self._departures.remarks,
+                *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
                 *idleness(compiled.storyboard, sim.log, sim, sim.finished),
                 *criteria_remarks(compiled.criteria, verdict),
             ),
             ego=ego.name if ego is not None else None,
-            sut=system_name(self.settings.sut) if ego is not None else "none",
+            sut=sut,
             settings={name: getattr(self.settings, name) for name in ("timestep", "seed", "world", "max_time")},
             events=sim.log,
             recording=recording,

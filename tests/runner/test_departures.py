@@ -42,6 +42,18 @@ def test_leaving_the_road_and_coming_back_are_events_and_the_first_leaving_is_a_
     assert result.verdict.passed
 
 
+@pytest.mark.parametrize(
+    ("sut", "reason"),
+    [
+        (None, "nothing sets it in motion; SUMO's driver would drive it (--sut sumo)"),
+        ("cas", "neither the scenario nor cas sets it in motion; SUMO's driver would drive it (--sut sumo)"),
+    ],
+)
+def test_an_ego_that_nothing_sets_in_motion_is_a_remark(tmp_path: Path, sut: str | None, reason: str) -> None:
+    path = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 100, 0), stories=" ", stop=1.0)
+    assert runner.run(path, world="kinematic", sut=sut).remarks == (f"Ego stands during the whole run: {reason}",)
+
+
 def test_end_of_the_road_is_a_remark(tmp_path: Path) -> None:
     result = ride(tmp_path, s=980.0)
     (entry,) = events(result, "roadEnd")

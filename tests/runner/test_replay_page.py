@@ -173,6 +173,16 @@ def test_ego_and_partner_stay_in_sight_with_what_is_between_them(browser: Browse
         assert browser.run("document.querySelector('canvas').toDataURL()") == first
 
 
+def test_everybody_can_be_kept_in_sight(browser: Browser, one: Path) -> None:
+    pictures = set()
+    browser.open(one)
+    for key in ("b", "f", "0", "a"):
+        browser.press(key)
+        pictures.add(browser.run("document.querySelector('canvas').toDataURL()"))
+    assert len(pictures) == 4
+    assert browser.run("document.querySelector('select[aria-label=Follow]').value") == "all"
+
+
 def test_each_participant_has_a_row_that_unfolds(browser: Browser, one: Path) -> None:
     browser.open(one)
     names = "[...document.querySelectorAll('.unfold')].map(b => b.textContent)"
@@ -296,3 +306,4 @@ def test_a_run_without_ego_road_or_anybody_can_be_played(browser: Browser, tmp_p
     browser.press("End")
     assert time(browser) == pytest.approx(0.2)
     assert "no ego" in browser.text(".column")
+    assert browser.run("document.querySelector('select[aria-label=Follow]').value") == "all"

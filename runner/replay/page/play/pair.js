@@ -47,7 +47,7 @@ function between(a, stateA, b, stateB) {
   return { from, to, length: long([from, to]) };
 }
 
-/** Middle and scale that keep two participants in sight. */
+/** Middle and scale that keep participants in sight. */
 function framing(tracks, states, width, height) {
   const points = tracks.flatMap((track, i) => corners(track, states[i])),
     [xs, ys] = [points.map(([x]) => x), points.map(([, y]) => y)];

@@ -57,6 +57,7 @@ const hasPair = runs.some(run => run.partners.some(([, name]) => name));
 const FOLLOWED = [
   ...(hasPair ? [["both", "ego and nearest"]] : []),
   ...(hasEgo ? [["ego", "the ego"]] : []),
+  ["all", "everybody"],
   ["none", "nobody"],
   ...names.map(name => [`=${name}`, name]),
 ];
@@ -71,18 +72,23 @@ const labels = el("input", {
 });
 const announced = el("div", { class: "hidden", "aria-live": "polite" });
 
-/** Follow ego and partner, the ego, nobody (and stay where the view is), or a name. */
+/** Follow ego and partner, the ego, everybody, nobody (and stay where the view is), or a name. */
 function choose(value) {
   if (value === "none") Object.assign(camera, { follow: null, x: views[0].middle[0], y: views[0].middle[1] });
   else {
-    if (value === "ego" && camera.follow === BOTH) camera.scale = usualScale();
-    follow(value === "both" ? BOTH : value === "ego" ? "" : value.slice(1));
+    if (value === "ego" && several()) camera.scale = usualScale();
+    follow({ both: BOTH, all: ALL, ego: "" }[value] ?? value.slice(1));
   }
   changed();
 }
 
-const chosen = () =>
-  camera.follow === null ? "none" : camera.follow === BOTH ? "both" : camera.follow === "" ? "ego" : `=${camera.follow}`;
+const FOLLOWING = new Map([
+  [null, "none"],
+  [BOTH, "both"],
+  [ALL, "all"],
+  ["", "ego"],
+]);
+const chosen = () => FOLLOWING.get(camera.follow) ?? `=${camera.follow}`;
 const usualScale = () => Math.min(Math.max(views[0].canvas.clientWidth / 120, 6), 12);
 
 function stage(view, i) {
@@ -99,7 +105,7 @@ function stage(view, i) {
     { class: "zoom" },
     button("Zoom in", closer(1.4), null, "+"),
     button("Zoom out", closer(1 / 1.4), null, "−"),
-    button("Show everything", everything, null, "⤢"),
+    button("Show all ways", everything, null, "⤢"),
   );
   return el("div", { class: `stage run${i}` }, view.canvas, el("div", { class: "told" }, sign(runs, i), view.told), zooms);
 }
@@ -112,7 +118,8 @@ const HELP = [
   ["+ −", "zoom"],
   ["B", "follow the ego and the nearest"],
   ["F", "follow the ego"],
-  ["0", "show everything"],
+  ["A", "follow everybody"],
+  ["0", "show all ways"],
   ["L", "labels"],
   [", .", "slower, faster"],
 ];
@@ -237,8 +244,9 @@ const KEYS = {
   "=": () => zoom(1.25),
   "-": () => zoom(0.8),
   0: () => views[0].fit(),
-  b: () => choose(hasPair ? "both" : hasEgo ? "ego" : "none"),
-  f: () => choose(hasEgo ? "ego" : "none"),
+  b: () => choose(hasPair ? "both" : hasEgo ? "ego" : "all"),
+  f: () => choose(hasEgo ? "ego" : "all"),
+  a: () => choose("all"),
   l: () => labels.click(),
   ",": () => faster(-1),
   ".": () => faster(1),
@@ -309,7 +317,7 @@ function redraw() {
   changed();
 }
 
-/** Begin at the time that the address names (#t=5.05), with ego and partner in sight, close to the ego, or with everything. */
+/** Begin at the time that the address names (#t=5.05), with ego and partner in sight, close to the ego, or with everybody. */
 function begin() {
   const given = new URLSearchParams(location.hash.slice(1)).get("t");
   if (given !== null && Number.isFinite(Number(given))) seek(Number(given));
@@ -317,7 +325,7 @@ function begin() {
   if (hasEgo) {
     camera.scale = Math.max(camera.scale, usualScale());
     follow(hasPair ? BOTH : "");
-  }
+  } else follow(ALL);
   redraw();
 }
 

@@ -3,11 +3,12 @@
 const NEAREST = 200,
   FARTHEST = 0.02; // px per m
 
-/** Following both the ego and its partner; a participant's name is never a symbol. */
+/** Following the ego and its partner, or everybody; a participant's name is never a symbol. */
 const BOTH = Symbol("both");
+const ALL = Symbol("all");
 const EASE = 0.2; // part of the way that the camera goes to a new scale in a frame
 
-/** Where everybody looks: at a participant (plus an offset), a pair (`closer` than it needs), or a place; m, px per m. */
+/** Where all views look: at a participant (plus an offset), several (`closer` than they need), or a place; m, px per m. */
 const camera = { follow: null, x: 0, y: 0, dx: 0, dy: 0, scale: 6, closer: 1 };
 
 function zoom(factor) {
@@ -20,9 +21,11 @@ function follow(name) {
   Object.assign(camera, { follow: name, dx: 0, dy: 0, closer: 1 });
 }
 
-/** Keep the pairs of all views in sight; `still` goes there at once. */
+const several = () => camera.follow === BOTH || camera.follow === ALL;
+
+/** Keep those whom all views follow in sight; `still` goes there at once. */
 function aim(views, still) {
-  const scales = camera.follow === BOTH ? views.filter(view => view.framed).map(view => view.framed.scale) : [];
+  const scales = several() ? views.filter(view => view.framed).map(view => view.framed.scale) : [];
   if (!scales.length) return;
   const goal = Math.min(...scales) * camera.closer;
   camera.scale = still ? goal : camera.scale * (goal / camera.scale) ** EASE;
@@ -55,7 +58,7 @@ class View {
     return this.run.tracks.find(track => track.name === name) || null;
   }
 
-  /** Look up everybody's state at a time, and what would keep ego and partner in sight. */
+  /** Look up everybody's state at a time, and what would keep ego and partner, or everybody, in sight. */
   place(time) {
     const { run } = this,
       at = Math.min(time, run.end);
@@ -64,8 +67,9 @@ class View {
     const indices = [run.ego, name].map(each => run.tracks.findIndex(track => track.name === each));
     this.pair = indices.every(i => i >= 0 && this.states[i]) ? indices : null;
     const { clientWidth: width, clientHeight: height } = this.canvas,
-      of = values => this.pair.map(i => values[i]);
-    this.framed = this.pair && framing(of(run.tracks), of(this.states), width, height);
+      seen = camera.follow === ALL ? [...run.tracks.keys()].filter(i => this.states[i]) : this.pair || [],
+      of = values => seen.map(i => values[i]);
+    this.framed = seen.length ? framing(of(run.tracks), of(this.states), width, height) : null;
   }
 
   /** The whole of everybody's way. */
@@ -92,7 +96,7 @@ class View {
     const at = Math.min(time, run.end),
       { states, followed } = this,
       target = followed && states[run.tracks.indexOf(followed)];
-    if (camera.follow === BOTH && this.framed)
+    if (several() && this.framed)
       this.middle = [this.framed.middle[0] + camera.dx, this.framed.middle[1] + camera.dy];
     else if (target) this.middle = [target.x + camera.dx, target.y + camera.dy];
     else if (!followed) this.middle = [camera.x, camera.y];
@@ -107,7 +111,7 @@ class View {
     run.tracks.forEach((track, i) => {
       const marked = touching.has(track.name)
         ? colour("bad")
-        : track === followed && track.name !== run.ego && camera.follow !== BOTH
+        : track === followed && track.name !== run.ego && !several()
           ? colour("accent")
           : null;
       if (states[i]) drawParticipant(ctx, track, states[i], colour, look(track, run.ego), scale, marked);
