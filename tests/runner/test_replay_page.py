@@ -253,6 +253,8 @@ def test_two_runs_are_side_by_side_and_say_what_differs(browser: Browser, result
     browser.open(tmp_path / "two.html", "t=3", width=390)
     tops = browser.run("[...document.querySelectorAll('.stage')].map(s => s.getBoundingClientRect().top)")
     assert tops[0] < tops[1]
+    wide = browser.run("[...document.querySelectorAll('.differs thead tr > *')].map(cell => cell.clientWidth)")
+    assert max(wide) - min(wide) < 10, "no column is squeezed"
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -22,7 +22,8 @@ Version = tuple[int, int]
 def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
     """Enter the revision of the version whose schema the document keeps, where it does not keep that of its own.
 
-    Where several do, it is the one nearest to what the header says; the newest where that says nothing.
+    Where several do, it is the one nearest to what the header says; the newest where that says nothing. A document of a later
+    revision that keeps none is read as one of the newest: what came later is then found as anything else that breaks its schema.
 
     Args:
         root: the root, in no namespace; its header is changed or added.
@@ -35,7 +36,9 @@ def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
         if version != said and _keeps(root, version):
             break
     else:
-        return []
+        if said is None or not versions[-1] < said < (versions[-1][0] + 1, 0):
+            return []
+        version = versions[-1]
     name = f"{version[0]}.{version[1]}"
     if header is None:
         header = etree.Element(HEADERS[OPENSCENARIO], _HEADER)
@@ -44,7 +47,8 @@ def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
     else:
         has = f"the revision {said[0]}.{said[1]}" if said else "no revision"
         rule = _VALID if said else _DEFINED
-        remark = Node(header, root.path).remark(rule, f"the header has {has}, the content is that of version {name}")
+        read = f"the content is that of version {name}" if _keeps(root, version) else f"it is read as version {name}"
+        remark = Node(header, root.path).remark(rule, f"the header has {has}, {read}")
     header.set("revMajor", str(version[0]))
     header.set("revMinor", str(version[1]))
     return [remark]

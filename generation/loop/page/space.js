@@ -81,7 +81,7 @@ function space() {
       `${parameters[v].name} over ${parameters[u].name}: ${many(real.length, "recorded manoeuvre")}, ` +
       `${many(sum(searches.map(search => search.tried.length)), "run")} of the search, ${many(places.length, "edge case")}`;
     canvas.setAttribute("aria-label", words);
-    told.textContent = `${words}. Point at an edge case to see which it is, click to play it; the tables above list them all.`;
+    told.textContent = `${words}. Point at an edge case to see which it is, click to play it; the tables below list them all.`;
   }
 
   function near(event) {

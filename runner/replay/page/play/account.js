@@ -72,7 +72,7 @@ function parting([a, b]) {
 function comparison(runs, plots, seek) {
   const [a, b] = runs.map(given);
   const names = [...new Set([...Object.keys(a), ...Object.keys(b)])].filter(name => a[name] !== b[name]);
-  const differing = names.map(name => [name, [a[name] ?? "–", b[name] ?? "–"]]);
+  const differing = names.map(name => [name, [a, b].map(values => values[name] ?? "as declared")]);
   const verdicts = ["verdict", runs.map(run => `${run.passed ? "passed" : "failed"} at ${seconds(run.end)}`)];
   const extremes = plots.map(plot => [plot.label, plot.extremes.map(extreme => (extreme ? plot.told(extreme) : "–"))]);
   const head = el("tr", null, el("td"), ...runs.map((_, i) => el("th", { scope: "col" }, sign(runs, i))));

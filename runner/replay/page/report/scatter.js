@@ -49,7 +49,7 @@ function scatter() {
     canvas.setAttribute("aria-label", `${many(there.length, "run")}, ${axis.y.title} over ${axis.x.title}`);
     told.textContent =
       `${many(there.length, "run")}; squares failed, a number counts runs in one place. ` +
-      (beyond ? `${beyond} lie beyond the edge and are drawn at it. ` : "") +
+      (beyond ? `${beyond} beyond the edge, drawn at it. ` : "") +
       "Point at one to see which it is, click to play it.";
   }
 
