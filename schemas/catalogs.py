@@ -176,8 +176,9 @@ class Catalogs:
         named = [each for each in found.catalogs if each.name == catalog]
         named = named or [each for each in found.catalogs if Path(each.path).stem == catalog]
         if not named:
-            hint = nearest(catalog, sorted({each.name for each in found.catalogs}))
-            message = "; ".join([f"there is no catalogue {quoted(catalog)}, {hint}", *found.problems])
+            names = sorted({each.name for each in found.catalogs})
+            hint = f", {nearest(catalog, names)}" if names else ""
+            message = "; ".join([f"there is no catalogue {quoted(catalog)}{hint}", *found.problems])
             raise NoEntry(message, found.incomplete)
         entries = [entry for each in named for entry in each.entries if entry.kind in kinds]
         matching = [entry for entry in entries if entry.name == name]

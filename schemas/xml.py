@@ -18,6 +18,9 @@ _WELL_FORMED = "asam.net:{}:1.0.0:xml.valid_xml_document"
 _BEFORE_DOCTYPE = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?(?>\s+|<\?.*?\?>|<!--.*?-->)*+<!DOCTYPE", re.DOTALL)
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _DECLARATION = re.compile(rb"<\?xml\s[^?<>]*\?>")
+_ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)")
+_OF_WINDOWS = "windows-1252"
+"""What editors on Windows write, in the west, where they do not write UTF-8"""
 _DOCTYPE = re.compile(rb"<!DOCTYPE\s[^\[<>]*(?:\[\s*\]\s*)?>")
 _COMMENT_OR_CDATA = re.compile(rb"<!--|<!\[CDATA\[")
 _START_TAG = re.compile(rb"<[A-Za-z_](?:[^<>\"']|\"[^<\"]*\"|'[^<']*')*>")
@@ -101,8 +104,8 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
     """The content of a file without the faults that concern nothing in it, every line where it was, and what was done.
 
     These are a byte-order mark that is doubled or not at the beginning, an XML declaration that is not at the beginning, a
-    DOCTYPE that declares nothing, `--` in comments, and attributes that are there twice with the same value. Encodings in which
-    these have other bytes are left alone.
+    DOCTYPE that declares nothing, `--` in comments, attributes that are there twice with the same value, and letters of Windows
+    in what should be UTF-8. Encodings in which these have other bytes are left alone.
     """
     remarks: list[Remark] = []
 
@@ -129,7 +132,25 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
         position = next(i for i, (old, new) in enumerate(zip(fixed, comments, strict=True)) if old != new)
         line = fixed.count(b"\n", 0, position) + 1
         remarks.append(Remark(rule_of(path), "there is '--' in a comment; it does not end the comment", str(path), line))
-    return _without_doubled_attributes(comments, note), remarks
+    return _in_utf8(_without_doubled_attributes(comments, note), note), remarks
+
+
+def _in_utf8(data: bytes, note: Callable[[int, str], None]) -> bytes:
+    """The content in UTF-8 where it claims to be and is not, but can be windows-1252."""
+    declaration = _DECLARATION.search(data)
+    declared = _ENCODING.search(declaration[0]) if declaration else None
+    if b"\0" in data[:4] or (declared and declared[1].lower() not in (b"utf-8", b"utf8")):
+        return data
+    try:
+        data.decode()
+    except UnicodeDecodeError as error:
+        try:
+            fixed = data.decode(_OF_WINDOWS).encode()
+        except UnicodeDecodeError:
+            return data
+        note(error.start, f"this is not UTF-8; the file is read as {_OF_WINDOWS}")
+        return fixed
+    return data
 
 
 def _without_double_hyphens(data: bytes) -> bytes:

@@ -18,7 +18,7 @@ from runner.batch.jobs import Job, Outcome
 from runner.batch.journal import enter
 from runner.settings import RunSettings
 from schemas.catalogs import locate, referred
-from schemas.errors import UsageError
+from schemas.errors import InvalidFile, UsageError
 from schemas.storage import in_any_case, keep
 from tests.runner.files import distribution, scenario
 
@@ -146,6 +146,29 @@ def test_a_road_of_another_system_is_found_and_said(written: str, tmp_path: Path
     path.write_text(path.read_text("utf-8").replace('filepath="straight.xodr"', f'filepath="{written}"'), "utf-8")
     (remark,) = runner.run(path, SETTINGS).remarks
     assert str(tmp_path / "straight.xodr") in remark and "is taken" in remark
+
+
+def test_a_road_in_a_folder_that_was_asked_for_is_found_in_other_case(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "straight.xodr").rename(tmp_path / "maps" / "Straight.XODR")
+    (remark,) = runner.run(path, SETTINGS, road_path=(str(tmp_path / "maps"),)).remarks
+    assert f"{tmp_path / 'maps' / 'Straight.XODR'} is taken" in remark
+
+
+def test_letters_of_windows_are_read(tmp_path: Path) -> None:
+    """Editors there write windows-1252 into files that say UTF-8, or nothing."""
+    path = scenario(tmp_path)
+    sound = path.read_text("utf-8")
+    path.write_bytes(sound.replace("<RoadNetwork", "<!-- Über – 1 € --><RoadNetwork").encode("windows-1252"))
+    (remark,) = runner.run(path, SETTINGS).remarks
+    line = sound[: sound.index("<RoadNetwork")].count("\n") + 1
+    assert remark.startswith(f"{path}:{line}: this is not UTF-8; the file is read as windows-1252")
+    with pytest.raises(InvalidFile, match="this is not UTF-8"):
+        runner.run(path, SETTINGS, strict=True)
+    path.write_bytes(sound.replace("<RoadNetwork", "<!-- Ü -->\x81<RoadNetwork").encode("latin-1"))
+    with pytest.raises(InvalidFile, match="Invalid bytes"):
+        runner.run(path, SETTINGS)
 
 
 def test_a_catalogue_folder_in_other_case_is_found_and_said(tmp_path: Path) -> None:

@@ -32,7 +32,8 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     """The road network that a LogicFile names.
 
     A file that is not there is looked for by its name, with and without the ending .xodr: in the folders that were asked for,
-    then where it should be, in other case, and in the folder of the scenario and all folders above that.
+    then where it should be, in other case, in the folder of the scenario and all folders above that, and in the folders that
+    were asked for in other case.
 
     Args:
         logic: the element LogicFile, its attributes literals.
@@ -45,12 +46,15 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     if os.path.exists(named) and not os.path.isdir(named):  # unlike those of Path they take names of any length
         return RoadFile(named, None)
     names = _names(named.name)
-    found = _first(search_path(folders, VARIABLE), names)
+    asked = search_path(folders, VARIABLE)
+    found = _first(asked, names)
     if found is not None:
         return RoadFile(found, None)
     scenario = Path(os.path.abspath(logic.path)).parent
     alike = in_any_case(named)
     found = alike if alike and os.path.isfile(alike) else _first((named.parent, scenario, *scenario.parents), names)
+    if found is None:
+        found = next((file for each in _files(asked, names) if (file := in_any_case(each)) and os.path.isfile(file)), None)
     if found is None:
         raise logic.invalid(
             f"the road network {named} does not exist: put it there, name its folder with --road-path (or in {VARIABLE}), "

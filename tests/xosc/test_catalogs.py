@@ -170,7 +170,7 @@ def test_a_missing_directory_matters_only_when_it_is_needed(scenario, catalog):
     path = scenario(locations=LOCATIONS, entities=ego())
     assert resolved(path)
     path = scenario(locations=LOCATIONS, storyboard=f"<RouteRef>{reference('Routes', 'r')}</RouteRef>")
-    with pytest.raises(InvalidFile, match=r"no catalogue 'Routes', there are none; the directory \S+route .* does not exist"):
+    with pytest.raises(InvalidFile, match=r"no catalogue 'Routes'; the directory \S+route .* does not exist"):
         resolved(path)
 
 
