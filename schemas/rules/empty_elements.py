@@ -22,12 +22,13 @@ _PARTS = {
     "TriggeringEntities": ("EntityRef",),
     "CollisionCondition": ("EntityRef", "ByType"),
 }
-_CHOICES = (
+CHOICES = (
     "PrivateAction", "GlobalAction", "UserDefinedAction",
     "LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction", "AppearanceAction", "TrailerAction",
     "EntityAction", "ParameterAction", "VariableAction", "MonitorAction", "InfrastructureAction", "TrafficSignalAction",
     "TrafficAction",
 )  # fmt: skip
+"""Elements that hold one action of several kinds."""
 
 
 @rule(UID)
@@ -36,7 +37,7 @@ def check(document: Document) -> Iterator[Finding]:
 
     A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
     """
-    for element in document.elements(*_PARTS, *_CHOICES):
+    for element in document.elements(*_PARTS, *CHOICES):
         missing = lacking(element)
         if missing:
             level = "info" if local_name(element) == "ManeuverGroup" else None
@@ -49,4 +50,4 @@ def lacking(element: etree._Element) -> str:
     inside = [local_name(child) for child in element.iterchildren(etree.Element)]
     if parts and not any(name in parts for name in inside):
         return " or ".join(parts)
-    return "an action" if local_name(element) in _CHOICES and not inside else ""
+    return "an action" if local_name(element) in CHOICES and not inside else ""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import schemas
-from schemas.errors import Unsupported
+from schemas.errors import InvalidFile, Unsupported
 from tests.runner.files import car, place, scenario, speed_action, story
 from tests.xosc.test_exports import motion
 from xosc.exports import standard
@@ -132,3 +132,26 @@ def test_a_trailer_that_is_towed_stays_a_refusal(tmp_path: Path) -> None:
     path = scenario(tmp_path, entities=[car("Ego"), tractor, trailer])
     with pytest.raises(Unsupported, match="Trailer"):
         standard.export(path, "1.1", Folder(tmp_path / "out"))
+
+
+@pytest.mark.parametrize("empty", ["<PrivateAction/>", "<PrivateAction><RoutingAction/></PrivateAction>", ""])
+@pytest.mark.parametrize("version", ["1.0", "1.3"])
+def test_an_action_without_content_does_nothing_by_what_it_holds(version: str, empty: str, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Lead", [(0.5, empty), (1.0, speed_action(5))]))
+    remarks = standard.export(path, version, Folder(tmp_path / "out"))
+    assert any(remark.endswith("without an action it does nothing") for remark in remarks)
+    exported = tmp_path / "out" / path.name
+    assert [each for each in schemas.check(exported) if each.level == "error"] == []
+    assert all((rows == motion(exported)[name]).all() for name, rows in motion(path).items())
+    with pytest.raises(InvalidFile, match="not valid in its own version"):
+        standard.export(path, version, Folder(tmp_path / "strict"), ExportSettings(strict=True))
+
+
+@pytest.mark.parametrize("version", ["1.0", "1.3"])
+def test_an_act_without_a_group_does_nothing_by_what_it_holds(version: str, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories='<Story name="s"><Act name="a"><StartTrigger/></Act></Story>')
+    (remark,) = [each for each in standard.export(path, version, Folder(tmp_path / "out")) if "Act" in each and "group" in each]
+    assert remark.endswith("Act: without a group it does nothing")
+    exported = tmp_path / "out" / path.name
+    assert [each for each in schemas.check(exported) if each.level == "error"] == []
+    assert all((rows == motion(exported)[name]).all() for name, rows in motion(path).items())

@@ -1,4 +1,4 @@
-"""What an older version can't say and no motion depends on: left out, or said as that version says it, with a remark each.
+"""What a version can't say and no motion depends on: left out, or said as that version says it, with a remark each.
 
 `xosc.versions` converts what can be said in both versions, and refuses the rest. Exports that are not strict make these changes
 before. A place is XPath from the root; values that are still parameters (`$…`) are left as they are.
@@ -12,6 +12,7 @@ from typing import NamedTuple, cast
 
 from lxml import etree
 
+from schemas.rules.empty_elements import CHOICES
 from schemas.values import number
 from xosc.document import Document
 from xosc.exports.refusals import located
@@ -42,15 +43,31 @@ class Omission(NamedTuple):
 
 def omit(document: Document, version: Version) -> Iterator[str]:
     """Make the changes for a version, in place; a remark for each kind with the first place."""
+    yield from _idle_elements(document)
     for before, where, change, reason in OMISSIONS:
         if not version < before <= document.version:
             continue
-        found = cast(list[etree._Element], document.root.xpath(where))
+        found = _at(document, where)
         if found:
             first: Node = located(found[0], document)
             yield f"{first.where}: {first.tag}: {reason}"
         for element in found:
             change(element)
+
+
+def _idle_elements(document: Document) -> Iterator[str]:
+    """Actions and acts without content, which schemas and other players refuse, do nothing by what they hold."""
+    inside = "[not(*)][ancestor-or-self::Action or ancestor-or-self::PrivateAction]"
+    for action in _at(document, " | ".join(f"//{tag}{inside}" for tag in ("Action", *CHOICES))):
+        yield f"{located(action, document).where}: {action.tag}: without an action it does nothing"
+        _idle(action)
+    for act in _at(document, "//Act[not(ManeuverGroup)]"):
+        yield f"{located(act, document).where}: {act.tag}: without a group it does nothing"
+        act.insert(0, _idle_group())
+
+
+def _at(document: Document, where: str) -> list[etree._Element]:
+    return cast(list[etree._Element], document.root.xpath(where))
 
 
 def leave_out(action: Node, scenario: Node) -> None:
@@ -154,12 +171,17 @@ def _idle_story(storyboard: etree._Element) -> None:
     """A story whose act never starts: versions before 1.2 ask for one."""
     story = etree.Element("Story", name="none")
     act = etree.SubElement(story, "Act", name="none")
-    group = etree.SubElement(act, "ManeuverGroup", name="none", maximumExecutionCount="1")
-    etree.SubElement(group, "Actors", selectTriggeringEntities="false")
+    act.append(_idle_group())
     etree.SubElement(act, "StartTrigger")
     init = storyboard.find("Init")
     assert init is not None, "storyboards have an Init"
     init.addnext(story)
+
+
+def _idle_group() -> etree._Element:
+    group = etree.Element("ManeuverGroup", name="none", maximumExecutionCount="1")
+    etree.SubElement(group, "Actors", selectTriggeringEntities="false")
+    return group
 
 
 def _complete(environment: etree._Element) -> None:
