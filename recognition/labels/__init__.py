@@ -13,7 +13,7 @@ from recognition.labels.scene.scene import prepare
 from recognition.sites import Site
 from runner.recording import Recording
 
-__all__ = ["Event", "Label", "Rules", "counts", "label"]
+__all__ = ["Event", "Label", "Rules", "counts", "label", "passing"]
 
 RULES = (
     highway.free_cruise,
@@ -48,3 +48,18 @@ def label(recording: Recording, site: Site, name: str, config: Rules = Rules()) 
     """
     scene = prepare(recording, site, config)
     return events(scene, name, [rule(scene) for rule in RULES]) if len(scene.track) else []
+
+
+def passing(recording: Recording, site: Site, config: Rules = Rules()) -> dict[str, list[tuple[float, float]]]:  # noqa: B008
+    """From when to when (s) vehicles are on their ways through junctions, by their names.
+
+    There a rule may say nothing and yet no one can say that nothing happens: a way that bends by 20 to 45 degrees is neither
+    straight nor a turn, one that is cut off may become either, and whether a straight one crosses depends on who else was seen.
+    """
+    scene = prepare(recording, site, config)
+    found: dict[str, list[tuple[float, float]]] = {}
+    if len(scene.track):
+        ways, time = scene.passages, scene.time
+        for first, last in zip(ways.first.tolist(), ways.last.tolist(), strict=True):
+            found.setdefault(scene.names[scene.track[first]], []).append((float(time[first]), float(time[last])))
+    return found

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.labels import Event, Rules, label
+from recognition.labels import Event, Rules, label, passing
 from recognition.sites import Site
 from recognition.trfe.samples import BACKGROUND
 from runner.recording import Recording
@@ -32,10 +32,12 @@ def events_and_background(recording: Recording, site: Site, name: str, rules: Ru
     """The rules' events of a recording; and moments at the stride, of the class that a rule finds there, or of none.
 
     A rule for something that lasts (cruising, following, circulating) finds few events of it, far apart; at the stride all of it
-    counts. Moments less than a window from an event, but not at it, are left out: they are neither one nor the other.
+    counts. Moments less than a window from an event, but not at it, are left out: they are neither one nor the other. So are
+    moments on a way through a junction at which no rule finds anything (`recognition.labels.passing`).
     """
     events = label(recording, site, name, rules)
     lasting = label(recording, site, name, replace(rules, spacing=STRIDE, ring_spacing=STRIDE, most_windows=_MANY))
+    ways = passing(recording, site, rules)
     times: dict[str, list[tuple[float, int]]] = {}
     for event in (*lasting, *events):
         times.setdefault(event.ego, []).append((event.time, int(event.label)))
@@ -43,9 +45,12 @@ def events_and_background(recording: Recording, site: Site, name: str, rules: Ru
     for track in recording.tracks.values():
         if track.kind == "vehicle":
             own = times.get(track.name, [])
+            labelled = zip(*_labelled(regular(track.columns["time"], rules.window), own, rules.window), strict=True)
+            passages = ways.get(track.name, [])
             found += [
                 Moment(name, track.name, at, which)
-                for at, which in zip(*_labelled(regular(track.columns["time"], rules.window), own, rules.window), strict=True)
+                for at, which in labelled
+                if which != BACKGROUND or not any(start <= at <= end for start, end in passages)
             ]
     return events, found
 
