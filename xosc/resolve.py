@@ -20,7 +20,7 @@ from schemas.values import quoted
 from xosc.dialects.carla import is_for_carla, to_standard
 from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
-from xosc.parameters import Assignment, Parameter, Scope, Variable, monitors, variables
+from xosc.parameters import OPERATORS, Assignment, Parameter, Scope, Variable, monitors, variables
 from xosc.repairs.kinds import absent_values
 
 Argument = str | float | int | bool
@@ -80,7 +80,8 @@ def resolve(
     text may be an expression, as a default may). An entry of a catalogue of version 1.2 or later sees only the parameters that
     it declares itself (rule asam.net:xosc:1.2.0:parameters.valid_parameter_declaration_in_catalogs); an earlier one also sees
     those at the place of the reference. `name` attributes are texts, for which the standard knows no expressions: `${` stays
-    as it is there. A parameterRef is a name, so the `$` that some early files put before it is dropped.
+    as it is there, and in references to such a name. A parameterRef is a name, so the `$` that some early files put before it is
+    dropped.
 
     Args:
         document: what `load` returned; it is not changed.
@@ -139,7 +140,7 @@ def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], re
             scopes[owner] = _declare(Node(owner, top.path), _scope_around(owner, scopes), {}, report, remarks)
     for element in cast(list[etree._Element], _symbolic(top.element)):
         if element.tag not in _DECLARING:
-            _substitute(Node(element, top.path), _scope_around(element, scopes))
+            _substitute(Node(element, top.path), _scope_around(element, scopes), remarks)
     return scopes
 
 
@@ -154,23 +155,31 @@ def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment
         if declaration.get("parameterType") not in (parameter.type, "integer"):
             declaration.element.set("parameterType", parameter.type)
         for constraint in declaration.iter("ValueConstraint"):
-            _substitute(constraint, scope)
+            _substitute(constraint, scope, remarks)
     for violation in scope.violations():
         report(violation)
     return scope
 
 
-def _substitute(node: Node, scope: Scope) -> None:
+def _substitute(node: Node, scope: Scope, remarks: Remarks) -> None:
     for name, text in cast(list[tuple[str, str]], node.element.items()):
         if "$" not in text or (name == "name" and is_expression(text)):
             continue
         if name == "parameterRef":
             node.element.set(name, text.removeprefix("$"))
             continue
+        if name == "storyboardElementRef" and is_expression(text) and _is_name(text, node):
+            remarks.add(node.remark(OPERATORS, f"{name}={quoted(text)}: an element has this name as it stands, and is meant"))
+            continue
         try:
             node.element.set(name, scope.literal(text, node))
         except ExpressionError as error:
             raise node.invalid(f"{name}={quoted(text)}: {error.message}") from None
+
+
+def _is_name(text: str, node: Node) -> bool:
+    """Whether an element of the same file, whose names are no expressions, is called by a text."""
+    return bool(node.element.getroottree().xpath("//*[@name=$text]", text=text))
 
 
 def _scope_around(element: etree._Element, scopes: _Scopes) -> Scope:

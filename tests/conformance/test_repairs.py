@@ -327,3 +327,22 @@ def test_a_parameter_may_say_that_there_is_no_value(folder: Path) -> None:
     assert remark.startswith(f"{broken}:41: offset='None' is no value; the attribute is left out")
     with pytest.raises(InvalidFile, match="offset='None'"):
         run(broken, strict=True)
+
+
+def test_a_reference_to_a_name_that_looks_like_an_expression_is_no_expression(folder: Path) -> None:
+    name = "${$Name + slows down}"
+    state = (
+        f'<StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="{name}" state="completeState"/>'
+    )
+    end = f'<Condition name="end" conditionEdge="none" delay="0"><ByValueCondition>{state}</ByValueCondition></Condition>'
+    text = (folder / "sound.xosc").read_text(encoding="utf-8").replace('<Event name="slower"', f'<Event name="{name}"')
+    broken = folder / "broken.xosc"
+    broken.write_text(
+        text.replace("    <StopTrigger>", f"    <StopTrigger><ConditionGroup>{end}</ConditionGroup>"), encoding="utf-8"
+    )
+    result = run(broken)
+    (remark,) = repairs(result)
+    assert "an element has this name as it stands, and is meant" in remark
+    assert result.end_time < run(folder / "sound.xosc").end_time
+    with pytest.raises(InvalidFile, match="as it stands"):
+        run(broken, strict=True)

@@ -28,7 +28,7 @@ def test_kinds_are_told_apart(catalog, tmp_path):
     assert xosc.load(catalog("catalog.xosc", "")).kind == "catalog"
 
 
-@pytest.mark.parametrize(("major", "minor"), [(0, 9), (1, 4), (2, 0)])
+@pytest.mark.parametrize(("major", "minor"), [(0, 9), (2, 0)])
 def test_other_versions_are_refused_by_name(tmp_path, major, minor):
     path = tmp_path / "old.xosc"
     path.write_text(f'<OpenSCENARIO><FileHeader revMajor="{major}" revMinor="{minor}"/></OpenSCENARIO>')
