@@ -33,8 +33,12 @@ _MARGIN = 12.0
 """Room around the ways shown, m."""
 _FLATTEST = 7.0
 """Greatest ratio of width to height of the view from above; longer ways are not to scale across."""
+_NARROWEST = 3.4
+"""Least ratio, that of the room which the picture has for it: a narrow view would leave names none"""
 _FADING = 6
 """Boxes drawn along each way, evenly spaced in time, from pale to full colour."""
+_NEAR = 50.0
+"""Distances (m) and times to collision (s) that are shown at least"""
 _NAMED = 8
 """Participants that are named in the view and in the legend; of more, those nearest to the ego come first"""
 _SAID = 3
@@ -86,14 +90,16 @@ def _plain(text: str) -> str:
 def _from_above(axes: Axes, recording: Recording, tracks: list[Track], colours: dict[str, str]) -> None:
     x = np.concatenate([track.columns["x"] for track in tracks]) if tracks else np.zeros(1)
     y = np.concatenate([track.columns["y"] for track in tracks]) if tracks else np.zeros(1)
-    axes.set_xlim(x.min() - _MARGIN, x.max() + _MARGIN)
+    height = np.ptp(y) + 2.0 * _MARGIN
+    width = max(np.ptp(x) + 2.0 * _MARGIN, _NARROWEST * height)
+    middle = (x.min() + x.max()) / 2.0
+    axes.set_xlim(middle - width / 2.0, middle + width / 2.0)
     axes.set_ylim(y.min() - _MARGIN, y.max() + _MARGIN)
     if recording.network is not None:
         borders = [line[:, :2] for road in recording.network.roads.values() for _, *both in lane_borders(road) for line in both]
         axes.add_collection(LineCollection(borders, colors="#9e9e9e", linewidths=0.7))
     for track in tracks:
         _way(axes, track, colours[track.name])
-    width, height = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
     to_scale = width / height < _FLATTEST
     axes.set_aspect("equal" if to_scale else "auto")
     axes.set_xlabel("x / m")
@@ -162,7 +168,8 @@ def _criticality(axes: Axes, result: RunResult, impact: Impact | None) -> None:
     )  # fmt: skip
     if impact is not None:
         axes.axvline(impact.time, color=_EGO, linestyle=":", linewidth=1.0, label="contact")
-    axes.set_ylim(0.0, 50.0)
+    nearest = float(np.min(table["distance"][table["distance_valid"]], initial=math.inf))
+    axes.set_ylim(0.0, _NEAR if nearest < _NEAR or not math.isfinite(nearest) else 1.5 * nearest)
     axes.set_xlabel("time / s")
     axes.set_title("ego and whoever is nearest or ahead", fontsize=9)
     axes.grid(alpha=0.3)
