@@ -218,7 +218,9 @@ def _obstacle(name: str, pinned: bool, bounded: bool, ranged: bool, scope: Scope
     if not (bounded or ranged):
         return f"has no lower and upper limit; --free {name}=LOW..HIGH gives it some"
     kind = scope.own[name].type
-    return None if bounded or kind == "double" or kind in _WHOLE else f"is of the type {kind}, not a number"
+    if bounded or kind == "double" or kind in _WHOLE:
+        return None
+    return f"is of the type {kind}, not a number; --pin {name}=VALUE gives it one value"
 
 
 def _of_range(name: str, limits: Interval) -> Parameter:

@@ -17,11 +17,18 @@ _BOX = 20_000
 """Points of the whole space"""
 
 
-def limits(space: Space, recorded: Recorded, run: Callable[[FloatArray], Outcomes], draws: int) -> Table:
+def limits(
+    space: Space,
+    recorded: Recorded,
+    run: Callable[[FloatArray], Outcomes],
+    coordinated: Callable[[FloatArray], Outcomes],
+    draws: int,
+) -> Table:
     """Table of limits: that of the pair's density, those of what each adversary does alone, and all.
 
     Args:
-        run: runs rows of the space. draws: of the density.
+        run: runs rows of the space. coordinated: the same, where those collisions alone count that need both.
+        draws: of the density.
     """
     prior, together = recorded.prior(space, JUDGE), recorded.recorded_prior(space, judge(JUDGE, pairs=True))
     alone = recorded.alone(space, JUDGE)
@@ -31,6 +38,7 @@ def limits(space: Space, recorded: Recorded, run: Callable[[FloatArray], Outcome
     anywhere = space.draw(_BOX, np.random.default_rng(1))
     anywhere = anywhere[prior.possible(anywhere)]
     colliding = drawn[run(drawn).collision]
+    needing = colliding[coordinated(colliding).collision]
 
     def pair(theta: FloatArray) -> BoolArray:
         return together.foreseeable(theta[:, [space.names.index(name) for name in together.names]])
@@ -42,13 +50,18 @@ def limits(space: Space, recorded: Recorded, run: Callable[[FloatArray], Outcome
 
     kinds = {"of the pair": pair, "of each alone": each, "both": lambda theta: pair(theta) & each(theta)}
     rows: list[tuple[str, ...]] = [
-        (name, *(f"{kept(theta).mean():.1%}" for theta in (units, drawn, colliding)), f"{kept(anywhere).sum() / _BOX:.2%}")
+        (
+            name,
+            *(f"{kept(theta).mean():.1%}" for theta in (units, drawn)),
+            *(f"{kept(theta).sum()} of {len(theta)}" for theta in (colliding, needing)),
+            f"{kept(anywhere).sum() / _BOX:.2%}",
+        )
         for name, kept in kinds.items()
     ]
     note = (
-        f"{len(units)} recorded pairs, {draws} draws, of which {len(colliding)} collide, and {_BOX} points drawn evenly from all "
-        f"values, of which {len(anywhere)} are possible. The limits are those that all but 1 % of recorded rows reach, each by "
-        "the density of other recordings; what passes is by the density of all."
+        f"{len(units)} recorded pairs, {draws} draws, of which {len(colliding)} collide, {len(needing)} of these with neither "
+        f"adversary alone, and {_BOX} points drawn evenly from all values, of which {len(anywhere)} are possible. The limits are "
+        "those that all but 1 % of recorded rows reach, each by the density of other recordings; what passes is by that of all."
     )
-    header = "limit", "recorded pairs", "draws", "draws that collide", "of all values"
+    header = "limit", "recorded pairs", "draws", "draws that collide", "those that need both", "of all values"
     return Table("limits", "What is foreseeable by which limit", note, header, rows)

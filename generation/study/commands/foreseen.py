@@ -22,15 +22,23 @@ def command(
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Compare limits of what is foreseeable by what they let pass: recorded pairs, draws, draws that collide, the whole space."""
+    """Compare limits of what is foreseeable by what they let pass: recorded pairs, draws, draws that collide, those of them that
+    neither adversary brings about alone, the whole space."""
+    from tempfile import TemporaryDirectory
+
     from generation.recorded import kind_of, of_recordings, of_samples
     from generation.search.space import Space
     from generation.study.foreseen import limits
+    from generation.study.pairs import Coordinated, acting_alone
     from generation.twin.episodes import Twin
 
     with interruptible(NAME):
         for scenario in scenarios:
             space = Space.of(scenario)
             units = of_samples(of_recordings(recorded, kind_of(scenario)), space)
-            found = limits(space, units, Twin(scenario, space, RunSettings(sut=sut)), draws)
+            with TemporaryDirectory() as scratch:
+                paths = {"": scenario, **acting_alone(scenario, Path(scratch))}
+                twins = {name: Twin(path, space, RunSettings(sut=sut)) for name, path in paths.items()}
+            twin = twins.pop("")
+            found = limits(space, units, twin, Coordinated(twin, twins), draws)
             print(f"{scenario.stem}\n\n{found.markdown()}", flush=True)

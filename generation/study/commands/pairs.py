@@ -20,6 +20,10 @@ def command(
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs on SUMO of each search.")] = 1000,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of reported seeds.")] = 1,
     both: Annotated[bool, typer.Option("--both", help="Search for those alone that need both.")] = False,
+    first: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Draws of the density that the twin plays to begin with.  [default: 2048]"),
+    ] = None,
     recorded: Recorded = None,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
@@ -28,16 +32,17 @@ def command(
     """Search for failures with two adversaries, and run them again with each alone: what needs both, no single one reaches."""
     from tempfile import TemporaryDirectory
 
-    from generation.search.quality.search import search
+    from generation.search.quality.search import QualitySettings, search
     from generation.study.commands.failures import REPORTED
     from generation.study.failures.problem import posed
     from generation.study.pairs import acting_alone, coordinated, needed
 
+    settings = QualitySettings() if first is None else QualitySettings(first=first)
     with interruptible(NAME):
         for scenario in scenarios:
             with posed(scenario, sut, jobs, recorded) as problem, TemporaryDirectory() as scratch:
                 alone = acting_alone(scenario, Path(scratch))
                 sought = coordinated(problem, alone, sut) if both else problem
                 for seed in range(REPORTED, REPORTED + seeds):
-                    found = needed(alone, search(sought.problem, budget, seed), problem, sut, jobs)
+                    found = needed(alone, search(sought.problem, budget, seed, settings), problem, sut, jobs)
                     print(f"{scenario.stem}, {sut}, seed {seed}: {found}", flush=True)
