@@ -159,7 +159,8 @@ def _progress(quiet: bool) -> Progress:
 def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
     """Print what was made; the exit code."""
     if not quiet:
-        print(f"{'scenarios':>9}  class" if summary.classes else "no scenario was recognised")
+        unread = f": {len(summary.failures)} recordings could not be read" if summary.failures else ""
+        print(f"{'scenarios':>9}  class" if summary.classes else f"no scenario was recognised{unread}")
         for name, count in sorted(summary.classes.items(), key=lambda item: (-item[1], item[0])):
             print(f"{count:9}  {name}")
         if summary.passages:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from runner.recording import Recording
+from schemas.errors import InvalidFile
 
 
 class SiteRoad(NamedTuple):
@@ -127,7 +128,11 @@ class Source:
             InvalidFile: a file is malformed; names file, line and column.
             Unsupported: it holds something that is not supported.
         """
-        recording, self.report = self.read()
+        try:
+            recording, self.report = self.read()
+        except InvalidFile as error:
+            error.path = error.path or str(self.path)
+            raise
         return recording
 
 

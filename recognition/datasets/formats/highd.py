@@ -20,10 +20,11 @@ from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, Source
 from recognition.datasets.tables.constants import changes, check_sizes
 from recognition.datasets.tables.rows import Clock, Rows, in_order
-from recognition.datasets.tables.table import Table, read_table
+from recognition.datasets.tables.table import Table, column_names, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import GREATEST, Kind
 from runner.recording import Recording
+from schemas.errors import InvalidFile, Unsupported
 from xodr.array_types import FloatArray, IntArray
 from xodr.reader import load
 
@@ -31,6 +32,8 @@ FORMAT = "highD"
 TITLE = "highD"
 BY_CONTENT = False
 _ENDING = "_tracks.csv"
+_LATER = "xCenter"
+"""Column of the tracks of later data sets, which highD's do not have"""
 _TRACKS: dict[str, Kind] = {
     "frame": "whole", "id": "whole", "x": "number", "y": "number", "width": "number", "height": "number",
     "xVelocity": "number", "yVelocity": "number", "xAcceleration": "number", "yAcceleration": "number", "laneId": "whole",
@@ -73,6 +76,7 @@ def _meta(path: Path, kind: str) -> Path:
 
 
 def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
+    _refuse_others(path)
     recording = read_table(_meta(path, "recordingMeta"), _RECORDING)
     if len(recording) > 1:
         raise recording.fault(1, "frameRate", "a second recording is described here, one is expected")
@@ -98,6 +102,21 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     columns |= highway.places(columns["x"], columns["y"])
     network = load(highway.write(f"highD_{path.name.removesuffix(_ENDING)}", roads))
     return Recording(cut(rows, who, columns), 1.0 / rate, network), report
+
+
+def _refuse_others(path: Path) -> None:
+    """Refuse a recording that lacks a file, and those of later data sets, whose files have the same names.
+
+    Raises:
+        InvalidFile, Unsupported: it is one of these.
+    """
+    if _LATER in column_names(path):
+        raise Unsupported(
+            "this is the layout of inD, rounD, exiD and uniD, which is not read: of this family only highD is", path=path
+        )
+    for kind in ("recordingMeta", "tracksMeta"):
+        if not (meta := _meta(path, kind)).is_file():
+            raise InvalidFile(f"there is no {meta.name} beside it: a recording of highD has three files", path=path)
 
 
 def _columns(table: Table, rows: Rows, who: list[Participant], direction: IntArray) -> Columns:

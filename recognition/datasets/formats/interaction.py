@@ -54,6 +54,8 @@ _CATEGORIES = {
     "motorcycle": "motorbike", "motorbike": "motorbike",
     "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian", "pedestrian/bicycle": "pedestrian",
 }  # fmt: skip
+_FULL_TURN = 6.5
+"""Headings beyond this are no angles from 0 to 2π or from −π to π, rad."""
 _LEVELS = 3
 """How many folders up from the tracks the maps may be."""
 
@@ -157,7 +159,7 @@ def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Tra
     number = {name: index for index, name in enumerate(dict.fromkeys(each))}
     track = np.fromiter((number[name] for name in each), np.int64, len(table))
     clock = Clock("timestamp_ms", table["timestamp_ms"], 1000.0, STEP)
-    rows = in_order(table, track, clock, repeats=True)
+    rows = in_order(table, track, clock, names=list(number), repeats=True)
     names = [_free(name, taken, number) for name in number]
     kinds = categories(table, "agent_type", _CATEGORIES)
     _check_sizes(table, kinds == "pedestrian")
@@ -197,6 +199,11 @@ def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -
         report.remarks.append("the velocities contradict the positions: speeds are derived from the positions")
         vx, vy = rate(x, rows), rate(y, rows)
     h = _headings(table, rows, who, vx, vy)
+    if np.abs(h).max() > _FULL_TURN and facing(np.radians(h), vx, vy):
+        h = np.radians(h)
+        report.remarks.append(
+            "the headings are taken as degrees: they go beyond a full turn, and agree with the motion as degrees"
+        )
     if not credible and not facing(h, vx, vy):
         h = heading_of_motion(vx, vy, rows)
         report.remarks.append("the headings contradict the positions too: they are taken from the motion")

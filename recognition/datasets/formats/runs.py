@@ -87,7 +87,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
     number = {name: index for index, name in enumerate(names)}
     track = np.fromiter((number[name] for name in table["entity"]), np.int64, len(table))
     clock = Clock("time", np.round(table["time"] * _PER_SECOND).astype(np.int64), _PER_SECOND, setup.timestep)
-    rows = in_order(table, track, clock)
+    rows = in_order(table, track, clock, names=names)
     who = [Participant(name, *setup.entities[name]) for name in names]
     columns = {name: table[name][rows.order] for name in COLUMNS}
     report = rows.report(names)

@@ -17,6 +17,7 @@ from recognition.datasets.smoothing.observations import Noise, Seen
 from recognition.datasets.source import Cut, Exclusion, Report
 from recognition.datasets.tables.rows import Parted, Rows, parted
 from recognition.datasets.tables.tracks import Columns
+from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray, IntArray
 
 RAW = ("x", "y", "h", "speed", "acceleration")
@@ -45,12 +46,18 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
         columns: those of a recording; x, y of the reference points.
         report: is told what was cut.
         noise: of the recording.
+
+    Raises:
+        InvalidFile: nothing is left of any track.
     """
     noise = noise or Noise()
     behind = rows.each([one.box.x for one in who])
     x, y = columns["x"] + behind * np.cos(columns["h"]), columns["y"] + behind * np.sin(columns["h"])
     broken = breaks(rows, x, y)
     rest = parted(rows, broken.heads, _LEAST)
+    if not len(rest.rows):
+        short = f"all parts between jumps and gaps are shorter than {_LEAST:g} s"
+        raise InvalidFile(f"no track is left, {short}: times and places may be in other units")
     names = _names(who, rest.origin)
     _tell(report, rows, who, broken, rest, names)
     who = [who[index]._replace(name=name) for index, name in zip(rest.origin.tolist(), names, strict=True)]

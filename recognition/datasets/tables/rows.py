@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -101,11 +102,20 @@ class Rows:
         return Report(len(self), len(self.keys), gaps, exclusions=exclusions)
 
 
-def in_order(table: Table, track: NDArray[Any], clock: Clock, *, sort: bool = False, repeats: bool = False) -> Rows:
+def in_order(
+    table: Table,
+    track: NDArray[Any],
+    clock: Clock,
+    *,
+    names: Sequence[str] | None = None,
+    sort: bool = False,
+    repeats: bool = False,
+) -> Rows:
     """Put the rows of a table in the order of tracks and time.
 
     Args:
         track: key of the track of each row.
+        names: of the tracks, by their keys, where these are numbers from 0.
         sort: take rows in any order. Without it, a clock that goes back within a track is a defect.
         repeats: of rows of a track at the same time take the first. Without it they are a defect.
 
@@ -121,7 +131,9 @@ def in_order(table: Table, track: NDArray[Any], clock: Clock, *, sort: bool = Fa
     wrong = np.flatnonzero(passed < 0 if repeats else passed <= 0)
     if len(wrong):
         place = wrong[np.argmin(order[wrong])]
-        raise _disordered(table, track, clock, int(order[place]), int(order[place - 1]))
+        row = int(order[place])
+        name = track[row] if names is None else names[track[row]]
+        raise _disordered(table, name, clock, row, int(order[place - 1]))
     repeated = np.add.reduceat(passed == 0, starts[:-1], dtype=np.int64)
     starts = starts - np.concatenate([[0], np.cumsum(repeated)])
     order = order[passed > 0]
@@ -156,10 +168,10 @@ def parted(rows: Rows, heads: IntArray, least: float) -> Parted:
     )
 
 
-def _disordered(table: Table, track: NDArray[Any], clock: Clock, row: int, before: int) -> Exception:
+def _disordered(table: Table, name: Any, clock: Clock, row: int, before: int) -> Exception:
     now, then = clock.counts[row], clock.counts[before]
     fault = "is there twice" if now == then else f"comes after {then}"
-    return table.fault(row, clock.column, f"{now} of track {track[row]} {fault}")
+    return table.fault(row, clock.column, f"{now} of track {name} {fault}")
 
 
 def _pieces(time: FloatArray, starts: IntArray, step: float) -> tuple[IntArray, IntArray]:

@@ -143,7 +143,7 @@ def test_numbered_highd_tracks_without_their_meta_files_are_refused(tmp_path: Pa
     path = write_highd(tmp_path, [Car(1, 100.0, 21.0, 30.0)])
     (tmp_path / "01_recordingMeta.csv").unlink()
     (source,) = datasets.open(path).sources
-    with pytest.raises(InvalidFile, match=r"01_recordingMeta\.csv: no such file"):
+    with pytest.raises(InvalidFile, match=r"there is no 01_recordingMeta\.csv beside it"):
         source.load()
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import schemas
 from recognition import datasets
-from schemas.errors import InvalidFile, UsageError
+from schemas.errors import InvalidFile, Unsupported, UsageError
 from tests.recognition.traffic import Car, highd_rows, read, write_csv, write_highd
 
 EAST = Car(1, 100.0, 21.0, 30.0, lane=6)
@@ -293,4 +293,18 @@ def test_bad_vehicle_meta_is_refused(tmp_path: Path, column: str, value: object,
     good = {"id": 1, "width": 4, "height": 2, "initialFrame": 1, "finalFrame": 10, "class": "Car", "drivingDirection": 2}
     write_csv(tmp_path / "01_tracksMeta.csv", [good | {column: value}])
     with pytest.raises(InvalidFile, match=f"tracksMeta.csv:2: column {column}: {complaint}"):
+        read(path)
+
+
+@pytest.mark.parametrize("kind", ["tracksMeta", "recordingMeta"])
+def test_recording_that_lacks_a_file_is_refused(tmp_path: Path, kind: str) -> None:
+    path = write_highd(tmp_path, [EAST])
+    (tmp_path / f"01_{kind}.csv").unlink()
+    with pytest.raises(InvalidFile, match=f"there is no 01_{kind}.csv beside it"):
+        read(path)
+
+
+def test_later_data_sets_of_the_family_are_refused_by_name(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "00_tracks.csv", [{"recordingId": 0, "trackId": 1, "frame": 0, "xCenter": 1.0, "yCenter": 2.0}])
+    with pytest.raises(Unsupported, match="the layout of inD, rounD"):
         read(path)

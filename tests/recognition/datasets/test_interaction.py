@@ -184,7 +184,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, agents: list) -> None:
     [
         ("psi_rad", None, "a value is missing"),
         ("psi_rad", "north", "'north' is not a number"),
-        ("timestamp_ms", 300, "300 of track 0 is there twice|300 of track 0 comes after 500"),
+        ("timestamp_ms", 300, "300 of track 1 is there twice|300 of track 1 comes after 500"),
         ("timestamp_ms", 10**18, f"{10**18} is too large"),
         ("x", "nan", "'nan' is no value"),
         ("track_id", None, "a value is missing"),
@@ -246,3 +246,18 @@ def test_vehicles_of_taf_bw_go_where_they_face(recordings: Path, site: str, fold
         agreeing += float((dx * np.cos(columns["h"][1:]) + dy * np.sin(columns["h"][1:])).sum())
         total += float(np.hypot(dx, dy).sum())
     assert agreeing > 0.9 * total
+
+
+def test_headings_in_degrees_are_taken_as_such_and_told(tmp_path: Path) -> None:
+    rows = [row | {"psi_rad": 357.0 + 6.0 * (k % 2)} for k, row in enumerate(interaction_rows(1, 0.0, 0.0, 9.0, 0.0, 0.0))]
+    recording, report = read(write(tmp_path, rows))
+    assert recording.tracks["1"].columns["raw_h"] == pytest.approx(0.0, abs=math.radians(3.1))
+    assert any("taken as degrees" in remark for remark in report.remarks)
+
+
+def test_recording_of_which_nothing_is_left_is_refused(tmp_path: Path) -> None:
+    rows = [row | {"timestamp_ms": 10_000 * k} for k, row in enumerate(interaction_rows(*CAR))]
+    path = write(tmp_path, rows)
+    with pytest.raises(InvalidFile, match="no track is left") as raised:
+        read(path)
+    assert raised.value.path == str(path)

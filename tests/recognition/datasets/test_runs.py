@@ -153,5 +153,5 @@ def test_time_that_goes_back_is_refused_with_its_row(run: Path) -> None:
     time = table["time"].to_numpy().copy()
     time[8] = 0.0
     pq.write_table(table.set_column(0, "time", [np.asarray(time)]), path)
-    with pytest.raises(InvalidFile, match=r"trajectories\.parquet: column time: row 9: 0 of track 0 is there twice|comes after"):
+    with pytest.raises(InvalidFile, match=r"trajectories\.parquet: column time: row 9: 0 of track Ego comes after"):
         read(run)
