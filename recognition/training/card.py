@@ -74,9 +74,11 @@ def _elsewhere(unseen: Sequence[Agreement]) -> list[str]:
 def decision(model: TRFE) -> str:
     """By what a model takes windows for a class, or for unknown."""
     known = model.known
-    trees, features = len(known.forest.trees.estimators_), len(known.prototypes.mean)
+    trees, features = len(known.forest.trees.estimators_), sum(encoder.architecture.dim for encoder in model.encoders)
+    changes = len(known.prototypes.mean) - features
+    beside = f" and {changes} numbers of what changes" if changes else ""
     screening = f"the screening `joint` calls unknown what belongs to no class, by δ = {1.0 - known.screening.threshold:.2g}"
-    text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders; {screening}."
+    text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders{beside}; {screening}."
     if model.least:
         needed = ", ".join(f"{title_of(label)} {share:.0%}" for label, share in model.least.items())
         text += f"\nWith less than this share of the votes for classes, a window is taken for nothing: {needed}."

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from recognition.training.splits import Split
     from recognition.training.views import View
     from recognition.training.windows import Windows
+    from recognition.trfe.config import Config
     from recognition.trfe.trfe import TRFE
 
 
@@ -65,6 +66,14 @@ def train(
         int | None,
         typer.Option(min=20, metavar="N", help="Most samples of each class that are kept with the model.  [default: all]"),
     ] = None,
+    by_changes: Annotated[
+        bool,
+        typer.Option(
+            "--by-changes/--by-encoders",
+            help="Whether windows of tokens are recognised by plain numbers of what changes in them too, beside the encoders'"
+            " features; classes are discovered by these numbers in any case.",
+        ),
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no figures.")] = False,
@@ -84,6 +93,7 @@ def train(
     from recognition.training.data import source_of, windows_at
     from recognition.training.operating import least_shares
     from recognition.training.splits import split
+    from recognition.trfe.config import Config
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save
 
@@ -99,7 +109,8 @@ def train(
         trained = (
             load(encoders).encoders if encoders else encoders_of(windows.select(parts.labelled), chosen, view, seed, progress)
         )
-        model = fitted(windows, parts, trained, seed, forest_samples, DELTA if develop else None)
+        settings = Config(seed=seed, delta=DELTA if develop else None, recognise_by_changes=by_changes)
+        model = fitted(windows, parts, trained, settings, forest_samples)
     rules = Rules(signalised=True)
     if develop:
         elsewhere = [site_windows(one, folder, view, rules) for one in develop]
@@ -143,18 +154,19 @@ def encoders_of(labelled: Windows, preset: Preset, view: View, seed: int, progre
     return rounded(encoder), rounded(tuned)
 
 
-def fitted(windows: Windows, parts: Split, encoders: Sequence[Encoder], seed: int, most: int | None, delta: float | None) -> TRFE:
+def fitted(windows: Windows, parts: Split, encoders: Sequence[Encoder], settings: Config, most: int | None) -> TRFE:
     """A model with these encoders, whose trees learn from at most so many windows of each class; without a δ one is chosen."""
+    from dataclasses import replace
+
     import numpy as np
 
     from recognition.tokens.changes import CHANGES
     from recognition.tokens.config import Tokens
-    from recognition.trfe.config import Config
     from recognition.trfe.samples import drawn_of_each
     from recognition.trfe.trfe import TRFE
 
     labelled, held = windows.select(parts.labelled), windows.select(parts.validation)
     changes = CHANGES if isinstance(encoders[0].view, Tokens) else 0
-    model = TRFE(Config(seed=seed, changes=changes, pretrained=encoders[0].architecture.dim, delta=delta), encoders)
-    labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(seed))))
+    model = TRFE(replace(settings, changes=changes, pretrained=encoders[0].architecture.dim), encoders)
+    labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(settings.seed))))
     return model.fit(labelled.inputs, labelled.labels, held.inputs, held.labels)

@@ -21,7 +21,8 @@ class Config:
         trees: T of the forest.
         delta: δ of the screening; None chooses it by leaving one known class out, where there are three, and is 0.05 otherwise.
         changes: how many of the features, the first ones, are of `recognition.tokens.changes`. Where there are any, samples are
-            clustered by them alone, and recognised by the others.
+            clustered by them alone.
+        recognise_by_changes: whether samples are recognised by them too, beside the others.
         pretrained: how many of the others, again the first ones, are of the encoder before fine-tuning. Without changes samples
             are clustered by these more than by those after it, which lays new classes onto known ones.
         components: principal axes of the buffered samples in which they are clustered.
@@ -32,6 +33,7 @@ class Config:
     trees: int = TREES
     delta: float | None = None
     changes: int = 0
+    recognise_by_changes: bool = True
     pretrained: int = 0
     components: int = 8
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
@@ -41,7 +43,7 @@ class Config:
 
     def recognising(self, features: Features) -> Features:
         """Those of the features (n, d) by which samples are recognised."""
-        return features[:, self.changes :]
+        return features if self.recognise_by_changes else features[:, self.changes :]
 
     def clustering_parts(self, features: Features) -> list[Features]:
         """Those of the features (n, d) by which samples are clustered, in the parts that are standardised each for itself."""

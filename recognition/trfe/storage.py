@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray[Any]]
 _MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
-_FORMAT = "xosc-toolchain TRFE 4"
+_FORMAT = "xosc-toolchain TRFE 5"
 _ABOUT = "about"
 """The one entry of the metadata: safetensors writes several in an order that differs from time to time"""
 _TREE = "sklearn.tree._tree.Tree"
@@ -155,8 +155,8 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Kn
     for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes):
         if not np.array_equal(np.unique(of), classes):
             raise ValueError("they are of different classes")
-    width = config.changes + prototypes.centres.shape[1]
-    if not width == fitted.features.shape[1] == calibrating.features.shape[1] == config.changes + len(prototypes.mean):
+    width, seen = fitted.features.shape[1], config.recognising(fitted.features).shape[1]
+    if not (width == calibrating.features.shape[1] and seen == prototypes.centres.shape[1] == len(prototypes.mean)):
         raise ValueError("they are of different dimensions")
     return Known(fitted, calibrating, voting, screening, prototypes)
 

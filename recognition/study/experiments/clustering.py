@@ -8,7 +8,7 @@ from typing import Any
 
 from recognition.study import kinds, metrics
 from recognition.study.baselines.clustering.kmeans import KMeansFeatures
-from recognition.study.experiments.open_set import MAP_ONLY, ONLY_TUNED, seen_by
+from recognition.study.experiments.open_set import MAP_ONLY, ONLY_ENCODED, ONLY_TUNED, seen_by
 from recognition.study.protocol.trials import Trial
 from recognition.study.strategies import average_linkage, given_count, keep_all
 from recognition.trfe.discovery.buffer import Buffer
@@ -17,20 +17,20 @@ from recognition.trfe.steps import Steps
 from xodr.array_types import IntArray
 
 GIVEN_K, COUNTED, LINKAGE = "trfe-given-k", "trfe-counted", "rfap-linkage"
-ENCODED, ENCODED_GIVEN_K, ALL_FEATURES = "encoded", "encoded-given-k", "all-features"
+ENCODED_GIVEN_K, ALL_FEATURES = "encoded-given-k", "all-features"
 OWN = {
     "trfe": "**TRFE**",
     GIVEN_K: "TRFE, given K",
     COUNTED: "TRFE, K of held-out classes",
-    ENCODED: "TRFE, encoders' features",
+    ONLY_ENCODED: "TRFE, encoders' features",
     ENCODED_GIVEN_K: "TRFE, encoders' features, given K",
     ALL_FEATURES: "TRFE, encoders' features with equal weights, given K",
     ONLY_TUNED: "TRFE, features after fine-tuning alone, given K",
     LINKAGE: "RFAP + average linkage, encoders' features",
 }
 """TRFE's own ways to cluster, by name, with the titles of their rows in the report."""
-_OF_ENCODERS = (ENCODED, ENCODED_GIVEN_K, ALL_FEATURES, ONLY_TUNED, LINKAGE)
-"""Those that do not look at what changes in windows."""
+_OF_ENCODERS = (ENCODED_GIVEN_K, ALL_FEATURES, LINKAGE)
+"""Those besides that see the encoders' features alone."""
 TITLES = {**OWN, MAP_ONLY: "map only, one frame: k-means, given K", **kinds.titles(kinds.CLUSTERING)}
 """Methods by name."""
 
@@ -40,9 +40,7 @@ def measure_clustering(name: str, trial: Trial) -> dict[str, Any]:
 
     The samples are the first ones of new classes in the stream, as if screening had missed and mistaken none.
     """
-    trial = seen_by(name, trial)
-    if name not in (*_OF_ENCODERS, MAP_ONLY):
-        trial = trial.with_changes
+    trial = trial.only_encoded if name in _OF_ENCODERS else seen_by(name, trial)
     if name in OWN:
         clusters = _own(name, trial)
     else:
@@ -57,7 +55,7 @@ def _own(name: str, trial: Trial) -> IntArray:
     new, steps = trial.appearing, Steps(sift=keep_all)
     if name == LINKAGE:
         steps = replace(steps, cluster=average_linkage)
-    elif name not in ("trfe", ENCODED):
+    elif name not in ("trfe", ONLY_ENCODED):
         count = trial.pool.likely_classes if name == COUNTED else len(trial.round.new)
         steps = replace(steps, cluster=partial(given_count, count))
     buffer = Buffer(len(new.rows))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +18,27 @@ COMMON = "trfe"
 """TRFE's forest and screening under the common rejection rule, as all others are."""
 OWN_RULE = "trfe-own-rule"
 """The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
+ONLY_ENCODED = "encoded"
+"""TRFE on the encoders' features alone."""
 ONLY_TUNED = "trfe-tuned"
 """TRFE on features of the fine-tuned encoder alone."""
+ONLY_CHANGES = "only-changes"
+"""TRFE on what changes in windows alone, without an encoder: tokens only."""
 MAP_ONLY = "map-only"
 """TRFE on what the map alone tells of one frame, without anybody: tokens only."""
+_FEATURES: dict[str, Callable[[Trial], Trial]] = {
+    ONLY_ENCODED: lambda trial: trial.only_encoded,
+    ONLY_TUNED: lambda trial: trial.only_tuned,
+    ONLY_CHANGES: lambda trial: trial.only_changes,
+    MAP_ONLY: lambda trial: trial.map_only,
+}
+"""Other features than all, by name of the method of TRFE that looks at them."""
 TITLES = {
     COMMON: "**TRFE**",
     OWN_RULE: "TRFE, its own δ",
+    ONLY_ENCODED: "TRFE, encoders' features alone",
     ONLY_TUNED: "TRFE, features after fine-tuning alone",
+    ONLY_CHANGES: "TRFE, what changes alone",
     MAP_ONLY: "map only, one frame",
     **kinds.titles(kinds.SCREENINGS),
     **kinds.titles(kinds.OPEN_SET),
@@ -71,7 +85,7 @@ def _common_rule(name: str, trial: Trial) -> Judged:
 
 def seen_by(name: str, trial: Trial) -> Trial:
     """The trial with the features that a method looks at."""
-    return {ONLY_TUNED: lambda: trial.only_tuned, MAP_ONLY: lambda: trial.map_only}.get(name, lambda: trial)()
+    return _FEATURES[name](trial) if name in _FEATURES else trial
 
 
 def judged(model: OpenSetMethod, features: Features) -> Judged:
@@ -82,11 +96,11 @@ def judged(model: OpenSetMethod, features: Features) -> Judged:
 
 def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
     """A method by name; those that vote share the forests of the trial."""
-    if name in (COMMON, ONLY_TUNED, MAP_ONLY):
-        return VotingMethod(trial.seed, forest=trial.model.known.forest)
+    if name == COMMON or name in _FEATURES:
+        return VotingMethod(trial.seed, forest=trial.forest)
     if name in kinds.titles(kinds.SCREENINGS):
         module = kinds.kind(kinds.SCREENINGS, name)
-        forest = trial.plain_forest if module.PLAIN_VOTES else trial.model.known.forest
+        forest = trial.plain_forest if module.PLAIN_VOTES else trial.forest
         return VotingMethod(trial.seed, module.SCREENING, forest=forest)
     method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, name).METHOD(trial.seed)
     return method

@@ -33,7 +33,7 @@ def measure_open_world(name: str, trial: Trial) -> dict[str, Any]:
     variant, screening = VARIANTS[name], trial.model.known.screening
     if variant.steps.screening in (EvtJoint, Recalibrated):
         variant = replace(variant, config=replace(variant.config, delta=1.0 - screening.threshold))
-    return follow(begin(variant, trial.with_changes), trial.with_changes, {})
+    return follow(begin(variant, trial), trial, {})
 
 
 def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict[str, Any]]:
@@ -44,7 +44,6 @@ def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict
     Returns:
         For each round, see `follow`.
     """
-    first = first.with_changes
     model, names = begin(VARIANTS[name], first), dict[int, int]()
     return [follow(model, replace(first, round=one), names) for one in rounds]
 

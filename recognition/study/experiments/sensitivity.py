@@ -48,9 +48,10 @@ def measure_probe(trial: Trial, view: View) -> dict[str, Any]:
 
     The speed is left out where the windows are no grids with a channel for it.
     """
+    trial = trial.only_encoded
     training = np.concatenate([trial.labelled.rows, trial.stream.rows])
     labels, tested = trial.windows.labels[training], trial.test
-    found = {"features": probe(trial.encoded[training], labels, tested.features, tested.labels)}
+    found = {"features": probe(trial.features[training], labels, tested.features, tested.labels)}
     if isinstance(view, Grid) and "speed" in view.channels:
         fitted, judged = (speed_code(trial.windows.inputs[rows], view) for rows in (training, tested.rows))
         found["speed"] = probe(fitted, labels, judged, tested.labels)

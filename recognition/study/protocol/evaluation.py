@@ -36,7 +36,7 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
 """Kinds of experiments with the names of what each compares."""
 _OF_GRIDS = ("stae-kmeans", "stae-linkage")
 """Methods that need grids."""
-_OF_TOKENS = (open_set.MAP_ONLY,)
+_OF_TOKENS = (open_set.MAP_ONLY, open_set.ONLY_CHANGES, open_set.ONLY_ENCODED)
 """Methods that need tokens."""
 
 

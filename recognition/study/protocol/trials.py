@@ -18,13 +18,14 @@ from recognition.study.protocol.pixels import pixel_features
 from recognition.study.protocol.rounds import FIRST, STEP, Round
 from recognition.study.strategies import grow_plain
 from recognition.tokens.changes import CHANGES, changes
+from recognition.tokens.config import Tokens
 from recognition.training.splits import Split
 from recognition.training.views import View
 from recognition.training.windows import Windows
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Preprocessing
 from recognition.trfe.forest.votes import TREES
-from recognition.trfe.forest.voting import VotingForest
+from recognition.trfe.forest.voting import VotingForest, grow
 from recognition.trfe.samples import UNKNOWN, Features, drawn_of_each
 from recognition.trfe.trfe import TRFE
 from xodr.array_types import IntArray
@@ -60,35 +61,38 @@ class Trial:
         split: the seed's.
         round: which classes are known and new.
         seed: of everything drawn.
-        encoded: features (n, d) of all windows in the split, by window number; those of others are 0.
-        tuned: from which of the encoders' columns on they are of the encoder after fine-tuning.
-        changes: how many columns, the first ones, are of what changes in a window.
+        features: (n, d) of all windows in the split, by window number; those of others are 0.
+        changes: how many columns, the first ones, are of what changes in a window of tokens.
+        tuned: how many of the encoders' columns, which follow, are of the encoder before fine-tuning.
     """
 
     windows: Windows
     split: Split
     round: Round
     seed: int
-    encoded: Features
-    tuned: int = 0
+    features: Features
     changes: int = 0
+    tuned: int = 0
+
+    @cached_property
+    def only_encoded(self) -> Trial:
+        """The same with the encoders' features alone."""
+        return replace(self, features=np.ascontiguousarray(self.features[:, self.changes :]), changes=0)
 
     @cached_property
     def only_tuned(self) -> Trial:
         """The same with features of the fine-tuned encoder alone."""
-        return replace(self, encoded=np.ascontiguousarray(self.encoded[:, self.tuned :]), tuned=0)
+        return replace(self.only_encoded, features=np.ascontiguousarray(self.only_encoded.features[:, self.tuned :]), tuned=0)
 
     @cached_property
-    def with_changes(self) -> Trial:
-        """The same with what changes in windows of tokens beside the features, by which TRFE clusters; of grids the same."""
-        if self.windows.inputs.dtype != np.float16:
-            return self
-        return replace(self, encoded=np.concatenate([changes(self.windows.inputs), self.encoded], axis=1), changes=CHANGES)
+    def only_changes(self) -> Trial:
+        """The same with what changes in windows of tokens alone."""
+        return replace(self, features=np.ascontiguousarray(self.features[:, : self.changes]), tuned=0)
 
     @cached_property
     def map_only(self) -> Trial:
         """The same with what the map alone tells in place of features, see `recognition.study.plain.static`."""
-        return replace(self, encoded=static(self.windows.inputs), tuned=0, changes=0)
+        return replace(self, features=static(self.windows.inputs), tuned=0, changes=0)
 
     @cached_property
     def labelled(self) -> Samples:
@@ -143,6 +147,11 @@ class Trial:
         return TRFE(self.config).fit(*self.labelled[:2], held.features, held.labels)
 
     @cached_property
+    def forest(self) -> VotingForest:
+        """The forest of `model`, without the δ that takes a forest for each class to choose."""
+        return grow(*self.labelled[:2], trees=TREES, seed=self.seed)
+
+    @cached_property
     def plain_forest(self) -> VotingForest:
         """A forest fitted on the known classes, whose trees see features alone: the baselines that vote share it."""
         return grow_plain(*self.labelled[:2], trees=TREES, seed=self.seed)
@@ -151,7 +160,7 @@ class Trial:
         return rows[np.isin(self.windows.labels[rows], classes)]
 
     def _samples(self, rows: IntArray) -> Samples:
-        return Samples(self.encoded[rows], self.windows.labels[rows], rows)
+        return Samples(self.features[rows], self.windows.labels[rows], rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +169,7 @@ class Trials:
 
     One encoder is pretrained for each seed on training windows of the first known classes, without labels. In each round it is
     fine-tuned further, from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods
-    share its features, with those that it had before fine-tuning beside them.
+    share its features, with those that it had before fine-tuning beside them, and of tokens with what changes in a window.
 
     Attributes:
         windows: all of them. view: theirs. cache: the folder.
@@ -177,10 +186,13 @@ class Trials:
         rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
         before = _before_all(round_)
         parts = [self._features(rows, split, one, seed) for one in ((before, round_) if self.preset else (before,))]
-        features = np.concatenate(parts, axis=1)
-        encoded = np.zeros((len(self.windows), features.shape[1]), dtype=np.float32)
-        encoded[rows] = features
-        return Trial(self.windows, split, round_, seed, encoded, features.shape[1] - parts[-1].shape[1])
+        tuned = sum(part.shape[1] for part in parts[:-1])
+        if isinstance(self.view, Tokens):
+            parts = [changes(self.windows.inputs[rows]), *parts]
+        made = np.concatenate(parts, axis=1)
+        features = np.zeros((len(self.windows), made.shape[1]), dtype=np.float32)
+        features[rows] = made
+        return Trial(self.windows, split, round_, seed, features, CHANGES if isinstance(self.view, Tokens) else 0, tuned)
 
     def _features(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""

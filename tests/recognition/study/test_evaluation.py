@@ -17,6 +17,8 @@ from recognition.study.protocol.processes import run_beside
 from recognition.study.protocol.rounds import Round
 from recognition.study.protocol.trials import Trials
 from recognition.study.report.report import write_report
+from recognition.tokens.changes import CHANGES, changes
+from recognition.tokens.config import Tokens
 from recognition.training.splits import Split
 from recognition.training.windows import Windows
 from recognition.trfe.samples import Features
@@ -131,6 +133,20 @@ def test_other_settings_and_other_windows_are_refused_in_the_same_folder(windows
     Windows.load(windows).select(slice(0, 400)).save(tmp_path / "fewer")
     with pytest.raises(UsageError, match=r"other settings \(windows\)"):
         Evaluation(tmp_path / "fewer", tmp_path / "out", ProtocolSettings(None, view=GRID))
+
+
+def test_methods_see_what_changes_in_tokens_beside_what_encoders_read(tmp_path: Path) -> None:
+    view, labels = Tokens(), np.tile(np.repeat(CLASSES, 2), 8)
+    inputs = np.random.default_rng(0).standard_normal((len(labels), *view.shape)).astype(np.float16)
+    recordings, egos = np.repeat(np.arange(8), 2 * len(CLASSES)).astype(np.str_), np.arange(len(labels)).astype(np.str_)
+    Windows(inputs, labels, recordings, egos, np.arange(len(labels), dtype=float)).save(tmp_path / "windows")
+    trial = Evaluation(tmp_path / "windows", tmp_path, ProtocolSettings(None, "tokens", view=view)).trial(0, 1)
+    seen, rows = trial.labelled.features, trial.labelled.rows
+    assert (seen[:, : trial.changes] == changes(inputs[rows])).all()
+    assert (trial.config.changes, trial.config.pretrained, seen.shape[1]) == (CHANGES, 12, CHANGES + 2 * 12)
+    assert (trial.only_encoded.labelled.features == seen[:, CHANGES:]).all() and not trial.only_encoded.config.changes
+    assert (trial.only_tuned.labelled.features == seen[:, CHANGES + 12 :]).all()
+    assert (trial.only_changes.labelled.features == seen[:, :CHANGES]).all()
 
 
 def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> None:

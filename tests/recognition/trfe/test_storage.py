@@ -61,13 +61,16 @@ def test_a_model_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert np.array_equal(fitted.discover().clusters, restored.discover().clusters)
 
 
-def test_features_that_only_discovery_reads_are_kept(tmp_path: Path) -> None:
-    fitted = TRFE(replace(CONFIG, changes=4)).fit(*clouds([1, 2, 3], 40, seed=0), *clouds([1, 2, 3], 30, seed=1))
+@pytest.mark.parametrize("seeing", [True, False])
+def test_features_of_changes_are_kept_though_samples_are_recognised_by_others(tmp_path: Path, seeing: bool) -> None:
+    fitted = TRFE(replace(CONFIG, changes=4, recognise_by_changes=seeing)).fit(
+        *clouds([1, 2, 3], 40, seed=0), *clouds([1, 2, 3], 30, seed=1)
+    )
     samples, _ = clouds([1, 2, 3, 9, 10, 11], 40, seed=2)
     fitted.observe(samples, np.arange(len(samples)))
     save(fitted, tmp_path)
     restored = load(tmp_path)
-    assert restored.config.changes == 4 and restored.buffer.inputs is not None
+    assert restored.config == fitted.config and restored.buffer.inputs is not None
     assert np.array_equal(restored.buffer.inputs, fitted.buffer.inputs)
     assert np.array_equal(fitted.discover().clusters, restored.discover().clusters)
 

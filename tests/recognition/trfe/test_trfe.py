@@ -148,19 +148,21 @@ def test_nothing_is_expanded_where_nothing_is_promoted(round_: Round) -> None:
 
 
 def with_changes(labels: list[int], each: int, seed: int) -> tuple[Features, IntArray]:
-    """Samples of which new classes differ in the first eight features alone, and known ones in the others alone."""
+    """Samples of which new classes differ in the first eight features alone, and look like the first known one in the others."""
     samples, truth = clouds(labels, each, seed, apart=APART)
     moved = clouds(labels, each, seed, APART, 8)[0]
     known = np.isin(truth, KNOWN)[:, None]
     still = np.random.default_rng(seed).standard_normal((len(truth), 8)).astype(np.float32)
-    unlike = np.float32(APART) + samples - np.array([samples[truth == one].mean(axis=0) for one in truth.tolist()])
-    return np.concatenate([np.where(known, still, moved), np.where(known, samples, unlike)], axis=1), truth
+    alike = clouds(KNOWN[:1], len(truth), seed, apart=APART)[0]
+    return np.concatenate([np.where(known, still, moved), np.where(known, samples, alike)], axis=1), truth
 
 
-def test_classes_are_recognised_by_some_features_and_discovered_by_others() -> None:
-    watching = TRFE(replace(CONFIG, changes=8)).fit(*with_changes(KNOWN, 100, 0), *with_changes(KNOWN, 80, 1))
+def test_classes_that_only_changes_tell_apart_are_unknown_and_discovered() -> None:
+    settings, training = replace(CONFIG, changes=8), (*with_changes(KNOWN, 100, 0), *with_changes(KNOWN, 80, 1))
+    watching, blind = (TRFE(replace(settings, recognise_by_changes=seeing)).fit(*training) for seeing in (True, False))
     samples, truth = with_changes(KNOWN + NEW, 70, 2)
     found, known = watching.observe(samples, np.arange(len(truth))), np.isin(truth, KNOWN)
+    assert np.mean(blind.recognise(samples).labels[~known] == KNOWN[0]) > 0.8
     assert np.mean(found.labels[~known] == 0) > 0.95 and np.mean(found.closed[known] == truth[known]) > 0.98
     discovery = watching.discover()
     assert len(np.unique(discovery.labels[discovery.labels > 0])) == len(NEW)

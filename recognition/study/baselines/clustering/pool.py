@@ -63,7 +63,7 @@ class Pool:
         return likely_classes(unknown @ axes, known @ axes, self.labels)
 
     def standardised(self) -> tuple[Features, Features]:
-        """The encoders' features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
+        """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
         return _standard(self.config.recognising(self.features), self.config.recognising(self.known))
 
 
