@@ -54,7 +54,7 @@ _CATEGORIES = {
     "motorcycle": "motorbike", "motorbike": "motorbike",
     "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian", "pedestrian/bicycle": "pedestrian",
 }  # fmt: skip
-_FULL_TURN = 6.5
+_FULL_TURN = 7.0
 """Headings beyond this are no angles from 0 to 2π or from −π to π, rad."""
 _LEVELS = 3
 """How many folders up from the tracks the maps may be."""
@@ -199,7 +199,7 @@ def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -
         report.remarks.append("the velocities contradict the positions: speeds are derived from the positions")
         vx, vy = rate(x, rows), rate(y, rows)
     h = _headings(table, rows, who, vx, vy)
-    if np.abs(h).max() > _FULL_TURN and facing(np.radians(h), vx, vy):
+    if np.abs(h).max() > _FULL_TURN and not facing(h, vx, vy) and facing(np.radians(h), vx, vy):
         h = np.radians(h)
         report.remarks.append(
             "the headings are taken as degrees: they go beyond a full turn, and agree with the motion as degrees"
