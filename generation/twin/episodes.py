@@ -228,12 +228,13 @@ class _Found:
         gap, closing, distance = np.full(count, np.inf), np.zeros(count), np.full(count, np.inf)
         for other in others:
             view = ego.view(other)
+            apart = np.hypot(view.ahead, view.aside)
             near = np.flatnonzero((np.abs(view.ahead) < _NEAR) & (np.abs(view.aside) < _NEAR))
-            hit = np.zeros(count, bool)
-            hit[near] = boxes_overlap(ego.motion().at(near), other.motion().at(near))
-            now["impact_speed"][hit] = np.hypot(view.speed - view.other_speed, view.sideways - view.other_sideways)[hit]
-            touching |= hit
-            distance = np.minimum(distance, np.where(hit, 0.0, np.hypot(view.ahead, view.aside)))
+            if near.size:
+                hit = near[boxes_overlap(ego.motion().at(near), other.motion().at(near))]
+                speeds = np.hypot(view.speed[hit] - view.other_speed[hit], view.sideways[hit] - view.other_sideways[hit])
+                now["impact_speed"][hit], apart[hit], touching[hit] = speeds, 0.0, True
+            distance = np.minimum(distance, apart)
             risky |= longitudinal_violation(view, rss) & lateral_violation(view, rss)
             lead = (view.aside == 0.0) & (view.ahead > 0.0) & (view.ahead < gap)
             gap, closing = np.where(lead, view.ahead, gap), np.where(lead, view.speed - view.other_speed, closing)
