@@ -24,7 +24,7 @@ demo: install  ## from recordings to edge cases, once around; the page of it is 
 	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut cas --budget 100 --rounds 2 --most 4 --shown 6
 
 test: install  ## the whole test suite, in parallel
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 $(READERS)/.installed: tests/readers/requirements.txt
 	$(PYTHON) -m venv $(READERS)

@@ -7,6 +7,7 @@ import errno
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,9 +33,24 @@ TEXTS = {"open": 1, "read_text": 0, "write_text": 1}
 """What reads and writes texts, by the place of the argument before or at which the encoding is looked for."""
 
 
-def calls(module: Path) -> list[ast.Call]:
-    """All calls in a module."""
-    return [node for node in ast.walk(ast.parse(module.read_text("utf-8"))) if isinstance(node, ast.Call)]
+@cache
+def calls() -> list[tuple[str, str, ast.Call]]:
+    """What reads, writes or opens texts in all modules: where it is, what it is called, and the call."""
+    return [
+        (f"{module.relative_to(ROOT)}:{node.lineno}", called, node)
+        for module in MODULES
+        for node in ast.walk(ast.parse(module.read_text("utf-8")))
+        if isinstance(node, ast.Call)
+        for called in [_called(node.func)]
+        if called in TEXTS
+    ]
+
+
+def _called(function: ast.expr) -> str:
+    """Name of a function `open`, or of a method."""
+    if isinstance(function, ast.Attribute):
+        return function.attr if function.attr != "open" else ""
+    return function.id if isinstance(function, ast.Name) and function.id == "open" else ""
 
 
 def is_binary(call: ast.Call) -> bool:
@@ -46,34 +62,25 @@ def is_binary(call: ast.Call) -> bool:
 def test_texts_have_an_encoding() -> None:
     """Windows would take its own code page."""
     found = [
-        f"{module.relative_to(ROOT)}:{call.lineno}"
-        for module in MODULES
-        for call in calls(module)
-        if isinstance(call.func, ast.Attribute)
-        and call.func.attr in ("read_text", "write_text")
-        and len(call.args) <= TEXTS[call.func.attr]
+        place
+        for place, called, call in calls()
+        if called in ("read_text", "write_text")
+        and len(call.args) <= TEXTS[called]
         and not any(keyword.arg in ("encoding", None) for keyword in call.keywords)
     ]
     opened = [
-        f"{module.relative_to(ROOT)}:{call.lineno}"
-        for module in MODULES
-        for call in calls(module)
-        if isinstance(call.func, ast.Name)
-        and call.func.id == "open"
-        and not is_binary(call)
-        and not any(keyword.arg == "encoding" for keyword in call.keywords)
+        place
+        for place, called, call in calls()
+        if called == "open" and not is_binary(call) and not any(keyword.arg == "encoding" for keyword in call.keywords)
     ]
     assert found + opened == []
 
 
 def test_texts_have_the_same_ends_of_lines_everywhere() -> None:
     found = [
-        f"{module.relative_to(ROOT)}:{call.lineno}"
-        for module in MODULES
-        for call in calls(module)
-        if isinstance(call.func, ast.Attribute)
-        and call.func.attr == "write_text"
-        and not any(keyword.arg in ("newline", None) for keyword in call.keywords)
+        place
+        for place, called, call in calls()
+        if called == "write_text" and not any(keyword.arg in ("newline", None) for keyword in call.keywords)
     ]
     assert found == []
 

@@ -27,7 +27,7 @@ from tests.runner.chromium import Browser
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 
-SETTINGS = LoopSettings(model=None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1, ask=Ask(density="kde"))
+SETTINGS = LoopSettings(model=None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1, ask=Ask(density="gaussian"))
 BAR = partial(progress_bar, quiet=True)
 
 
