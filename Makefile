@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
+DEVELOPMENT := $(VENV)/.with-dev
 READERS := .venv-readers
 # Tests start many processes: without the compiled modules of the others each would compile all it imports.
 export PYTHONDONTWRITEBYTECODE :=
@@ -11,15 +11,17 @@ PIP := pip install --no-compile --quiet --disable-pip-version-check
 
 .PHONY: demo test readers lint types install docs clean
 
-$(STAMP): pyproject.toml constraints.txt
+# What an extra brings.
+$(VENV)/.with-%: pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; sys.exit('Python 3.11 or newer is needed, this is ' + sys.version.split()[0] if sys.version_info < (3, 11) else 0)"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m $(PIP) --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m $(PIP) --constraint constraints.txt --editable '.[$*]'
 	touch $@
 
-install: $(STAMP)
+install: $(DEVELOPMENT)
 
-demo: install  ## from recordings to edge cases, once around; the page of it is out/demo/index.html
+# It needs no more than the search does; what is there for development has that.
+demo: $(or $(wildcard $(DEVELOPMENT)),$(VENV)/.with-search)  ## from recordings to edge cases, once around; the page of it is out/demo/index.html
 	rm -rf out/demo
 	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut cas --budget 100 --rounds 2 --most 4 --shown 6
 
