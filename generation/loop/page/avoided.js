@@ -9,7 +9,9 @@ function avoided() {
     ? `${many(found.length, "collision")} that a careful driver would have avoided`
     : collisions
       ? `${many(collisions, "collision")}, of which the careful driver of UN R157 avoids none`
-      : "No collision that a careful driver would have avoided";
+      : done.length
+        ? "No collision that a careful driver would have avoided"
+        : "Nothing was searched";
   const previews = shown.map(each => new Preview(each.preview, `${each.title}: ${each.preview.told}`));
   const cards = shown.map((each, i) =>
     el(
