@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from runner.contracts.run import Instant
     from runner.participants.entity import Entity
 
+_CLOSE = 1e-3
+"""Way (m) before a distance travelled in which it is looked at in each step: much more than sums of steps round off"""
 DIRECTIONS = ("longitudinal", "lateral", "vertical")
 OBJECT_TYPES = ("vehicle", "pedestrian", "miscellaneous", "external")
 
@@ -69,11 +71,11 @@ class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
     def keeps(self, entity: Entity, run: Instant) -> float:
-        """While it can't have stood for so long; a trailer stands for as long as what tows it."""
-        since = entity.standstill
-        if entity.controls.tractor is not None or self._lasted(since):
+        """Until it has stood for so long; a trailer stands for as long as what tows it, which is not a change of its own."""
+        if entity.controls.tractor is not None or self._lasted(entity.standstill):
             return -math.inf
-        return run.time + (self.duration - since) - 2.0 * TOLERANCE
+        entity.patience = min(entity.patience, self.duration - 2.0 * TOLERANCE)
+        return math.inf
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it stands long enough."""
@@ -279,6 +281,16 @@ class TraveledDistanceCondition(EntityCondition):
     def from_xml(cls, node: Node, context: Context) -> TraveledDistanceCondition:
         """Read the distance."""
         return cls(node.float("value"))
+
+    def keeps(self, entity: Entity, run: Instant) -> float:
+        """For ever once it has gone so far, and before until its milestone; that of a trailer goes by without a change."""
+        left = self.distance - TOLERANCE - self._travelled(entity)
+        if left <= 0.0:
+            return math.inf
+        if entity.controls.tractor is not None or left <= _CLOSE:
+            return -math.inf
+        entity.milestone = min(entity.milestone, entity.odometer + left - _CLOSE)
+        return math.inf
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it has gone so far."""

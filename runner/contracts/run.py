@@ -61,7 +61,8 @@ class Instant(Surroundings, Protocol):
 
     @property
     def changes(self) -> int:
-        """Grows with all that happens at once: to storyboard elements, values and contacts, and to who is there."""
+        """Grows with all that happens at once: to storyboard elements, values and contacts, to who is there,
+        and when somebody has gone as far, or stood as long, as is waited for."""
         ...
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from schemas.remarks import Remark
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
     from runner.recording import Track
+
+_SLEEPLESS = 8
+"""Steps from one try to find out how far the ego is from the road's edge to the next"""
 
 
 def absences(scenario: Path, entities: Iterable[Entity]) -> tuple[str, ...]:
@@ -48,6 +52,8 @@ class Departures:
         self._ego = ego
         self._off = self._ended = False
         self._first: dict[str, str] = {}
+        self._judged, self._x, self._y, self._clearance = -1, 0.0, 0.0, 0.0
+        """where it was found well on the road, while `Run.changes` was that, and how far from there it has not left it"""
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -59,6 +65,8 @@ class Departures:
         ego = self._ego
         if ego is None or not (ego.active and ego.placed):
             return
+        if self._judged == run.changes and self._is_clear(ego):
+            return
         off, ended = run.roads.is_off_road(ego), ego.at_road_end
         if off and not self._off:
             self._remark(run, ego, "offRoad", "has left the road")
@@ -67,6 +75,12 @@ class Departures:
         if ended and not self._ended:
             self._remark(run, ego, "roadEnd", "has come to the end of the road")
         self._off, self._ended = off, ended
+        if not off and not ended and run.step_index % _SLEEPLESS == 0:
+            self._judged, self._x, self._y, self._clearance = run.changes, ego.x, ego.y, run.roads.clearance(ego)
+
+    def _is_clear(self, ego: Entity) -> bool:
+        """Whether it still can't have left the road."""
+        return not (ego.on_lane or ego.at_road_end) and math.hypot(ego.x - self._x, ego.y - self._y) < self._clearance
 
     def _remark(self, run: Run, ego: Entity, kind: str, text: str) -> None:
         run.note(kind, ego.name, text)

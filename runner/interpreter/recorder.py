@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from struct import Struct
+from typing import TYPE_CHECKING
 
 from runner.recording import COLUMNS, Recording, Track
 
@@ -14,20 +14,30 @@ if TYPE_CHECKING:
     from runner.participants.entity import Entities, Entity
     from xodr.network import RoadNetwork
 
-_TYPES: dict[str, Any] = {"road_id": object, "lane_id": "int64"}
-Row = tuple[Any, ...]
-"""Values of `COLUMNS` at one instant; a road id of None means: not looked up yet."""
+_FIELDS = [(name, "int64" if name == "lane_id" else "float64") for name in COLUMNS if name != "road_id"]
+_pack = Struct("=" + "".join("q" if type_ == "int64" else "d" for _, type_ in _FIELDS)).pack
+"""The numbers of `COLUMNS` at one instant as bytes: objects for each row would keep Python's garbage collector busy."""
 
 
-def _arrays(rows: list[Row]) -> dict[str, np.ndarray]:
-    import numpy as np
+class _Rows:
+    """What is written down of one entity; a road id of None means: not looked up yet."""
 
-    columns = zip(COLUMNS, zip(*rows, strict=True), strict=True)
-    return {name: np.array(values, dtype=_TYPES.get(name, "float64")) for name, values in columns}
+    __slots__ = ("numbers", "roads")
+
+    def __init__(self) -> None:
+        self.numbers = bytearray()
+        self.roads: list[str | None] = []
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """One array for each of `COLUMNS`."""
+        import numpy as np
+
+        rows = np.frombuffer(bytes(self.numbers), dtype=_FIELDS)
+        return {name: rows[name].copy() if name != "road_id" else np.array(self.roads, dtype=object) for name in COLUMNS}
 
 
-def _track(declared: Declaration, rows: list[Row]) -> Track:
-    return Track(declared.name, declared.kind, declared.category, declared.box, partial(_arrays, rows))
+def _track(declared: Declaration, rows: _Rows) -> Track:
+    return Track(declared.name, declared.kind, declared.category, declared.box, rows.columns)
 
 
 class Recorder:
@@ -41,7 +51,7 @@ class Recorder:
 
     def __init__(self, entities: Entities, timestep: float, network: RoadNetwork | None) -> None:
         self._entities, self._timestep, self._network = entities, timestep, network
-        self._rows: dict[Entity, list[Row]] = {}
+        self._rows: dict[Entity, _Rows] = {}
 
     def record(self, time: float) -> None:
         """Write down the state of everyone at a time (s)."""
@@ -49,16 +59,15 @@ class Recorder:
         for e in self._entities.values():
             if not (e.active and e.placed):
                 continue
-            row: Row
-            if e.on_lane and e.road is not None:
-                row = (time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.road.id, e.lane, e.s, e.t, e.offset)
-            else:
-                row = (time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, None, 0, 0.0, 0.0, 0.0)
             written = rows.get(e)
             if written is None:
-                rows[e] = [row]
+                written = rows[e] = _Rows()
+            if e.on_lane and e.road is not None:
+                road, lane, s, t, offset = e.road.id, e.lane, e.s, e.t, e.offset
             else:
-                written.append(row)
+                road, lane, s, t, offset = None, 0, 0.0, 0.0, 0.0
+            written.roads.append(road)
+            written.numbers += _pack(time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, lane, s, t, offset)
 
     def recording(self) -> Recording:
         """What was written down so far."""

@@ -11,6 +11,7 @@ import math
 import random
 from collections.abc import Callable, Iterable, Sequence
 from math import isfinite
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from runner.contracts.action import LATERAL
@@ -34,6 +35,26 @@ if TYPE_CHECKING:
     from runner.participants.entity import Entities, Entity
     from runner.worlds.base import World
 
+_STATE = (
+    "x",
+    "y",
+    "z",
+    "h",
+    "pitch",
+    "roll",
+    "vx",
+    "vy",
+    "ax",
+    "ay",
+    "speed",
+    "acceleration",
+    "s",
+    "t",
+    "offset",
+    "lane",
+    "at_road_end",
+)
+_state = attrgetter(*_STATE)
 _STANDSTILL = 1e-3
 """m/s below which an entity stands still"""
 
@@ -130,17 +151,16 @@ class Simulation:
                 if entity is self._ego and self._driver is not None:
                     self._drive_ego(entity, self._driver)
                 elif not entity.controls.world_driven:
-                    self._move(entity, entity.controls.target_speed, dt)
+                    speed = entity.controls.target_speed
+                    if speed or entity.speed:
+                        self._move(entity, speed, dt)
+                    else:
+                        self._stay(entity)
         self.step_index += 1
         self.time = round(self.step_index * dt, 9)
-        scripted: list[Entity] = []
-        driven: list[Entity] = []
-        for entity in self.entities.values():
-            if entity.controls.world_driven:
-                driven.append(entity)
-            elif entity.active:
-                scripted.append(entity)
-        self.world.mirror(scripted)
+        everyone = self.entities.values()
+        driven = [entity for entity in everyone if entity.controls.world_driven]
+        self.world.mirror([entity for entity in everyone if entity.active and not entity.controls.world_driven])
         self.world.step()
         for entity in driven:
             self._read(entity)
@@ -204,12 +224,41 @@ class Simulation:
         entity.speed = speed
         distance = speed * dt
         entity.odometer += distance if distance > 0.0 else -distance
+        if entity.odometer >= entity.milestone:
+            self._reached(entity)
         if -_STANDSTILL < speed < _STANDSTILL:
-            entity.standstill += dt
+            self._stands(entity)
         else:
             entity.standstill = 0.0
         if controls.trailer is not None:
             tow(self.roads, entity, dt)
+
+    def _stay(self, entity: Entity) -> None:
+        """One step of an entity that stands: once such a step has left all as it was, the same until something happens."""
+        controls = entity.controls
+        led = controls.owners or controls.target_offset is not None or controls.easing is not None
+        still = controls.motion.stands and not led and controls.trailer is None
+        if still and entity.settled == self.changes:
+            self._stands(entity)
+            if entity.at_road_end:
+                entity.road_end += self.dt
+            return
+        before = repr(_state(entity))  # tells zeros from negative ones
+        self._move(entity, controls.target_speed, self.dt)
+        if still and repr(_state(entity)) == before:
+            entity.settled = self.changes
+
+    def _reached(self, entity: Entity) -> None:
+        """It has come to its milestone; whoever waits for another one sets it anew."""
+        entity.milestone = math.inf
+        self.changes += 1
+
+    def _stands(self, entity: Entity) -> None:
+        """It has stood still in this step."""
+        entity.standstill += self.dt
+        if entity.standstill >= entity.patience:
+            entity.patience = math.inf
+            self.changes += 1
 
     def _read(self, entity: Entity) -> None:
         reading = self.world.read(entity)
@@ -222,7 +271,12 @@ class Simulation:
         entity.vx, entity.vy = vx, vy
         entity.acceleration = (reading.speed - entity.speed) / dt
         entity.odometer += abs(reading.speed) * dt
-        entity.standstill = entity.standstill + dt if abs(reading.speed) < _STANDSTILL else 0.0
+        if entity.odometer >= entity.milestone:
+            self._reached(entity)
+        if abs(reading.speed) < _STANDSTILL:
+            self._stands(entity)
+        else:
+            entity.standstill = 0.0
         entity.x, entity.y, entity.h, entity.speed = reading
         entity.on_lane = False
         self.roads.lift(entity)
@@ -296,6 +350,7 @@ class Simulation:
 
     def place(self, entity: Entity, placement: Placement) -> None:
         """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        self.changes += 1
         self.roads.place(entity, placement)
         if entity.controls.trailer is not None:
             line_up(self.roads, entity)

@@ -45,6 +45,8 @@ class PathMotion:
         oriented: whether the path prescribes orientations, which then hold in either gear.
     """
 
+    stands = False
+
     def __init__(
         self,
         roads: Roads,

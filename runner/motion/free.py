@@ -11,6 +11,8 @@ from runner.participants.state import EntityState
 class FreeMotion:
     """Straight ahead in the direction faced, off any lane."""
 
+    stands = True
+
     def advance(self, entity: EntityState, speed: float, dt: float) -> float:
         """Move along the heading."""
         distance = speed * dt

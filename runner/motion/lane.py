@@ -35,6 +35,8 @@ class LaneMotion:
         network: the roads.
     """
 
+    stands = True
+
     def __init__(self, network: RoadNetwork) -> None:
         self.network = network
 

@@ -19,6 +19,10 @@ _ACROSS = math.radians(45.0)
 """Heading relative to the lane from which an entity faces across it, rad"""
 
 
+_ROUNDING = 1e-3
+"""Way (m) by which clearances are less than they seem: much more than places on a road are off"""
+
+
 class Roads:
     """Where entities are on a road network, and the transitions between motion along a lane and off it.
 
@@ -50,6 +54,23 @@ class Roads:
                 return False
         point = self.road_point(entity)
         return point is not None and self.network is not None and not self.network.on_road(point)
+
+    def clearance(self, entity: Entity) -> float:
+        """How far (m) an entity off any lane motion, on the road, may move in the plane before it can have left it; 0: not known.
+
+        Known on straight roads whose lanes keep their widths.
+        """
+        point = entity.located
+        if self.network is None or entity.on_lane or point is None:
+            return 0.0
+        road = self.network.roads[point.road_id]
+        if len(road.line.segments) > 1 or not road.line.straight or road.superelevation.constant != 0.0:
+            return 0.0
+        section = road.section(point.s)
+        if any(lane.outer.constant is None or (lane_id and lane.type == "none") for lane_id, lane in section.lanes.items()):
+            return 0.0
+        right, left = road.edges(point.s)
+        return min(left - point.t, point.t - right, point.s - section.s, section.end - point.s) - _ROUNDING
 
     # ways of moving -------------------------------------------------------------------------
 

@@ -24,6 +24,8 @@ class SteeredMotion:
     Source: Rajamani, "Vehicle Dynamics and Control" (2012), 2.2, with the reference point on the rear axle.
     """
 
+    stands = False
+
     def __init__(self, roads: Roads) -> None:
         self._roads = roads
         self._angle = 0.0

@@ -19,7 +19,13 @@ if TYPE_CHECKING:
 
 
 class Motion(Protocol):
-    """A way of moving."""
+    """A way of moving.
+
+    Attributes:
+        stands: whether at speed 0 it leaves entities as they are, but for their controls, and itself as well.
+    """
+
+    stands: bool
 
     def advance(self, entity: Entity, speed: float, dt: float) -> float:
         """Move the entity for dt (s) at a speed (m/s, signed), pose and road coordinates included.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -44,8 +45,14 @@ class EntityState:
     """velocity (m/s) and acceleration (m/s²) over ground in the world frame"""
     odometer: float = 0.0
     """distance travelled, m"""
+    milestone: float = math.inf
+    """odometer (m) at which somebody waits for it: the run counts a change (`Run.changes`)"""
     standstill: float = 0.0
     """time since it last moved, s"""
+    patience: float = math.inf
+    """standstill (s) at which somebody waits for it, likewise"""
+    settled: int = -1
+    """`Run.changes` at the end of a step in which it stood, which has left it as it was"""
     at_road_end: bool = False
     road_end: float = 0.0
     """time since it reached the end of its road, s"""

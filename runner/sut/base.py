@@ -80,8 +80,7 @@ def seen(entity: Entity) -> Participant:
     return Participant._make(_values(entity))
 
 
-@dataclass(frozen=True, slots=True)
-class Observation:
+class Observation(NamedTuple):
     """What a system under test sees at one instant.
 
     Args:

@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
-from runner.participants.boxes import gap, interval_gap, outlook, reach, spans
+from runner.participants.boxes import Outlook, gap, interval_gap, outlook, reach, spans, vertical_gap
 from runner.sut.base import Control, Observation, Participant
 from runner.sut.formulas import choose
 
+_NOTHING = Control()
+_ROUNDING = 1e-6
 SYSTEM = ("cas", "CollisionAvoidance")
 
 
@@ -60,7 +62,13 @@ class CollisionAvoidance:
                 danger = self._danger(ego, other, way)
                 if danger:
                     return Control(acceleration=-way * self.brake, reason=danger)
-        return Control()
+        return _NOTHING
+
+    def _in_range(self, ego: Participant, other: Participant, seen: Outlook) -> bool:
+        """Whether the gap is at most the sensor range; the distance of the boxes' centres, never less, mostly says so already."""
+        if math.hypot(seen.x, seen.y, vertical_gap(ego, other)) < self.sensor_range - _ROUNDING:
+            return True
+        return gap(ego, other) <= self.sensor_range
 
     def _danger(self, ego: Participant, other: Participant, way: float) -> str:
         """Why a participant is dangerous for an ego that drives forwards (way +1) or backwards (−1); empty where it is not."""
@@ -76,7 +84,7 @@ class CollisionAvoidance:
         if 0.0 < ahead >= safe_ahead:
             return ""
         safe_aside = safe_sideways(seen.y > 0.0, ego.vx * s - ego.vy * c, other.vx * s - other.vy * c, p)
-        if abs(aside) >= safe_aside or gap(ego, other) > self.sensor_range:  # the gap last: it takes longest
+        if abs(aside) >= safe_aside or not self._in_range(ego, other, seen):  # the range last: it takes longest
             return ""
         return (
             f"{other.name} is {ahead:.1f} m ahead and {abs(aside):.1f} m aside, "

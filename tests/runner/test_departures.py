@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from lxml import etree
 
 import runner
@@ -17,6 +20,7 @@ from runner.sut.scripted import Scripted
 from tests.commands import Command
 from tests.conformance.support import events
 from tests.runner.files import car, place, scenario
+from tests.runner.scene import put_free, scene
 
 LEFT, RIGHT = Control(steering=0.02), Control(steering=-0.02)
 
@@ -102,3 +106,21 @@ def test_an_activated_controller_that_is_nowhere_is_a_remark(tmp_path: Path) -> 
         path = scenario(tmp_path, active, entities=[car("Ego")], init=init)
         found = runner.run(path, sut="none", world="kinematic").remarks
         assert tuple(remark.rpartition(":")[0] for remark in found) == remarks
+
+
+@given(st.floats(0.0, 500.0), st.floats(-12.0, 12.0), st.floats(0.0, 1.0), st.floats(-math.pi, math.pi))
+def test_who_has_moved_less_than_its_clearance_is_still_on_the_road(x: float, y: float, share: float, way: float) -> None:
+    run = scene("Ego")
+    ego = put_free(run, "Ego", x, y)
+    if run.roads.is_off_road(ego):
+        return
+    clearance = max(run.roads.clearance(ego), 0.0)
+    ego.x, ego.y = x + share * clearance * math.cos(way), y + share * clearance * math.sin(way)
+    assert not run.roads.is_off_road(ego)
+
+
+def test_who_drives_in_the_middle_of_a_straight_road_has_clearance() -> None:
+    run = scene("Ego")
+    ego = put_free(run, "Ego", 100.0, -1.75)
+    assert not run.roads.is_off_road(ego)
+    assert run.roads.clearance(ego) > 1.0

@@ -1,4 +1,4 @@
-"""Conditions that are left alone while they can't change: the same answers as when all are looked at in each step."""
+"""Conditions and entities that are left alone while they can't change: the same as when all are looked at in each step."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runner
-from runner.conditions.by_entity import StandStillCondition
+from runner.conditions.by_entity import StandStillCondition, TraveledDistanceCondition
 from runner.conditions.by_value import SimulationTimeCondition
 from runner.conditions.comparison import RULES, Comparison
 from runner.contracts.condition import ByEntityCondition, Condition
+from runner.interpreter.simulation import Simulation
 from runner.interpreter.storyboard.triggers import EDGES, TimedCondition, Trigger
+from runner.motion.roads import Roads
 from tests.runner.scene import vehicle
 
 STEP = 0.1
@@ -115,17 +117,31 @@ def test_a_comparison_of_the_time_keeps_its_value_for_as_long_as_it_says(rule: s
 
 
 @given(st.floats(0.0, 3.0), st.lists(st.booleans(), min_size=2, max_size=150), st.integers(0, 149))
-def test_a_standstill_keeps_its_value_for_as_long_as_it_says(duration: float, stands: list[bool], begin: int) -> None:
-    """It may go on at any time, but can't have stood for longer than the time that has passed."""
+def test_a_standstill_keeps_its_value_until_somebody_has_stood_as_long(duration: float, stands: list[bool], begin: int) -> None:
     car = vehicle("a")
     condition = ByEntityCondition([car], False, StandStillCondition(duration))
-    until, before = -math.inf, False
+    until, before, due = -math.inf, False, False
     for step, still in enumerate(stands):
         car.standstill = car.standstill + 0.05 if still else 0.0
+        due = due or car.standstill >= car.patience
         run: Any = SimpleNamespace(time=round(step * 0.05, 9), dt=0.05, step_index=step)
         if step == begin:
-            until, before = condition.keeps(run), condition.evaluate(run)
-        assert step < begin or run.time >= until or condition.evaluate(run) == before
+            until, before, due = condition.keeps(run), condition.evaluate(run), False
+        assert step < begin or due or run.time >= until or condition.evaluate(run) == before
+
+
+@given(st.floats(0.0, 20.0), st.lists(st.sampled_from([0.0, 1e-9, 0.3, 1.0]), min_size=2, max_size=80), st.integers(0, 79))
+def test_a_distance_travelled_keeps_its_value_until_the_milestone(distance: float, ways: list[float], begin: int) -> None:
+    car = vehicle("a")
+    condition = ByEntityCondition([car], False, TraveledDistanceCondition(distance))
+    until, before, due = -math.inf, False, False
+    for step, way in enumerate(ways):
+        car.odometer += way
+        due = due or car.odometer >= car.milestone
+        run: Any = SimpleNamespace(time=round(step * 0.05, 9), dt=0.05, step_index=step)
+        if step == begin:
+            until, before, due = condition.keeps(run), condition.evaluate(run), False
+        assert step < begin or due or run.time >= until or condition.evaluate(run) == before
 
 
 @pytest.mark.parametrize(
@@ -139,14 +155,23 @@ def test_a_standstill_keeps_its_value_for_as_long_as_it_says(duration: float, st
         "TimeToCollisionCondition",
         "VariableModifyAction",
         "VariableSetAction",
+        "TraveledDistanceCondition",
+        "AcquirePositionAction",
+        "ConnectTrailerAction",
+        "EndOfRoadCondition",
+        "FollowTrajectoryAction",
+        "OffroadCondition",
+        "TeleportAction",
     ],
 )
-def test_runs_are_the_same_as_when_no_condition_is_left_alone(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_are_the_same_as_when_nothing_is_left_alone(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def played() -> runner.RunResult:
         return runner.run(SCENARIOS / f"{name}.xosc", sut="none", world="kinematic", max_time=20.0)
 
     resting = played()
     monkeypatch.setattr(Trigger, "_rest", lambda *_: None)
+    monkeypatch.setattr(Simulation, "_stay", lambda self, entity: self._move(entity, entity.controls.target_speed, self.dt))
+    monkeypatch.setattr(Roads, "clearance", lambda *_: 0.0)
     plain = played()
     assert resting.events == plain.events
     assert resting.recording.table().equals(plain.recording.table())

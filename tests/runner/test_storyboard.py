@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -25,6 +26,9 @@ class Script:
 
     def fires(self, sim: Board) -> bool:
         return sim.step in self.steps
+
+    def rests(self, sim: Board) -> float:
+        return -math.inf
 
     def rearm(self) -> None:
         self.resets += 1
@@ -72,6 +76,11 @@ class Board:
         self.group = ManeuverGroup("G", self.act, group_maximum, [], False)
         self.maneuver = Maneuver("M", self.group)
         self._next: list[Any] = []
+        self.changes = 0
+
+    @property
+    def time(self) -> float:
+        return 0.1 * self.step
 
     def event(self, name: str, trigger: Any, steps: Iterable[int | None], priority: str = "parallel", maximum: int = 1) -> Event:
         event = Event(name, self.maneuver, priority, maximum)

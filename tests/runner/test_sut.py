@@ -9,9 +9,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import runner
 from runner.measures.rss import PARAMETERS, lateral_distance, longitudinal_distance
+from runner.participants.boxes import gap as gap_between
+from runner.participants.boxes import outlook
 from runner.participants.declaration import BoundingBox
 from runner.surroundings.environment import Environment
 from runner.sut import Control, Observation, Participant, find_system, load_system, system_name
@@ -195,6 +199,13 @@ WALKER = BoundingBox(0.0, 0.0, 0.9, 0.4, 0.6, 1.8)
 def entity(name: str, x: float, y: float, vx: float, vy: float = 0.0, h: float = 0.0, box: BoundingBox = CAR) -> Participant:
     speed = vx * math.cos(h) + vy * math.sin(h)
     return Participant(name, "vehicle", "car", box, x=x, y=y, h=h, speed=speed, vx=vx, vy=vy)
+
+
+@given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.floats(-4.0, 4.0), st.floats(0.0, 15.0), st.sampled_from([CAR, WALKER]))
+def test_cas_sees_as_far_as_the_gap_says(x: float, y: float, h: float, sensor_range: float, box: BoundingBox) -> None:
+    ego, other = entity("Ego", 0, 0, 5), entity("Other", x, y, 0, h=h, box=box)
+    system = CollisionAvoidance(sensor_range=sensor_range)
+    assert system._in_range(ego, other, outlook(ego, other)) == (gap_between(ego, other) <= sensor_range)
 
 
 def brakes(ego: Participant, *others: Participant, **parameters: Any) -> float | None:

@@ -6,6 +6,7 @@ the states as they were when the step began, so the order of elements in the fil
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -243,6 +244,10 @@ class Storyboard:
         """acts whose triggers are to be looked at"""
         self._waiting: list[Event] | None = None
         """events that wait for their triggers; None where elements have changed since these were found"""
+        self._triggers: list[Trigger] = []
+        """all triggers that are to be looked at"""
+        self._until, self._changes = -math.inf, 0
+        """the time until which all triggers rest while `Run.changes` is this"""
 
     @property
     def acts(self) -> list[Act]:
@@ -283,12 +288,15 @@ class Storyboard:
     def changed(self) -> None:
         """To be called when an element has changed its state: others may have triggers to look at."""
         self._waiting = None
+        self._until = -math.inf
 
     def evaluate(self, run: StoryboardRun) -> bool:
         """One step of triggers; true when the storyboard's stop trigger ends the run.
 
         All triggers look at the same instant: no event starts before every waiting one has been looked at.
         """
+        if run.time < self._until and run.changes == self._changes:
+            return False
         if self.stop_trigger is not None and self.stop_trigger.fires(run):
             for story in self.stories:
                 story.stop(run, self.stop_trigger.reason)
@@ -299,11 +307,28 @@ class Storyboard:
             act.evaluate(run)
         if self._waiting is None:
             self._waiting = [event for act in self.acts for event in act.waiting()]
+            self._triggers = [*self._looked_at()]
         due = [event for event in self._waiting if event.due(run)]
         for event in due:
             if event.waits:
                 event.begin(run)
+        self._changes, self._until = run.changes, self._rest(run)
         return self.ends_with_stories and all(story.state is ElementState.COMPLETE for story in self.stories)
+
+    def _looked_at(self) -> Iterator[Trigger]:
+        running = [act.stop_trigger if act.state is ElementState.RUNNING else act.trigger for act in self._looking]
+        for trigger in (self.stop_trigger, *running, *(event.trigger for event in self._waiting or ())):
+            if trigger is not None:
+                yield trigger
+
+    def _rest(self, run: StoryboardRun) -> float:
+        """Time (s) until which all triggers rest while `run.changes` stays; in the past where one of them does not."""
+        until = -math.inf if self._waiting is None else math.inf
+        for trigger in self._triggers:
+            until = min(until, trigger.rests(run))
+            if until <= run.time:
+                break
+        return until
 
 
 def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[Entity | None, ActionElement]]:

@@ -202,6 +202,11 @@ class Trigger:
         self.reason = " and ".join(condition.describe(run) for condition in fired)
         return True
 
+    def rests(self, run: Instant) -> float:
+        """Time (s) until which it does not fire, whoever asks, while `run.changes` stays; in the past where that is not known."""
+        known = self._resting and not self._looking and self._changes == run.changes
+        return self._until if known else -math.inf
+
     def _look_at_all(self) -> None:
         """Evaluate all conditions from now on."""
         self._next, self._pause = 0, _SLEEPLESS
