@@ -11,14 +11,12 @@ from generation.outcomes.outcomes import Outcomes
 from generation.outcomes.references import survivors
 from generation.search.diversity import apart, distinctive, diverse
 from generation.search.problem import Calls, History, Plays, Problem
-from generation.search.surrogate import Surrogate
+from generation.search.surrogate import FEW, ROUND, Surrogate
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
-PACE = 24.0
+PACE = 96.0
 """Points asked about for each run, without a twin"""
-_ROUND = 20
-"""Runs after which their outcomes are learnt"""
 
 
 class Tried(NamedTuple):
@@ -108,8 +106,8 @@ class Screen:
 
     def _run(self, theta: FloatArray) -> Tried:
         unit, tried = self._unit(theta), np.zeros(len(theta), bool)
-        most = min(round(self._asked / self._pace) - len(self._surrogate), self.left)
-        while most > 0 and len(chosen := self._promising(unit, tried, min(most, _ROUND))):
+        most = min(max(round(self._asked / self._pace), FEW) - len(self._surrogate), self.left)
+        while most > 0 and len(chosen := self._promising(unit, tried, min(most, ROUND))):
             found = self._calls(theta[chosen]).outcomes
             self._surrogate.learn(unit[chosen], found)
             self._learn(theta[chosen], found.collision & found.executed)

@@ -27,6 +27,7 @@ class Archive:
 
     Attributes:
         parents: the archive of ribs, for its emitters.
+        failures: how many points that fail it was given.
     """
 
     def __init__(self, frame: Frame, measures: int, seed: int) -> None:
@@ -35,16 +36,16 @@ class Archive:
             solution_dim=frame.dimension, measure_dim=measures, k_neighbors=1, novelty_threshold=_NOVEL, local_competition=True,
             seed=seed,
         )  # fmt: skip
-        self._scores, self._failures = np.empty(0), 0
+        self._scores, self.failures = np.empty(0), 0
 
     def add(self, theta: FloatArray, scores: FloatArray) -> None:
         """Take points (n, d) with scores (n,) as parents: the best so far, or the failures alone once they are enough."""
         failing = scores >= 1.0
-        before, self._failures = self._failures, self._failures + int(failing.sum())
+        before, self.failures = self.failures, self.failures + int(failing.sum())
         if before < _ENOUGH:
             self._scores = np.concatenate([self._scores, scores])
             failing |= scores >= float(np.quantile(self._scores, _BEST))
-            if self._failures >= _ENOUGH:
+            if self.failures >= _ENOUGH:
                 self._forget()
                 failing = scores >= 1.0
         if failing.any():

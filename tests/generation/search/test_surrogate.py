@@ -21,6 +21,14 @@ def test_points_near_failures_come_first() -> None:
     assert x[300:][order[-10:], 0].max() < 0.25
 
 
+def test_failures_that_depend_on_a_difference_come_first_even_beside_near_misses() -> None:
+    x = np.random.default_rng(0).random((600, 6))
+    faster = x[:, 0] - x[:, 1]
+    surrogate = Surrogate()
+    surrogate.learn(x[:300], Outcomes.of(300, collision=faster[:300] > 0.5, max_drac=8.0 * (x[:300, 2] > 0.5)))
+    assert (faster[300:][surrogate.ranked(x[300:])[:20]] > 0.5).mean() >= 0.9
+
+
 def test_a_point_is_like_the_nearest_run() -> None:
     surrogate = Surrogate()
     np.testing.assert_array_equal(surrogate.ranked(np.zeros((3, 2))), [0, 1, 2])
