@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import Self
 
 import numpy as np
+from sklearn.mixture import GaussianMixture
+from threadpoolctl import threadpool_limits
 
 from generation.density.base import Density, Whitening
 from generation.density.components import Components
-from generation.density.maximisation import Maximisation
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 
 DENSITY = {"class": "Mixture", "title": "Gaussian mixture (BIC)"}
 _MOST, _STARTS = 8, 3
+_RIDGE = 1e-3
+"""Least variance of a component along any axis, where the samples' is 1."""
 
 
 class Mixture(Density):
@@ -35,30 +38,37 @@ class Mixture(Density):
         if most < (self.components or 1):
             raise UsageError(f"{len(theta)} samples are too few for a mixture of {self.components} components")
         self._whitening = Whitening.of(theta)
-        samples = Maximisation(self._whitening.forward(theta))
-        components = self.components or self._number(samples, len(theta), min(most, _MOST))
-        self._white = samples.likeliest(components, _STARTS, self.seed).gaussians
+        white = self._whitening.forward(theta)
+        with threadpool_limits(1):  # matrices this small lose far more by handing out work than more threads bring
+            self._model = self._from(_STARTS, self.components or self._likeliest(white, min(most, _MOST)), white)
 
-    def _number(self, samples: Maximisation, n: int, most: int) -> int:
-        return min(range(1, most + 1), key=lambda components: samples.likeliest(components, 1, self.seed).bic(n))
+    def _from(self, starts: int, components: int, white: FloatArray) -> GaussianMixture:
+        return GaussianMixture(components, reg_covar=_RIDGE, n_init=starts, random_state=self.seed).fit(white)
+
+    def _likeliest(self, white: FloatArray, most: int) -> int:
+        return min(range(1, most + 1), key=lambda components: self._from(1, components, white).bic(white))
 
     def again(self, rows: int) -> Self:
         """One of as many components, or as many as the rows suffice for."""
-        means = self._white.means
+        means = self._model.means_
         return type(self)(min(len(means), _most(rows, means.shape[1])), self.seed)
 
     def log_density(self, theta: FloatArray) -> FloatArray:
         """log p of rows (n, d): (n,)."""
-        return self._white.log_density(self._whitening.forward(theta)) + self._whitening.log_jacobian
+        density: FloatArray = self._model.score_samples(self._whitening.forward(theta)) + self._whitening.log_jacobian
+        return density
 
     @property
     def gaussians(self) -> Components:
         """The mixture's."""
-        return self._whitening.gaussians(self._white.log_weights, self._white.means, self._white.covariances)
+        return self._whitening.gaussians(np.log(self._model.weights_), self._model.means_, self._model.covariances_)
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d)."""
-        return self._whitening.back(self._white.sample(n, generator))
+        drawn = generator.choice(len(self._model.weights_), size=n, p=self._model.weights_)
+        factors = np.linalg.cholesky(self._model.covariances_)[drawn]
+        noise = generator.standard_normal((n, factors.shape[1], 1))
+        return self._whitening.back(self._model.means_[drawn] + (factors @ noise)[..., 0])
 
 
 def _most(n: int, d: int) -> int:

@@ -27,7 +27,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from recognition.encoder.training import deterministic
-from recognition.trfe.discovery.adam import Adam
 from recognition.trfe.samples import Features
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
@@ -182,7 +181,7 @@ def cluster(
     with deterministic(seed):
         torch.set_num_threads(config.threads)
         heads = _heads(backbone, samples, anchors, truth, novel, config, seed)
-        optimiser = Adam(heads.parameters(), config.rate)
+        optimiser = torch.optim.Adam(heads.parameters(), lr=config.rate)
         for epoch in range(config.epochs):
             alike = pairs(lambda: _batched(backbone, samples, config.batch).numpy())
             losses[epoch] = _epoch(heads, optimiser, _Data(samples, alike, anchors, truth), epoch, config, augment)
@@ -226,7 +225,9 @@ def _nearest(centres: Tensor, features: Tensor, assigned: Tensor) -> nn.Linear:
     return layer
 
 
-def _epoch(heads: Heads, optimiser: Adam, data: _Data, epoch: int, config: Clustering, augment: Augment) -> FloatArray:
+def _epoch(
+    heads: Heads, optimiser: torch.optim.Optimizer, data: _Data, epoch: int, config: Clustering, augment: Augment
+) -> FloatArray:
     """One pass over the unknown samples, with as many labelled ones beside them; mean losses L_ce, L_clu, L_con."""
     total = torch.zeros(3)
     for batch in torch.randperm(len(data.samples)).split(config.batch):
@@ -242,7 +243,9 @@ def _epoch(heads: Heads, optimiser: Adam, data: _Data, epoch: int, config: Clust
             clustering_loss(p[:count], p_other[:count], Pairs(data.pairs.targets[chosen], data.pairs.counts[chosen])),
             functional.mse_loss(q, q_other) + functional.mse_loss(p, p_other),
         )
-        optimiser.step(losses[0] + losses[1] + consistency_weight(epoch, config) * losses[2])
+        optimiser.zero_grad()
+        (losses[0] + losses[1] + consistency_weight(epoch, config) * losses[2]).backward()
+        optimiser.step()
         total += torch.stack(losses).detach() * count
     return (total / len(data.samples)).double().numpy()
 

@@ -11,11 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import gaussian_kde, multivariate_normal
-from sklearn.mixture import GaussianMixture
 
 from generation.density.base import Density, Whitening, folds
 from generation.density.fitting import fitted, held_out, others
-from generation.density.maximisation import Maximisation
 from generation.density.model import JUDGE, judge, model, models
 from generation.density.models.flow import Couplings, Flow
 from generation.density.models.gaussian import Gaussian
@@ -106,22 +104,6 @@ def test_mixture_finds_how_many_clusters_there_are() -> None:
     assert len(Mixture().fit(clustered).gaussians.means) == 3
     assert len(Mixture().fit(normal(300)).gaussians.means) == 1
     assert len(Mixture(2).fit(normal(300)).gaussians.means) == 2
-
-
-@pytest.mark.parametrize(("components", "starts"), [(1, 1), (3, 1), (4, 3)])
-def test_mixtures_are_those_of_scikit_learn(components: int, starts: int) -> None:
-    generator = np.random.default_rng(1)
-    rows = np.concatenate([generator.multivariate_normal(centre, COVARIANCE, 60) for centre in (MEAN, MEAN + 9.0, MEAN - 4.0)])
-    white = Whitening.of(rows).forward(rows)
-    found = Maximisation(white).likeliest(components, starts, seed=0)
-    theirs = GaussianMixture(components, reg_covar=1e-3, n_init=starts, random_state=0).fit(white)
-    assert np.allclose(found.gaussians.means, theirs.means_, atol=1e-9)
-    assert np.allclose(found.gaussians.covariances, theirs.covariances_, atol=1e-9)
-    assert np.allclose(np.exp(found.gaussians.log_weights), theirs.weights_)
-    assert np.allclose(found.gaussians.log_density(white), theirs.score_samples(white))
-    likelihood = theirs.score(white)
-    assert found.log_likelihood == pytest.approx(likelihood, abs=1e-3)
-    assert found.bic(len(white)) - 2 * len(white) * (likelihood - found.log_likelihood) == pytest.approx(theirs.bic(white))
 
 
 def test_whitening_is_undone() -> None:
