@@ -16,6 +16,7 @@ from lxml import etree
 
 import xodr
 from schemas.errors import InvalidFile, UsageError
+from tests.conftest import SHARED
 from xodr import builders, sumo_net
 from xodr.builders import RoadMap
 from xodr.sumo_net import SumoNet, Track, convert
@@ -136,7 +137,7 @@ def test_lanes_keep_identity_and_geometry(name: str, rule: str, tmp_path: Path) 
 
 
 def corpus_roads() -> list[str]:
-    folder = Path(__file__).resolve().parents[3] / "shared" / "corpora"
+    folder = SHARED / "corpora"
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*.xodr"))
 
 
