@@ -28,6 +28,7 @@ from schemas.commands.options import (
     parameters_of,
     progress_bar,
 )
+from schemas.commands.wording import many
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -201,10 +202,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     yield f"{scenario.name}: {settings.method} against {settings.run.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
     failed = len(outcomes) - int(outcomes.executed.sum())
     if failed:
-        yield f"  {failed} runs failed, the first with: {_first_error(outcomes)}"
+        yield f"  {many(failed, 'run')} failed, the first with: {_first_error(outcomes)}"
     if len(outcomes):
         collisions, risk = outcomes.collision.mean(), outcomes.r_risk.mean()
-        yield f"  {len(outcomes)} runs: {collisions:.1%} collisions, mean R_risk {risk:.3f}; {_prior(generated)}"
+        yield f"  {many(len(outcomes), 'run')}: {collisions:.1%} collisions, mean R_risk {risk:.3f}; {_prior(generated)}"
     else:
         yield f"  no runs: nothing that is foreseeable and preventable fails on the twin; {_prior(generated)}"
     if 0 < len(outcomes) < settings.budget:
@@ -215,11 +216,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if generated.gate.refusal is not None:
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
     collision = cases.outcomes.collision
-    found = "1 edge case" if len(cases) == 1 else f"{len(cases)} edge cases"
     worth = (
         f", {int(collision.sum())} of them foreseeable and preventable collisions" if len(cases) else f": {_nothing(generated)}"
     )
-    yield f"  {found}{worth}"
+    yield f"  {many(len(cases), 'edge case')}{worth}"
     survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"
@@ -230,7 +230,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield from (f"  {line}" for line in generated.estimate.lines())
     yield from (f"  {path}" for path in generated.files[:_LISTED])
     if len(generated.files) > _LISTED:
-        yield f"  and {len(generated.files) - _LISTED} more files in {generated.files[0].parent}"
+        yield f"  and {many(len(generated.files) - _LISTED, 'more file')} in {generated.files[0].parent}"
 
 
 def _nothing(generated: Generated) -> str:

@@ -20,6 +20,7 @@ from generation.outcomes.evaluator import Evaluate
 from generation.outcomes.outcomes import Outcomes
 from generation.outcomes.references import Drivers, survivors
 from generation.search.problem import Plays
+from schemas.commands.wording import many
 from xodr.array_types import BoolArray, FloatArray
 
 RUNS = 600
@@ -70,10 +71,12 @@ class Estimate(NamedTuple):
 
     def lines(self) -> Iterator[str]:
         """For people."""
-        origin = f"draws around {self.known} failures" if self.known else "draws of the prior, as too few failures are known"
-        yield f"P(failure | manoeuvre), 95 % intervals, {self.runs} runs: {origin}"
+        origin = (
+            f"draws around {many(self.known, 'failure')}" if self.known else "draws of the prior, as too few failures are known"
+        )
+        yield f"P(failure | manoeuvre), 95 % intervals, {many(self.runs, 'run')}: {origin}"
         if self.failed:
-            yield f"  {self.failed} more runs failed, and count for nothing"
+            yield f"  {many(self.failed, 'more run')} failed, and count for nothing"
         for name, found in self.probabilities.items():
             yield f"  {name}: {found}"
             yield from (f"    {unit}: {rate}" for unit, rate in self.rates(name).items())

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 NAME = "xosc-loop"
 _EPILOG = (
-    "Exit codes: 0 the page is written, 1 it is, but a scenario in the folder, or a file made, is not valid (with --against, "
-    "also: a failure is new or still there), 2 wrong usage, 3 invalid file, 4 valid file that asks for something that is not "
-    "done here, 5 internal error."
+    "Exit codes: 0 the page is written, 1 it is, but a recording or scenario in the folder, or a file made, is not valid (with "
+    "--against, also: a failure is new or still there), 2 wrong usage, 3 invalid file, 4 valid file that asks for something that "
+    "is not done here, 5 internal error."
 )
 
 app = new_app()
@@ -84,7 +84,7 @@ def xosc_loop(
     --against compares with a loop of another version of the system: the failures of its edge cases are replayed, and are fixed or
     still there; those found now that are unlike them are new.
 
-    Scenarios that can't be read, run or searched are listed with the reason; the others go on.
+    Recordings that can't be read, and scenarios that can't be read, run or searched are listed with the reason; the others go on.
 
     --recorded, --kind, --pin, --free, --map, --road-path and --catalog-path are about the scenarios in the folder, as in
     xosc-generate.
@@ -107,7 +107,7 @@ def xosc_loop(
         if not quiet:
             print("\n".join(closing(found)), f"{page} shows all of it", sep="\n")
     failing = found.against is not None and found.against.counts.fails(*wanted)
-    raise typer.Exit(1 if found.checked.problems or failing else 0)
+    raise typer.Exit(1 if found.checked.problems or found.recognised.failures or failing else 0)
 
 
 def _model(labels: str, model: Path | None) -> Path | None:
@@ -133,13 +133,12 @@ def _refuse_wrong(settings: LoopSettings) -> None:
 
 
 def _told(quiet: bool, stage: Stage, found: Finding, seconds: float | None) -> None:
-    """A line for each finished stage."""
-    if quiet:
-        return
+    """A line for each finished stage, and what it could not do."""
     from generation.loop.messages import summary
 
-    when = "done before" if seconds is None else f"{seconds:.1f} s"
-    print(f"{when:>11}  {summary(stage, found)}", flush=True)
+    if not quiet:
+        when = "done before" if seconds is None else f"{seconds:.1f} s"
+        print(f"{when:>11}  {summary(stage, found)}", flush=True)
     for name, error in found.failures.items():
         print(f"{NAME}: {name}: {error}", file=sys.stderr)
 

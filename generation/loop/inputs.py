@@ -14,7 +14,7 @@ from generation.outcomes.inputs import files
 from recognition import datasets
 from recognition.datasets import Source
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile, ToolchainError
+from schemas.errors import InvalidFile, ToolchainError, UsageError
 from schemas.storage import digest
 
 
@@ -36,14 +36,21 @@ class Inputs(NamedTuple):
         """Look through a folder and all below it.
 
         Raises:
-            InvalidFile: it does not exist, holds neither recordings nor scenarios, or a recording in it is malformed.
+            UsageError: it is a file.
+            InvalidFile: it does not exist, or holds neither recordings nor scenarios.
         """
+        if folder.is_file():
+            raise UsageError("a folder is expected, with recordings or scenarios in it", path=folder)
+        if not folder.exists():
+            raise InvalidFile("no such folder", path=folder)
         scenarios = [path for path in sorted(folder.rglob("*.xosc")) if not path.is_dir() and not _is_catalog(path)]
         try:
             recordings = datasets.open(folder).sources
         except InvalidFile as error:
-            if not scenarios or error.path != str(folder):  # a path of its own is that of a malformed file
+            if error.path != str(folder):  # a recording whose name no scenario can have
                 raise
+            if not scenarios:
+                raise InvalidFile(f"{error.message}, and no scenario (.xosc)", path=folder) from None
             recordings = []
         return cls(folder, recordings, scenarios)
 

@@ -125,8 +125,10 @@ class _Loop:
             make = partial(recognising.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
             found = self._once(Stage("recognise"), Recognised, make, self._recorded, (catalogue, model))
             table = self._out / UNITS
-            measure = partial(recognising.units, self._inputs.recordings, table, self._bar)
-            self._once(Stage("measure"), Measured, measure, self._recorded, (table,))
+            read = [each for each in self._inputs.recordings if each.name not in found.failures]
+            measure = partial(recognising.units, read, table, self._bar)
+            measured = self._once(Stage("measure"), Measured, measure, self._recorded, (table,))
+            found = replace(found, failures=found.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
         names = self._inputs.names

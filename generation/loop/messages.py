@@ -18,6 +18,7 @@ from generation.loop.stages.findings import (
     Searched,
 )
 from generation.loop.stages.finished import Stage
+from schemas.commands.wording import many
 
 _STATES = {"passed": "passed", "failed": "failed", "error": "with errors"}
 
@@ -36,7 +37,7 @@ def closing(found: LoopResult) -> Iterator[str]:
         reasons.setdefault(refused.reason, []).append(refused.title)
     yield from (f"not searched: {', '.join(titles)}: {reason}" for reason, titles in reasons.items())
     avoidable = sum(case.avoidable for case in cases)
-    yield f"{len(cases)} edge cases, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
+    yield f"{many(len(cases), 'edge case')}, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
     if found.against is not None:
         yield f"against {found.against.sut} in {found.against.folder}: {found.against.counts}"
         for each in found.against.compared:
@@ -47,7 +48,7 @@ def prior(of: Prior) -> str:
     """Whose parameters a density is of."""
     if not of.manoeuvres:
         return "what is stated, without recordings"
-    return f"{of.manoeuvres} manoeuvres {'of these recordings' if of.own else 'shipped with the package'}"
+    return f"{many(of.manoeuvres, 'manoeuvre')} {'of these recordings' if of.own else 'shipped with the package'}"
 
 
 @singledispatch
@@ -58,7 +59,7 @@ def _line(found: Finding) -> str:
 @_line.register
 def _recognised(found: Recognised) -> str:
     states = ", ".join(f"{count} {state}" for state, count in found.states.items())
-    return f"{sum(found.classes.values())} scenarios recognised: {states or 'none'}"
+    return f"{many(sum(found.classes.values()), 'scenario')} recognised: {states or 'none'}"
 
 
 @_line.register
@@ -71,23 +72,24 @@ def _searched(found: Searched) -> str:
     if found.error:
         return f"{found.title} was not searched: {found.error}"
     return (
-        f"{found.title}: {found.calls} runs, {found.collisions} collisions, {found.distinct} of them unlike "
-        f"each other ({found.new} new), {len(found.cases)} edge cases written; density of {prior(found.prior)}"
+        f"{found.title}: {many(found.calls, 'run')}, {many(found.collisions, 'collision')}, {found.distinct} of them unlike "
+        f"each other ({found.new} new), {many(len(found.cases), 'edge case')} written; density of {prior(found.prior)}"
     )
 
 
 @_line.register
 def _ran(found: Ran) -> str:
     states = [run.state for runs in found.files.values() for run in runs]
-    return f"{len(states)} runs: " + ", ".join(f"{states.count(state)} {word}" for state, word in _STATES.items())
+    return f"{many(len(states), 'run')}: " + ", ".join(f"{states.count(state)} {word}" for state, word in _STATES.items())
 
 
 @_line.register
 def _labelled(found: Labelled) -> str:
-    return f"{sum(map(len, found.runs.values()))} scenarios recognised about the ego in {len(found.runs)} runs of edge cases"
+    labels, runs = sum(map(len, found.runs.values())), len(found.runs)
+    return f"{many(labels, 'scenario')} recognised about the ego in {many(runs, 'run')} of edge cases"
 
 
 @_line.register
 def _checked(found: Checked) -> str:
-    problems = f"{len(found.problems)} problems, the first: {found.problems[0]}" if found.problems else "all valid"
-    return f"{found.files} files checked, {problems}"
+    problems = f"{many(len(found.problems), 'problem')}, the first: {found.problems[0]}" if found.problems else "all valid"
+    return f"{many(found.files, 'file')} checked, {problems}"

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
+from types import ModuleType
+from typing import NoReturn
 
 from recognition.datasets.source import DataSet, Source
 from schemas import discovery
@@ -44,8 +47,7 @@ def _find(path: Path, roads: Path) -> list[Source]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     by_content = discovery.described(FORMATS, "BY_CONTENT")
     formats = [import_module(f"{FORMATS}.{name}") for name in sorted(by_content, key=lambda name: by_content[name])]
-    claimed = ((file, next((each for each in formats if each.claims(file)), None)) for file in files)
-    found = _told_apart([source for file, form in claimed if form is not None for source in form.sources(file, roads)], path)
+    found = _told_apart([source for file in files for source in _sources(file, formats, roads)], path)
     if not found:
         known = ", ".join(discovery.described(FORMATS, "TITLE").values())
         raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
@@ -53,6 +55,19 @@ def _find(path: Path, roads: Path) -> list[Source]:
         if not source.name.isprintable():
             raise InvalidFile(f"the name of recording {source.name!r} has characters that can't be printed", path=source.path)
     return found
+
+
+def _sources(file: Path, formats: Sequence[ModuleType], roads: Path) -> list[Source]:
+    """The recordings in a file. One that can't be read may be a recording or not: a source that says so when it is loaded."""
+    try:
+        form = next((each for each in formats if each.claims(file)), None)
+        return form.sources(file, roads) if form is not None else []
+    except InvalidFile as error:
+        return [Source(file.name, file.stem, "", file, partial(_fail, error))]
+
+
+def _fail(error: InvalidFile) -> NoReturn:
+    raise error
 
 
 def _told_apart(sources: list[Source], folder: Path) -> list[Source]:

@@ -100,7 +100,7 @@ class Source:
     Args:
         name: unique in its data set; splits into training and test data go by it.
         site: where it was recorded; sources of one site share a map.
-        format: name of the format.
+        format: name of the format; empty where the file can't be read far enough to tell.
         path: its main file.
         read: reads it.
         road: makes the site's road in a folder, from the recording and what the data set has instead of OpenDRIVE; None where it
@@ -148,7 +148,7 @@ class DataSet:
         """The recordings, in the order of their files.
 
         Raises:
-            InvalidFile: no recording of a known format is there; a table can't be read, so that it may be a recording or not;
-                or an index that has to be read is malformed.
+            InvalidFile: no recording of a known format is there, or the name of one can't be printed. A table or index that can't
+                be read, so that it may be a recording or not, is a source that says so when it is loaded.
         """
         return self.find()

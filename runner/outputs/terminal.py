@@ -8,6 +8,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from schemas.commands.wording import many
+
 if TYPE_CHECKING:
     from runner.batch.jobs import Outcome
 
@@ -87,7 +89,7 @@ class Table:
         if outcome.message and outcome.state != "error":
             how = ": ".join(filter(None, (how, outcome.message)))
         if outcome.remarks:
-            how += f" ({_many(len(outcome.remarks), 'remark')})"
+            how += f" ({many(len(outcome.remarks), 'remark')})"
         return f"{word}{name:{width}}  {end:>9}  {how}"
 
     def close(self) -> None:
@@ -103,11 +105,11 @@ class Table:
         if runs < 2:
             return
         for (state, cause), names in sorted(self._groups.items(), key=lambda group: list(_WORDS).index(group[0][0])):
-            self._print(f"{_WORDS[state]}, {_many(len(names), 'run')}: {cause}")
+            self._print(f"{_WORDS[state]}, {many(len(names), 'run')}: {cause}")
             more = [f"and {len(names) - _LISTED} more"] if len(names) > _LISTED else []
             self._print("\n".join(f"    {name}" for name in names[:_LISTED] + more))
         counts = ", ".join(f"{count} {state}" for state, count in self._counts.items() if count)
-        text = f"{_many(runs, 'file' if self._counts['loaded'] else 'run')}: {counts}"
+        text = f"{many(runs, 'file' if self._counts['loaded'] else 'run')}: {counts}"
         self._print(f"{_BOLD}{text}{_OFF}" if self._terminal else text)
 
     def _print(self, text: str) -> None:
@@ -121,10 +123,6 @@ def _cause(outcome: Outcome) -> str:
     """Why a run failed, without the numbers and the file in which failures of one kind differ."""
     first = outcome.message.partition("; ")[0]
     return _NUMBER.sub("…", first.removeprefix(str(outcome.job.scenario)).removeprefix(str(outcome.job.source)).lstrip(": "))
-
-
-def _many(count: int, one: str) -> str:
-    return f"{count} {one}" if count == 1 else f"{count} {one}s"
 
 
 def _duration(seconds: float) -> str:

@@ -32,7 +32,6 @@ from recognition.datasets.tables.table import Table, column_names, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import Kind
 from runner.recording import Recording, Track
-from schemas.errors import InvalidFile
 from xodr.array_types import BoolArray, FloatArray
 
 FORMAT = "INTERACTION"
@@ -76,7 +75,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
     named = _FIRST_LAYOUT.fullmatch(path.name)
     site = path.parent.name if named else _SPLIT.sub("", path.stem)
     lanelets = _map(path, site)
-    if _has_cases(path):
+    if "case_id" in column_names(path):
         cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
         names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
         return [
@@ -100,14 +99,6 @@ def _road(
 ) -> Callable[[Recording, Path], SiteRoad] | None:
     """Makes the road of the Lanelet2 map, if there is one. TAF-BW's maps have no lights, but files with their phases."""
     return None if lanelets is None else lambda _, folder: SiteRoad(converted(lanelets, origin, folder), signalised=signalised)
-
-
-def _has_cases(path: Path) -> bool:
-    """Whether a file holds many cases. One that can't be read says so when it is loaded, so that others beside it are read."""
-    try:
-        return "case_id" in column_names(path)
-    except InvalidFile:
-        return False
 
 
 def _map(path: Path, site: str) -> Path | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from generation.logical.library import SCENARIOS
+from generation.loop.cli import main
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
 from generation.loop.messages import closing
@@ -59,17 +60,39 @@ def test_scenarios_alone_are_enough(tmp_path: Path) -> None:
     assert Inputs.of(tmp_path).recordings == []
 
 
-def test_a_recording_that_is_no_table_is_named_though_there_are_scenarios(tmp_path: Path) -> None:
-    scenario(tmp_path, stop=1.0)
-    (tmp_path / "tracks.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InvalidFile, match=r"tracks\.csv"):
-        Inputs.of(tmp_path)
+def test_recordings_that_cannot_be_read_are_listed_and_the_rest_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = tmp_path / "mine", tmp_path / "out"
+    write_motorway(folder / "cut")
+    tracks = folder / "cut" / "01_tracks.csv"
+    tracks.write_bytes(tracks.read_bytes()[:3000])
+    (folder / "notes.csv").write_bytes(b"\xff\xfe\x00")
+    (folder / "half.tar.xz").write_bytes(b"\xfd7zXZ\0")
+    scenario(folder, stop=0.2)
+    monkeypatch.setattr("sys.argv", ["xosc-loop", str(folder), "--out", str(out), "--labels", "rules", "--quiet"])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 1
+    told = capsys.readouterr().err.splitlines()
+    reasons = {"cut/01": "values in a table", "half.tar.xz": "no tar archive", "notes.csv": "not UTF-8 text"}
+    for line, (name, reason) in zip(told, reasons.items(), strict=True):
+        assert line.startswith(f"xosc-loop: {name}: ")
+        assert reason in line
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert all(f"/{name}" in page for name in ("notes.csv:1", "half.tar.xz", "01_tracks.csv:"))
+    assert (out / "scenarios" / "scenario" / "replay.html").is_file()
 
 
 def test_a_folder_with_neither_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("nothing")
-    with pytest.raises(InvalidFile, match="no recording of a known format"):
+    with pytest.raises(InvalidFile, match=r"no recording of a known format .*, and no scenario"):
         Inputs.of(tmp_path)
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="a folder is expected"):
+        Inputs.of(scenario(tmp_path, stop=1.0))
 
 
 def test_the_output_may_not_be_among_the_recordings(tmp_path: Path) -> None:

@@ -42,19 +42,19 @@ FINDINGS: list[tuple[Finding, str]] = [
             parameters=[Range("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, collisions=5, distinct=4, new=3,
             cases=[CASE], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
         ),
-        "highway cut in: 20 runs, 5 collisions, 4 of them unlike each other (3 new), 1 edge cases written; "
+        "highway cut in: 20 runs, 5 collisions, 4 of them unlike each other (3 new), 1 edge case written; "
         "density of 40 manoeuvres of these recordings",
     ),
     (
         Searched(round=1, target="x", title="x", scenario="x", prior=Prior(40, own=False), error="no box"),
         "x was not searched: no box",
     ),
-    (Ran(files={"a.xosc": [RUN]}), "1 runs: 0 passed, 1 failed, 0 with errors"),
+    (Ran(files={"a.xosc": [RUN]}), "1 run: 0 passed, 1 failed, 0 with errors"),
     (
         Labelled(runs={"a": [LabelledScenario("highway cut in", "cut_in/one.xosc")]}),
-        "1 scenarios recognised about the ego in 1 runs of edge cases",
+        "1 scenario recognised about the ego in 1 run of edge cases",
     ),
-    (Checked(files=2, problems=["a.xosc:1: wrong"]), "2 files checked, 1 problems, the first: a.xosc:1: wrong"),
+    (Checked(files=2, problems=["a.xosc:1: wrong"]), "2 files checked, 1 problem, the first: a.xosc:1: wrong"),
 ]  # fmt: skip
 
 

@@ -97,13 +97,16 @@ def test_path_that_is_not_there_is_refused(tmp_path: Path) -> None:
         ("07_tracksMeta.csv", b"", ":1: the file is empty"),
     ],
 )
-def test_table_that_nobody_can_read_is_refused_and_not_passed_over(
+def test_table_that_nobody_can_read_is_named_when_it_is_loaded_and_not_passed_over(
     tmp_path: Path, name: str, content: bytes, complaint: str
 ) -> None:
     mixed(tmp_path)
+    before = len(datasets.open(tmp_path).sources)
     (tmp_path / name).write_bytes(content)
+    found = {source.name: source for source in datasets.open(tmp_path).sources}
+    assert len(found) == before + 1
     with pytest.raises(InvalidFile, match=rf"{name}{complaint}"):
-        _ = datasets.open(tmp_path).sources
+        found[name].load()
 
 
 def test_track_file_that_nobody_can_read_does_not_keep_the_others_from_being_read(tmp_path: Path) -> None:

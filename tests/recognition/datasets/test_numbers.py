@@ -148,5 +148,6 @@ def test_commonroad_shape_of_no_size_is_refused(tmp_path: Path, shape: str) -> N
 def test_header_with_an_open_quote_is_refused(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "t.csv", ngsim_rows(1, 0, 0, 50))
     path.write_text(path.read_text().replace("Lane_ID", '"Lane_ID', 1))
+    (source,) = datasets.open(path).sources
     with pytest.raises(InvalidFile, match="this is no CSV"):
-        _ = datasets.open(path).sources
+        source.load()
