@@ -1,4 +1,5 @@
-"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on standard error."""
+"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on standard error,
+those that many runs share once."""
 
 from __future__ import annotations
 
@@ -48,6 +49,7 @@ class Table:
         self._counts = dict.fromkeys(_WORDS, 0)
         self._groups: dict[tuple[str, str], list[str]] = {}
         self._remarks: dict[str, list[str]] = {}
+        self._told: set[str] = set()
 
     def show(self, outcome: Outcome) -> None:
         """Print one run's line."""
@@ -61,7 +63,8 @@ class Table:
             self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
         if grave or not self._quiet:
             self._print(self._line(outcome))
-        if outcome.state == "error":
+        if outcome.state == "error" and outcome.message not in self._told:
+            self._told.add(outcome.message)
             trace = outcome.trace if self._verbose else ""
             print(f"{trace}xosc-run: {outcome.message}", file=sys.stderr, flush=True)
         if self._progress:

@@ -195,6 +195,7 @@ FAULTS = {
     "type by another name": Fault('parameterType="boolean"', 'parameterType="bool"', VALID, 9),
     "vehicle without a box": Fault(ENTRY_OF_CAR, UNBOXED_CAR, VALID, 24),
     "pedestrian without a box": Fault(ENTRY_OF_CAR, UNBOXED_PEDESTRIAN, VALID, 24),
+    "no name of an event": Fault('<Event name="slower" ', "<Event ", VALID, 65),
     "unknown attribute": Fault('name="later"', 'name="later" colour="red"', VALID, 80),
     "unknown element": Fault("  <Entities>", "  <Weather2/><Entities>", VALID, 22),
     "text in an element": Fault("  <Entities>", "  <Entities>text", VALID, 22),

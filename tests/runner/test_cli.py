@@ -351,6 +351,14 @@ def test_the_summary_names_failures_by_cause(xosc_run: Command, tmp_path: Path) 
     ]
 
 
+def test_an_error_that_many_runs_share_is_told_once(xosc_run: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path, "lost")
+    path.write_text(path.read_text(encoding="utf-8").replace(".xodr", "_lost.xodr"), encoding="utf-8")
+    answer = xosc_run(distribution(tmp_path, "variation", {"Gap": (3, 9, 3)}, of="lost"))
+    assert answer.out.count("invalid file") == 3
+    assert answer.err.count("does not exist") == 1
+
+
 def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(tmp_path: Path, passing: Path) -> None:
     variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing")
     command = [sys.executable, "-m", "runner.cli", "--world", "kinematic", str(variation), "--only", "0-3"]

@@ -13,7 +13,7 @@ from tests.xosc.test_exports import motion
 from xosc.exports import standard
 from xosc.exports.draft import ExportSettings
 from xosc.exports.folder import Folder
-from xosc.exports.omissions import OMISSIONS
+from xosc.exports.omissions import OMISSIONS, SAID_OTHERWISE
 
 CONTROLLER = """<ObjectController name="own"><Controller name="c" controllerType="all"><Properties/></Controller>
     </ObjectController>"""
@@ -43,7 +43,8 @@ AHEAD = """<PrivateAction><RoutingAction><FollowTrajectoryAction>
     <TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>"""
 SET = '<GlobalAction><VariableAction variableRef="Phase"><SetAction value="2"/></VariableAction></GlobalAction>'
 
-NOT_HERE = {each.reason for each in OMISSIONS if "never starts" in each.reason or "takes longer" in each.reason}
+_ABSENT = ("never starts", "takes longer", "TrailerRef")
+NOT_HERE = {each.reason for each in (*OMISSIONS, *SAID_OTHERWISE) if any(text in each.reason for text in _ABSENT)}
 """Kinds of what the scenario does not have"""
 
 
@@ -93,7 +94,7 @@ def recent(tmp_path: Path) -> Path:
 def test_nothing_moves_otherwise_for_what_is_left_out(version: str, recent: Path, tmp_path: Path) -> None:
     remarks = standard.export(recent, version, Folder(tmp_path / "out"))
     before = tuple(int(each) for each in version.split("."))
-    expected = {each.reason for each in OMISSIONS if before < each.before and each.reason not in NOT_HERE}
+    expected = {each.reason for each in (*OMISSIONS, *SAID_OTHERWISE) if before < each.before and each.reason not in NOT_HERE}
     assert {reason for reason in expected if any(remark.endswith(f": {reason}") for remark in remarks)} == expected
     exported = tmp_path / "out" / recent.name
     assert [each for each in schemas.check(exported) if each.level == "error"] == []
@@ -132,6 +133,34 @@ def test_a_trailer_that_is_towed_stays_a_refusal(tmp_path: Path) -> None:
     path = scenario(tmp_path, entities=[car("Ego"), tractor, trailer])
     with pytest.raises(Unsupported, match="Trailer"):
         standard.export(path, "1.1", Folder(tmp_path / "out"))
+
+
+@pytest.mark.parametrize("version", ["1.0", "1.1", "1.3"])
+def test_what_a_catalogue_has_of_later_versions_is_left_out_where_it_does_nothing(version: str, tmp_path: Path) -> None:
+    """As in a catalogue that many projects copy: of 1.1, with a hitch and a trailer that a parameter may name."""
+    vehicle = car("").partition(">")[2].rpartition("</ScenarioObject>")[0].replace("</Vehicle>", "<Properties/></Vehicle>")
+    declared = (
+        '<ParameterDeclarations><ParameterDeclaration name="Towed" parameterType="string" value=""/></ParameterDeclarations>'
+    )
+    towing = '</Axles><TrailerHitch dx="-1"/><Trailer><EntityRef entityRef="$Towed"/></Trailer>'
+    used = vehicle.replace("<BoundingBox>", f"{declared}<BoundingBox>").replace("</Axles>", towing)
+    unused = vehicle.replace('name="car"', 'name="other" role="police"').replace("</Axles>", "</Axles><Trailer/>")
+    header = '<FileHeader revMajor="1" revMinor="1" date="2026-01-01T00:00:00" description="" author=""/>'
+    text = f'<OpenSCENARIO>{header}<Catalog name="Vehicles">{used}{unused}</Catalog></OpenSCENARIO>'
+    (tmp_path / "vehicles.xosc").write_text(text, encoding="utf-8")
+    lead = '<ScenarioObject name="Lead"><CatalogReference catalogName="Vehicles" entryName="car"/></ScenarioObject>'
+    path = scenario(tmp_path, entities=[car("Ego"), lead])
+    located = '<CatalogLocations><VehicleCatalog><Directory path="."/></VehicleCatalog></CatalogLocations>'
+    path.write_text(path.read_text(encoding="utf-8").replace("<CatalogLocations/>", located), encoding="utf-8")
+    remarks = standard.export(path, version, Folder(tmp_path / "out"))
+    hitch = [] if version == "1.3" else ["TrailerHitch: nothing is towed by it"]
+    for expected in ("everything is worked out", "Trailer: it tows nothing", *hitch):
+        assert any(expected in remark for remark in remarks), remarks
+    exported = tmp_path / "out" / path.name
+    assert [each for each in schemas.check(exported) if each.level == "error"] == []
+    assert all((rows == motion(exported)[name]).all() for name, rows in motion(path).items())
+    with pytest.raises(InvalidFile):
+        standard.export(path, version, Folder(tmp_path / "strict"), ExportSettings(strict=True))
 
 
 @pytest.mark.parametrize("empty", ["<PrivateAction/>", "<PrivateAction><RoutingAction/></PrivateAction>", ""])

@@ -29,7 +29,9 @@ _HEAVIEST_RAIN = 50.0
 _FAR_AWAY = "100000"
 """Visual range (m) of clear air."""
 _IDLE = "nothing"
-_TOWS_NOTHING = "not(//TrailerAction) and not(//TrailerRef[@entityRef!=''])"
+_NO_VERSION = (2, 0)
+"""Later than all: of what none of them has."""
+_TOWS_NOTHING = "not(//TrailerAction) and not(//Trailer/*[@entityRef!=''])"
 
 
 class Omission(NamedTuple):
@@ -44,9 +46,10 @@ class Omission(NamedTuple):
 def omit(document: Document, version: Version) -> Iterator[str]:
     """Make the changes for a version, in place; a remark for each kind with the first place."""
     yield from _idle_elements(document)
-    for before, where, change, reason in OMISSIONS:
-        if not version < before <= document.version:
-            continue
+    older = min(version, document.version)
+    changes = [each for each in OMISSIONS if older < each.before]
+    changes += [each for each in SAID_OTHERWISE if version < each.before <= document.version]
+    for _, where, change, reason in changes:
         found = _at(document, where)
         if found:
             first: Node = located(found[0], document)
@@ -137,6 +140,10 @@ def _renamed(old: str, new: str) -> Callable[[etree._Element], None]:
     return lambda element: element.set(new, str(element.attrib.pop(old)))
 
 
+def _called(tag: str) -> Callable[[etree._Element], None]:
+    return lambda element: setattr(element, "tag", tag)
+
+
 def _cloud_state(weather: etree._Element) -> None:
     weather.set("cloudState", _CLOUDS.get(str(weather.attrib.pop("fractionalCloudCover")), "cloudy"))
 
@@ -223,8 +230,10 @@ _ALONG = "[@coordinateSystem='road' and @relativeDistanceType='longitudinal']"
 _AHEAD = "[(@coordinateSystem='entity' or not(@coordinateSystem)) and @relativeDistanceType='longitudinal']"
 
 OMISSIONS: tuple[Omission, ...] = (
+    # all
+    Omission(_NO_VERSION, "//Trailer[*/@entityRef='']", _remove, "it tows nothing"),
+    Omission(_NO_VERSION, "//Trailer/EntityRef", _called("TrailerRef"), "older catalogues call so what is written as TrailerRef"),
     # 1.3
-    Omission((1, 3), "//Trailer[TrailerRef/@entityRef='']", _remove, "it tows nothing"),
     Omission(
         (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle[not(Trailer)]/*[self::TrailerHitch or self::TrailerCoupler]",
         _remove, "nothing is towed by it",
@@ -252,13 +261,7 @@ OMISSIONS: tuple[Omission, ...] = (
         (1, 2), "/OpenSCENARIO/VariableDeclarations[not(VariableDeclaration/@name = //ParameterDeclaration/@name)]", _parameters,
         "variables are written as parameters, which actions may set before 1.2",
     ),
-    Omission(
-        (1, 2), "//*[@dynamicsShape and @dynamicsShape!='step' and @dynamicsDimension='time' and not(@followingMode='follow')]",
-        _keep, "before 1.2 it takes longer where the vehicle's Performance asks for that",
-    ),
-    Omission((1, 2), "/OpenSCENARIO/Storyboard[not(Story)]", _idle_story, "a story is added whose act never starts"),
     # 1.1
-    Omission((1, 1), "//Condition[contains(@name, '$')]", _plain_name, "its name, an expression, is written as plain text"),
     Omission((1, 1), "//Vehicle/@model3d/.. | //MiscObject/@model3d/..", _without("model3d"), _NOT_SHOWN),
     Omission((1, 1), "//Pedestrian[@model and @model3d]", _without("model3d"), _NOT_SHOWN),
     Omission(
@@ -269,6 +272,23 @@ OMISSIONS: tuple[Omission, ...] = (
         (1, 1), "//Precipitation[@precipitationIntensity and not(starts-with(@precipitationIntensity, '$'))]", _rain,
         f"its intensity is written as a part of {_HEAVIEST_RAIN:g} mm/h",
     ),
+    Omission(
+        (1, 1), " | ".join(f"//{tag}Condition{_ALONG}" for tag in ("TimeHeadway", "TimeToCollision", "Distance")),
+        _along_route, "a distance along the road is written as one along the route",
+    ),
+    Omission(
+        (1, 1), f"//TimeHeadwayCondition{_AHEAD}", _along_route, "a distance ahead is written as one along the route",
+    ),
+)  # fmt: skip
+"""Of what a version brought, in the order in which they are made; files that have it before lose it too."""
+
+SAID_OTHERWISE: tuple[Omission, ...] = (
+    Omission(
+        (1, 2), "//*[@dynamicsShape and @dynamicsShape!='step' and @dynamicsDimension='time' and not(@followingMode='follow')]",
+        _keep, "before 1.2 it takes longer where the vehicle's Performance asks for that",
+    ),
+    Omission((1, 2), "/OpenSCENARIO/Storyboard[not(Story)]", _idle_story, "a story is added whose act never starts"),
+    Omission((1, 1), "//Condition[contains(@name, '$')]", _plain_name, "its name, an expression, is written as plain text"),
     Omission(
         (1, 1), f"//Environment[not(//{_COUNTED} and not(TimeOfDay))][not(TimeOfDay and Weather and RoadCondition)]",
         _complete,
@@ -282,12 +302,5 @@ OMISSIONS: tuple[Omission, ...] = (
         (1, 1), "//Vertex[not(@time) and not(ancestor::FollowTrajectoryAction//Timing)]", _with("time", "0"),
         "a time is written, which counts only with a Timing",
     ),
-    Omission(
-        (1, 1), " | ".join(f"//{tag}Condition{_ALONG}" for tag in ("TimeHeadway", "TimeToCollision", "Distance")),
-        _along_route, "a distance along the road is written as one along the route",
-    ),
-    Omission(
-        (1, 1), f"//TimeHeadwayCondition{_AHEAD}", _along_route, "a distance ahead is written as one along the route",
-    ),
 )  # fmt: skip
-"""In the order in which they are made."""
+"""Of what older versions ask for, or mean otherwise."""

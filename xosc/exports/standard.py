@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from schemas.errors import Unsupported
+from schemas.errors import InvalidFile, Unsupported
 from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.exports.concrete import concrete, concrete_scenarios, copied
@@ -71,7 +71,7 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
     try:
         add(document, version, trial)
         return trial.write()
-    except Unsupported as error:
+    except (Unsupported, InvalidFile) as error:  # entries that nothing uses may be invalid, and what parameters leave empty too
         settings = draft.settings
         worked_out = concrete(document, strict=settings.strict, catalog_path=settings.catalog_path)
         add_worked_out(worked_out, version, draft)
@@ -151,7 +151,7 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
         trial.note(*document.remarks)
         trial.add(draft.folder.name(document.path, document.path.name), to_bytes(changed))
         return trial.write()
-    except Unsupported as error:
+    except (Unsupported, InvalidFile) as error:
         return write_sets(document, version, draft, f"a scenario is written for each set of parameters: {error}")
 
 

@@ -33,7 +33,10 @@ _OBVIOUS = {
         "LaneOffsetAction/continuous", "LateralDistanceAction/continuous", "LongitudinalDistanceAction/continuous",
         "RelativeTargetSpeed/continuous",
     ),
-    "": ("FileHeader/author", "FileHeader/description"),
+    "": (
+        "FileHeader/author", "FileHeader/description", "Story/name", "Act/name", "ManeuverGroup/name", "Maneuver/name",
+        "Event/name", "Action/name", "Condition/name", "Trajectory/name", "Route/name",
+    ),
     "1970-01-01T00:00:00": ("FileHeader/date",),
 }  # fmt: skip
 """Attributes of elements, by the value that changes nothing: later versions have it as default, or nothing else can be meant."""
