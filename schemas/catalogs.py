@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -85,6 +85,12 @@ class Entry:
 
     def __str__(self) -> str:
         return f"{self.kind} {self.name!r} ({self.path}:{self.element.sourceline})"
+
+    @cached_property
+    def plain(self) -> bool:
+        """Whether it says the same wherever it is referred to: it has no parameters, expressions and references."""
+        tags = any(True for _ in self.element.iter("ParameterDeclarations", "CatalogReference"))
+        return not tags and not any("$" in text for each in self.element.iter("*") for text in each.attrib.values())
 
     @property
     def parameters(self) -> set[str]:

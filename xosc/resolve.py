@@ -249,10 +249,11 @@ class _Inliner:
         element.tail = reference.element.tail
         element.set(SOURCE, entry.path)
         element.set(LINE, str(entry.element.sourceline))
-        node = Node(element, Path(entry.path))
-        outer = scope if entry.version < _CATALOGS_CLOSED_SINCE else None
-        scopes = _bind(node, outer, _assignments(reference), self._report, self._remarks)
-        self.inline(node, scopes, (*inside, entry))
+        assigned = _assignments(reference)
+        if assigned or not entry.plain:
+            node = Node(element, Path(entry.path))
+            outer = scope if entry.version < _CATALOGS_CLOSED_SINCE else None
+            self.inline(node, _bind(node, outer, assigned, self._report, self._remarks), (*inside, entry))
         return element
 
 

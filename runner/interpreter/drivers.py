@@ -212,7 +212,7 @@ def returning(ego: Entity, target: float, dt: float) -> float:
 def _overridden(control: Control, ego: Entity) -> Control:
     """The system's control with the pedals that OverrideControllerValueAction holds in place of its own."""
     pedals = ego.controls.overrides
-    if not pedals.keys() & {"Throttle", "Brake", "ParkingBrake"}:
+    if not pedals or not pedals.keys() & {"Throttle", "Brake", "ParkingBrake"}:
         return control
     limits, own = ego.declared.performance, control.acceleration or 0.0
     forwards, backwards = max(own, 0.0), max(-own, 0.0)

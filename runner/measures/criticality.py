@@ -70,12 +70,16 @@ def _quotient(numerator: FloatArray, denominator: FloatArray, valid: BoolArray) 
 
 def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> BoolArray:
     """Where the longitudinal gap is below RSS's safe distance; boxes side by side count."""
-    return (seen.ahead == 0.0) | (_longitudinal_margin(seen, parameters) < 0.0)
+    return _violated(seen.ahead, _longitudinal_margin(seen, parameters))
 
 
 def lateral_violation(seen: View, parameters: rss.RssParameters) -> BoolArray:
     """Where the lateral gap is below RSS's safe distance; boxes one behind the other count."""
-    return (seen.aside == 0.0) | (_lateral_margin(seen, parameters) < 0.0)
+    return _violated(seen.aside, _lateral_margin(seen, parameters))
+
+
+def _violated(gap: FloatArray, margin: FloatArray) -> BoolArray:
+    return (gap == 0.0) | (margin < 0.0)
 
 
 def rss_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
@@ -84,7 +88,10 @@ def rss_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
     One behind the other, the longitudinal gap minus its safe distance; side by side, the lateral one; else the greater of
     the two, since either safe distance alone is enough.
     """
-    along, across = _longitudinal_margin(seen, parameters), _lateral_margin(seen, parameters)
+    return _margin(seen, _longitudinal_margin(seen, parameters), _lateral_margin(seen, parameters))
+
+
+def _margin(seen: View, along: FloatArray, across: FloatArray) -> FloatArray:
     return np.select(
         [(seen.aside == 0.0) & (seen.ahead == 0.0), seen.aside == 0.0, seen.ahead == 0.0],
         [np.minimum(along, across), along, across],
@@ -239,9 +246,9 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
         collided[rows[apart == 0.0]] = True
         touched.append(np.bincount(who[apart == 0.0], minlength=len(block)) > 0)
         for name, parameters in rss.PARAMETERS.items():
-            unsafe = longitudinal_violation(view, parameters) & lateral_violation(view, parameters)
-            violation[name][rows[unsafe]] = True
-            np.minimum.at(margin[name], rows, rss_margin(view, parameters))
+            along, across = _longitudinal_margin(view, parameters), _lateral_margin(view, parameters)
+            violation[name][rows[_violated(view.ahead, along) & _violated(view.aside, across)]] = True
+            np.minimum.at(margin[name], rows, _margin(view, along, across))
         nearer = _least(rows, apart, distance)
         distance[rows[nearer]], nearest[rows[nearer]] = apart[nearer], names[who[nearer]]
         ahead = np.flatnonzero((view.aside == 0.0) & ((view.ahead > 0.0) | (apart == 0.0)))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -70,14 +69,17 @@ class Participant(NamedTuple):
     overrides: Mapping[str, float] = MappingProxyType({})
 
 
-_DECLARED = {"kind", "category", "performance", "front_axle", "max_steering", "mass"}
-_PARTS = dict.fromkeys(_DECLARED, "declared.") | {"overrides": "controls."}
-_values = attrgetter(*(f"{_PARTS.get(field, '')}{field}" for field in Participant._fields))
-
-
 def seen(entity: Entity) -> Participant:
     """An entity as it is now."""
-    return Participant._make(_values(entity))
+    e, declared = entity, entity.declared
+    return Participant._make(  # asked for in each step of each run: by far faster than by names
+        (
+            e.name, declared.kind, declared.category, e.box,
+            e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.vx, e.vy, e.ax, e.ay, e.odometer,
+            declared.performance, declared.front_axle, declared.max_steering, declared.mass,
+            e.lights, e.controls.overrides,
+        )
+    )  # fmt: skip
 
 
 class Observation(NamedTuple):

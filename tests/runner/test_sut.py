@@ -19,6 +19,7 @@ from runner.participants.boxes import outlook
 from runner.participants.declaration import BoundingBox
 from runner.surroundings.environment import Environment
 from runner.sut import Control, Observation, Participant, find_system, load_system, system_name
+from runner.sut.base import seen
 from runner.sut.cas import CollisionAvoidance
 from runner.sut.scripted import Scripted
 from schemas.errors import ToolchainError, UsageError
@@ -167,6 +168,14 @@ def test_what_a_system_has_seen_stays_as_it_was(tmp_path: Path) -> None:
     result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=system)
     assert [observation.ego.x for observation in system.seen] == list(track(result, "Ego")["x"][:-1])
     assert [observation.others[0].x for observation in system.seen] == list(track(result, "Lead")["x"][:-1])
+
+
+def test_a_participant_has_the_values_of_its_entity_by_name() -> None:
+    of_declared = {"kind", "category", "performance", "front_axle", "max_steering", "mass"}
+    declared = SimpleNamespace(**{name: name for name in of_declared})
+    own = {name: name for name in Participant._fields if name not in {*of_declared, "overrides"}}
+    entity = SimpleNamespace(**own, declared=declared, controls=SimpleNamespace(overrides="overrides"))
+    assert seen(entity)._asdict() == {name: name for name in Participant._fields}  # type: ignore[arg-type]
 
 
 def test_what_a_system_sees_can_not_be_changed(tmp_path: Path) -> None:
