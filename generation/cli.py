@@ -209,7 +209,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     else:
         yield f"  no runs: nothing that is foreseeable and preventable fails on the twin; {_prior(generated)}"
     if 0 < len(outcomes) < settings.budget:
-        yield f"  ended before its budget of {settings.budget} runs: hardly anything new failed on the twin any more"
+        yield f"  ended before its budget of {many(settings.budget, 'run')}: hardly anything new failed on the twin any more"
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
     yield f"  {generated.gate}"

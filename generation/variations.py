@@ -17,6 +17,7 @@ from generation.density.base import Density
 from generation.outcomes.cases import Cases
 from generation.search.space import Space
 from runner.settings import RunSettings
+from schemas.commands.wording import many
 from schemas.storage import digest, read_object, write_object
 from xodr.array_types import FloatArray
 from xosc.distributions import (
@@ -109,7 +110,7 @@ class Writer:
         """The variation file of the cases: a set of values for each, of pinned parameters too; the best first."""
         sets = tuple(self._values(row) for row in cases.theta)
         definition = Deterministic((DeterministicMultiParameterDistribution(sets),))
-        description = f"{len(cases)} edge cases of {self._stem} for {evidence.sut}, the best first"
+        description = f"{many(len(cases), 'edge case')} of {self._stem} for {evidence.sut}, the best first"
         tags = [Tag(name, values) for name, values in cases.tags().items()]
         document = self._variation(definition, description)
         return self._write(f"{self._stem}_edge_cases", document, [*tags, *evidence.tags(self._space.pinned)])

@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from schemas.commands.wording import many
 from xosc.listing import Declared, Listed, Listing
 
 _COLUMNS = ("NAME", "CLASS", "ROAD", "PARAMETERS", "VARIATIONS", "WHAT IT IS")
@@ -80,7 +81,7 @@ def _aligned(columns: Sequence[str], rows: Sequence[Sequence[str]], details: Seq
 
 
 def _details(listed: Listed) -> list[str]:
-    variations = [f"{each.path}: {each.size} parameter set{'s' if each.size != 1 else ''}" for each in listed.variations]
+    variations = [f"{each.path}: {many(each.size, 'parameter set')}" for each in listed.variations]
     return [*map(_parameter_text, listed.parameters), *variations, *_tag_texts(listed.tags)]
 
 

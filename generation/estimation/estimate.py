@@ -77,8 +77,9 @@ class Estimate(NamedTuple):
         yield f"P(failure | manoeuvre), 95 % intervals, {many(self.runs, 'run')}: {origin}"
         if self.failed:
             yield f"  {many(self.failed, 'more run')} failed, and count for nothing"
-        for name, found in self.probabilities.items():
-            yield f"  {name}: {found}"
+        told = self.probabilities if self.probabilities[FAILURE].value > 0.0 else (FAILURE,)
+        for name in told:
+            yield f"  {name}: {self.probabilities[name]}"
             yield from (f"    {unit}: {rate}" for unit, rate in self.rates(name).items())
         yield f"  rates of {self.driving}" if isinstance(self.driving, Driving) else f"  no rates: {self.driving}"
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from schemas.commands.wording import many
 from xodr.array_types import BoolArray, FloatArray
 
 LEAST_EFFECTIVE = 50.0
@@ -54,7 +55,7 @@ class Probability(NamedTuple):
     @property
     def counted(self) -> str:
         """The effective number of failures, for people."""
-        return f"{self.effective:.0f} effective failure{'' if round(self.effective) == 1 else 's'}"
+        return many(round(self.effective), "effective failure")
 
     def __str__(self) -> str:
         low, high = self.interval

@@ -8,6 +8,7 @@ from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
 from generation.estimation.probability import LEAST_EFFECTIVE, Probability
 from generation.estimation.rates import PER_DISTANCE, PER_HOUR, Rate
 from generation.pipeline import Generated
+from schemas.commands.wording import many
 
 _SMALLEST = 1e-4
 """Numbers below this are written with a power of ten"""
@@ -30,9 +31,9 @@ def _found(title: str, sut: str, generated: Generated) -> str:
     failures, cases = int((outcomes.executed & outcomes.collision).sum()), int(generated.cases.outcomes.collision.sum())
     ran = int(outcomes.executed.sum())
     if not failures:
-        return f"{sut} has no collision in {ran:,} runs of {title}."
-    judged = f"{cases} failures unlike each other are" if cases else "no failure is"
-    ran_of = f"{failures:,} of {ran:,} sought or drawn runs of {title}"
+        return f"{sut} has no collision in {many(ran, 'run')} of {title}."
+    judged = f"{cases} failures unlike each other are" if cases > 1 else f"{cases or 'no'} failure is"
+    ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
     return f"{sut} collides in {ran_of}; {judged} foreseeable and prevented by a careful driver."
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from generation.report.measures import Measure
+from schemas.commands.wording import many
 from xodr.array_types import BoolArray, FloatArray
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
     """The boundary between runs (n,) that fail and those that do not, or why there is none."""
     fails, others = int(failing.sum()), int((~failing).sum())
     if min(fails, others) < _FEWEST:
-        return f"{fails} runs fail and {others} do not: a boundary needs {_FEWEST} of each"
+        ran = f"{many(fails + others, 'run')}, {many(fails, 'failure')}"
+        return f"{ran}: a boundary needs {_FEWEST} that fail and {_FEWEST} that do not"
     if len(measures) < 2:
         return "one measure varies: there is nothing to draw over two"
     rows = np.stack([each.values for each in measures], axis=1)

@@ -26,6 +26,7 @@ from generation.report.regression import Fate, Regression
 from generation.variations import Written
 from runner.replay.page import page, write_page
 from runner.sut import system_name
+from schemas.commands.wording import many
 from schemas.storage import alone
 from xodr.array_types import FloatArray
 
@@ -249,7 +250,7 @@ def _settings(report: Report) -> dict[str, str]:
     return {
         "scenario": report.scenario.name,
         "system under test": system_name(settings.run.sut),
-        "search": f"{settings.method}, {len(generated.history.outcomes)} runs, seed {settings.seed}",
+        "search": f"{settings.method}, {many(len(generated.history.outcomes), 'run')}, seed {settings.seed}",
         "density": units if generated.gate.replayed is not None else "as stated, in whole or in part",
         "searched": ", ".join(generated.space.names),
         "pinned": pinned or "nothing",

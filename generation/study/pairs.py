@@ -21,6 +21,7 @@ from generation.search.problem import History, Plays
 from generation.study.failures.problem import Posed
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings
+from schemas.commands.wording import many
 from schemas.errors import Unsupported, UsageError
 from xodr.array_types import FloatArray
 from xosc.exports.folder import Folder
@@ -43,7 +44,8 @@ class Needed(NamedTuple):
 
     def __str__(self) -> str:
         alone = ", ".join(f"{count} by {name} alone" for name, count in self.alone.items())
-        return f"{self.failures} distinct failures in {self.runs} runs: {self.both} need both adversaries; {alone}"
+        found = f"{many(self.failures, 'distinct failure')} in {many(self.runs, 'run')}"
+        return f"{found}: {self.both} need both adversaries; {alone}"
 
 
 class Coordinated:

@@ -25,6 +25,11 @@ def failing(theta: FloatArray, sut: str | None = None) -> Outcomes:
     return Outcomes.of(len(theta), collision=collision, impact_speed=speeds, status=["completed"] * len(theta))
 
 
+def surviving(theta: FloatArray, sut: str | None = None) -> Outcomes:
+    """Nowhere."""
+    return Outcomes.of(len(theta), status=["completed"] * len(theta))
+
+
 def misled(theta: FloatArray, sut: str | None = None) -> Outcomes:
     """A twin whose corner is a little larger on one side, and smaller on the other."""
     return failing(theta + np.array([0.002, -0.002]), sut)
@@ -68,6 +73,11 @@ def test_too_few_failures_leave_draws_of_the_prior() -> None:
     assert found.known == 0
     assert "too few failures are known" in next(found.lines())
     assert found.probabilities[FAILURE].interval[1] > TRUTH
+
+
+def test_where_nothing_fails_its_parts_are_not_told() -> None:
+    told = list(estimate(PRIOR, surviving, surviving, NONE, None, EstimateSettings(200)).lines())
+    assert [line for line in told if "no draw fails" in line] == ["  collision: below 1.5e-02 (no draw fails)"]
 
 
 def test_runs_that_fail_count_for_nothing_and_are_told() -> None:

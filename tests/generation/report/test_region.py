@@ -50,7 +50,7 @@ def test_what_chance_decides_scores_like_chance() -> None:
 
 
 def test_too_few_failures_have_no_boundary() -> None:
-    assert region(drawn(), np.arange(600) < 5) == "5 runs fail and 595 do not: a boundary needs 20 of each"
+    assert region(drawn(), np.arange(600) < 5) == "600 runs, 5 failures: a boundary needs 20 that fail and 20 that do not"
     assert "one measure" in str(region(drawn()[:1], drawn()[0].values > 0.0))
 
 

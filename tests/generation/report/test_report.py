@@ -79,8 +79,8 @@ def test_a_search_without_failures_says_so(tmp_path: Path) -> None:
     write_report(CUT_IN, generated, settings("cas"), tmp_path)
     found = data(tmp_path)
     assert (found["counterexamples"], found["cases"], found["file"]) == ([], [], None)
-    assert "0 runs fail" in found["region"]["reason"]
-    assert found["headline"][-1] == "cas has no collision in 1 runs of cut_in_highway."
+    assert "0 failures" in found["region"]["reason"]
+    assert found["headline"][-1] == "cas has no collision in 1 run of cut_in_highway."
 
 
 def test_the_headline_tells_probability_rates_and_bands() -> None:
