@@ -4,21 +4,21 @@ Footprints of both participants at different times are compared; of those that o
 crossing paths this is the time from the first one leaving the conflict area until the second one enters it, for vehicles one
 behind the other the time gap.
 
-Only footprints that may touch are compared: those of all others, sorted along the axis that the ego goes along most, in a window
-about each of the ego's.
+Only footprints whose bounds touch are compared: those of all others, sorted along the axis that the ego goes along most, in a
+window about each of the ego's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from runner.measures.extreme import Extreme
 from runner.measures.relations import Motion, blocks, boxes_overlap, joined
-from runner.participants.boxes import reach
-from xodr.array_types import FloatArray, IntArray
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 LONGEST_PET = 10.0
 """Post-encroachment times above this (s) are no encounter"""
@@ -26,6 +26,8 @@ _STEP = 0.05
 """Least time (s) between footprints that are compared"""
 _PAIRS = 1 << 18
 """Pairs of footprints that are compared at once, about"""
+_SLACK = 1e-3
+"""Distance (m) at which bounds still touch: more than they are rounded by"""
 
 
 def post_encroachment_time(ego: Motion, others: Sequence[Motion], longest: float = LONGEST_PET) -> Extreme | None:
@@ -50,9 +52,8 @@ def _least(ego: Motion, others: Sequence[Motion], step: float, longest: int) -> 
     everyone, who = joined(others)
     mine, theirs = _instants(ego.time, step, np.zeros(len(ego.time), np.int64)), _instants(everyone.time, step, who)
     a, b = ego.at(mine[1]), everyone.at(theirs[1])
-    near = reach(ego.box) + max(reach(other.box) for other in others)
     best: tuple[int, float, str] = (longest + 1, 0.0, "")
-    for own, its in _near(a, b, near):
+    for own, its in _near(_bounds(a), _bounds(b)):
         lag = np.abs(mine[0][own] - theirs[0][its])
         for more, most in pairwise((-1, longest // 8, longest // 4, longest // 2, longest)):  # no longer ones after a hit
             band = np.flatnonzero((lag > more) & (lag <= min(most, best[0])))
@@ -74,22 +75,44 @@ def _instants(time: FloatArray, step: float, who: IntArray) -> tuple[IntArray, I
     return ticks[rows], rows
 
 
-def _near(a: Motion, b: Motion, near: float) -> Iterator[tuple[IntArray, IntArray]]:
-    """Pairs of rows whose places are at most so far apart (m) along both axes."""
-    along, across = ((a.x, b.x), (a.y, b.y)) if _span(a.x) > _span(a.y) else ((a.y, b.y), (a.x, b.x))
-    order = np.argsort(along[1], kind="stable")
-    ahead = along[1][order]
-    first, last = np.searchsorted(ahead, along[0] - near), np.searchsorted(ahead, along[0] + near, "right")
-    sizes = last - first
+class _Bounds(NamedTuple):
+    """Of footprints along one axis, m: their middles, and half of what they cover."""
+
+    middle: FloatArray
+    half: FloatArray
+
+
+def _bounds(motion: Motion) -> tuple[_Bounds, _Bounds]:
+    """The bounds of a participant's footprints along the axes x and y."""
+    (cos, sin), box = motion.facing, motion.box
+    x, y = motion.x + cos * box.x - sin * box.y, motion.y + sin * box.x + cos * box.y
+    cos, sin = np.abs(cos), np.abs(sin)
+    return _Bounds(x, (box.length * cos + box.width * sin) / 2), _Bounds(y, (box.length * sin + box.width * cos) / 2)
+
+
+def _near(a: tuple[_Bounds, _Bounds], b: tuple[_Bounds, _Bounds]) -> Iterator[tuple[IntArray, IntArray]]:
+    """Pairs of rows whose bounds touch along both axes."""
+    if not len(a[0].middle):
+        return
+    first, second = (0, 1) if np.ptp(a[0].middle) > np.ptp(a[1].middle) else (1, 0)
+    along, across, its_along, its_across = a[first], a[second], b[first], b[second]
+    right, left = (across.middle - across.half).min() - _SLACK, (across.middle + across.half).max() + _SLACK
+    beside = np.flatnonzero((its_across.middle + its_across.half >= right) & (its_across.middle - its_across.half <= left))
+    order = beside[np.argsort(its_along.middle[beside], kind="stable")]
+    ahead, reach = its_along.middle[order], along.half + its_along.half[order].max(initial=0.0) + _SLACK
+    begin, end = np.searchsorted(ahead, along.middle - reach), np.searchsorted(ahead, along.middle + reach, "right")
+    sizes = end - begin
     ends = np.cumsum(sizes)
     starts = np.searchsorted(ends, np.arange(0, sizes.sum(), _PAIRS))
     for low, high in pairwise([*starts, len(sizes)]):
         own = np.repeat(np.arange(low, high), sizes[low:high])
-        before = np.repeat(ends[low:high] - sizes[low:high] - first[low:high], sizes[low:high])
+        before = np.repeat(ends[low:high] - sizes[low:high] - begin[low:high], sizes[low:high])
         its = order[np.arange(len(own)) + (ends[low] - sizes[low]) - before]
-        close = np.abs(across[0][own] - across[1][its]) <= near
+        close = _touch(across, own, its_across, its) & _touch(along, own, its_along, its)
         yield own[close], its[close]
 
 
-def _span(values: FloatArray) -> float:
-    return float(np.ptp(values)) if len(values) else 0.0
+def _touch(a: _Bounds, own: IntArray, b: _Bounds, its: IntArray) -> BoolArray:
+    """Whether pairs of rows touch along an axis."""
+    touch: BoolArray = np.abs(a.middle[own] - b.middle[its]) <= a.half[own] + b.half[its] + _SLACK
+    return touch

@@ -13,13 +13,13 @@ Transportation Research Part C 118, 2020. The field there is of one future insta
 Frame: the ego's, x ahead and y to the left. In bends others are foretold to go straight on.
 
 The greatest of a run is asked for more often than the whole: where boxes are z standard deviations apart, they overlap with at
-most exp(−z²/2), so that most instants can't be it (`greatest`).
+most exp(−z²/2), so that most instants can't be it (`greatest`): first by the least z that they could have, then by their own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,7 +56,7 @@ class FieldParameters:
 _erfc = np.frompyfunc(math.erfc, 1, 1)
 """Complementary error function; few instants are asked for, and SciPy's would take longer to import than a run"""
 _SLACK = 1e-6
-"""Of logarithms that are compared: more than they are rounded by"""
+"""Of logarithms and distances (m) that are compared: more than they are rounded by"""
 
 DEFAULTS = FieldParameters()
 """Cars of equal mass in traffic that mostly keeps its speed and lane."""
@@ -102,7 +102,8 @@ def greatest(ego: Motion, others: Sequence[Motion], parameters: FieldParameters 
         a, b, _, who = common(ego, block)
         if not who.size:
             continue
-        rows = _candidates(a, b, parameters)
+        rows = _candidates(a, b, _roughly, parameters)
+        rows = rows[_candidates(a.at(rows), b.at(rows), _closely, parameters)]
         field = risk_field(a.at(rows), b.at(rows), parameters)
         tops = [(int(values.argmax()), values) for values in field]
         here = [Extreme(float(values[row]), float(a.time[rows[row]]), block[who[rows[row]]].name) for row, values in tops]
@@ -134,14 +135,13 @@ def _approach(ego: Motion, other: Motion) -> _Approach:
     return _Approach((x, y), (other.speed * cos - ego.speed, other.speed * sin), half)
 
 
-def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntArray:
+def _candidates(ego: Motion, other: Motion, bounded: _Bounded, parameters: FieldParameters) -> IntArray:
     """Rows among which those with the greatest probability and the greatest risk are.
 
     What the rows with the greatest bounds reach, others have to reach by theirs.
     """
     approach = _approach(ego, other)
-    bound = _bounds(approach, parameters).max(axis=0)
-    bound[boxes_overlap(ego, other)] = 0.0
+    bound = bounded(approach, parameters)
     with np.errstate(divide="ignore"):
         bounds = np.stack([bound, np.log(approach.energy(parameters)) + bound])
         best = bounds.argmax(axis=1)
@@ -149,14 +149,33 @@ def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntA
     return np.flatnonzero((bounds >= reached[:, None] - _SLACK).any(axis=0))
 
 
+_Bounded = Callable[[_Approach, FieldParameters], FloatArray]
+"""Logarithms of what the probabilities (n,) of a collision are at most"""
+
+
+def _roughly(approach: _Approach, parameters: FieldParameters) -> FloatArray:
+    """A bound (n,) of those of all look-ahead times: as if one came as near as it can, and then at the last of them."""
+    last, bound = parameters.times[-1], np.zeros(len(approach.place[0]))
+    for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
+        distance = np.maximum(np.abs(place) - np.abs(velocity) * last - half, 0.0)
+        bound -= 0.5 * (distance / max(0.5 * last * last * deviation, math.ulp(1.0))) ** 2
+    return bound
+
+
+def _closely(approach: _Approach, parameters: FieldParameters) -> FloatArray:
+    """The greatest of the bounds (n,) of all look-ahead times; of any overlap where the boxes may touch already."""
+    bound = _bounds(approach, parameters).max(axis=0)
+    meets = [np.abs(place) <= half + _SLACK for place, half in zip(approach.place, approach.half, strict=True)]
+    return np.where(meets[0] & meets[1], 0.0, bound)
+
+
 def _bounds(approach: _Approach, parameters: FieldParameters) -> FloatArray:
     """Logarithms of what the probabilities of an overlap (k, n) at the look-ahead times are at most, by Chernoff's bound."""
-    bounds = np.empty((len(parameters.times), len(approach.place[0])))
-    for row, time in zip(bounds, parameters.times, strict=True):
-        row[:] = 0.0
-        for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
-            distance = np.maximum(np.abs(place + velocity * time) - half, 0.0)
-            row -= 0.5 * (distance / max(0.5 * time * time * deviation, math.ulp(1.0))) ** 2
+    time = parameters.times[:, None]
+    bounds = np.zeros((len(time), len(approach.place[0])))
+    for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
+        distance = np.maximum(np.abs(place + velocity * time) - half, 0.0)
+        bounds -= 0.5 * (distance / np.maximum(0.5 * time * time * deviation, math.ulp(1.0))) ** 2
     return bounds
 
 

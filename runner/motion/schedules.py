@@ -14,6 +14,10 @@ from collections.abc import Collection, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
+
+from xodr.array_types import BoolArray, FloatArray
+
 _SAME_TIME = 1e-9
 """Times (s) that are one but for rounding."""
 
@@ -89,29 +93,41 @@ def smooth(
         start: speed at the first vertex, m/s; by default that of a constant acceleration in the first interval.
         rests: stations (m) of vertices at which the follower has to stop, because its way turns back there.
     """
-    kept = [(time, s) for time, s, after in zip(times, stations, times[1:], strict=False) if after - time > _SAME_TIME]
-    kept.append((times[-1], stations[-1]))
-    spans = [after - before for (before, _), (after, _) in pairwise(kept)]
-    if not spans:
-        return Schedule(times, stations, [], 0.0)
-    means = [(there - here) / span for ((_, here), (_, there)), span in zip(pairwise(kept), spans, strict=True)]
-    speeds = _vertex_speeds(spans, means, start, [s in rests for _, s in kept])
-    pieces: list[Piece] = []
-    for (time, station), span, mean, (v, w) in zip(kept, spans, means, pairwise(speeds), strict=False):
-        half, middle = 0.5 * span, 2.0 * mean - 0.5 * (v + w)
-        pieces.append(Piece(time, station, v, (middle - v) / half))
-        pieces.append(Piece(time + half, station + 0.5 * half * (v + middle), middle, (w - middle) / half))
-    return Schedule(times, stations, pieces, speeds[-1])
+    at, places = np.array(times, np.float64), np.array(stations, np.float64)
+    pieces, final = quadratic(at, places, start, np.isin(places, list(rests)))
+    return Schedule(times, stations, [Piece(*piece) for piece in pieces.tolist()], final)
 
 
-def _vertex_speeds(spans: Sequence[float], means: Sequence[float], start: float | None, rests: Sequence[bool]) -> list[float]:
+def quadratic(times: FloatArray, stations: FloatArray, start: float | None, rests: BoolArray) -> tuple[FloatArray, float]:
+    """The pieces of a `smooth` schedule, a row each (k, 4), and the speed at its last vertex.
+
+    Args:
+        times, stations: of the vertices (n,).
+        start: as of `smooth`.
+        rests: whether the follower has to stop at a vertex (n,).
+    """
+    kept = np.append(np.diff(times) > _SAME_TIME, True)
+    times, stations, rests = times[kept], stations[kept], rests[kept]
+    spans = np.diff(times)
+    if not len(spans):
+        return np.empty((0, 4)), 0.0
+    means = np.diff(stations) / spans
+    speeds = _vertex_speeds(spans, means, start, rests)
+    half, before, after = 0.5 * spans, speeds[:-1], speeds[1:]
+    middle = 2.0 * means - 0.5 * (before + after)
+    first = times[:-1], stations[:-1], before, (middle - before) / half
+    second = times[:-1] + half, stations[:-1] + 0.5 * half * (before + middle), middle, (after - middle) / half
+    return np.stack([np.stack(first, axis=1), np.stack(second, axis=1)], axis=1).reshape(-1, 4), float(speeds[-1])
+
+
+def _vertex_speeds(spans: FloatArray, means: FloatArray, start: float | None, rests: BoolArray) -> FloatArray:
     """Speeds (m/s) at vertices, from the intervals' durations (s) and mean speeds."""
-    inner: list[float] = []
-    for (before, after), (c, d), rest in zip(pairwise(spans), pairwise(means), rests[1:], strict=False):
-        mean = (before * before * c + after * after * d) / (before * before + after * after)
-        inner.append(0.0 if rest else min(mean, 2.0 * c, 2.0 * d))
-    if not inner:
+    if len(spans) == 1:
         first = means[0] if start is None else min(start, 2.0 * means[0])
-        return [first, 2.0 * means[0] - first]
+        return np.array([first, 2.0 * means[0] - first])
+    weights = spans * spans
+    inner = (weights[:-1] * means[:-1] + weights[1:] * means[1:]) / (weights[:-1] + weights[1:])
+    inner = np.minimum(inner, 2.0 * np.minimum(means[:-1], means[1:]))
+    inner[rests[1:-1]] = 0.0
     first = 2.0 * means[0] - inner[0] if start is None else min(start, 4.0 * means[0] - inner[0])
-    return [first, *inner, 2.0 * means[-1] - inner[-1]]
+    return np.concatenate([[first], inner, [2.0 * means[-1] - inner[-1]]])

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.motion.schedules import smooth
+from runner.motion.schedules import quadratic
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 _FIRST = 1.6
@@ -67,9 +67,8 @@ def _off(columns: Mapping[str, np.ndarray], chosen: IntArray, tolerance: Toleran
     dx, dy = np.diff(x[chosen]), np.diff(y[chosen])
     chord = np.hypot(dx, dy)
     stations = np.append(0.0, np.cumsum(chord))
-    rests = stations[1:-1][dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0.0]
-    schedule = smooth(time[chosen].tolist(), stations.tolist(), abs(float(speed[chosen[0]])), set(rests.tolist()))
-    pieces = np.array(schedule.pieces)
+    rests = np.isin(stations, stations[1:-1][dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0.0])
+    pieces, _ = quadratic(time[chosen], stations, abs(float(speed[chosen[0]])), rests)
     if not len(pieces):
         return np.zeros(len(time), bool)
     piece = pieces[np.maximum(np.searchsorted(pieces[:, 0], time, side="right") - 1, 0)]
