@@ -13,6 +13,7 @@ goes on.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -168,8 +169,12 @@ def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) 
 @lru_cache(maxsize=1)
 def _material(ground: Ground, scope: Scope) -> Material:
     """A recording from the shelf, which is kept for its other blocks."""
+    gc.unfreeze()
+    gc.collect()
     source = ground.place.source
-    return Material(source, Shelf(ground.place.shelf).get(source).recording, ground.site, scope)
+    material = Material(source, Shelf(ground.place.shelf).get(source).recording, ground.site, scope)
+    gc.freeze()  # until the next recording no garbage is sought in it, nor in the roads
+    return material
 
 
 def forget() -> None:

@@ -102,9 +102,10 @@ class SceneCutter:
             rows = _between(other.columns["time"], start, end)
             if other is ego or len(rows) < 2:
                 continue
-            _, own, theirs = np.intersect1d(frames, self._frames(other, rows), assume_unique=True, return_indices=True)
-            dx, dy = (ego.columns[axis][mine[own]] - other.columns[axis][rows[theirs]] for axis in ("x", "y"))
-            if len(own) and np.hypot(dx, dy).min() <= self.scope.reach:
+            its = self._frames(other, rows)
+            own = np.minimum(np.searchsorted(frames, its), len(frames) - 1)
+            dx, dy = (ego.columns[axis][mine[own]] - other.columns[axis][rows] for axis in ("x", "y"))
+            if np.hypot(dx, dy).min(where=frames[own] == its, initial=np.inf) <= self.scope.reach:
                 yield other
 
     def _frames(self, track: Track, rows: IntArray) -> IntArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from recognition.catalogue.episodes import Episode, plain
@@ -67,7 +67,7 @@ class Place(NamedTuple):
     @property
     def directory(self) -> str:
         """Relative to the class's folder."""
-        return str(PurePosixPath("catalogs", _FOLDERS[self.kind], self.part))
+        return "/".join(filter(None, ("catalogs", _FOLDERS[self.kind], self.part)))
 
 
 class _Entry(NamedTuple):
@@ -214,7 +214,7 @@ def write_catalog(store: Store, place: Place, entries: dict[str, Any], version: 
 
 def _directories(entries: Iterable[_Entry]) -> dict[str, str]:
     """The folders of catalogues by their kind, relative to the scenario."""
-    return {each.place.kind: each.place.directory for each in entries}
+    return {place.kind: place.directory for place in dict.fromkeys(each.place for each in entries)}
 
 
 class _Context(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -54,34 +55,39 @@ class Neighbours(NamedTuple):
         A reference is not its own neighbour.
         """
         standard = ((matrix(features, len(self.mean)) - self.mean) / self.scale).astype(np.float16).astype(np.float32)
-        return np.stack([self._distance(standard, label) for label in np.unique(self.labels)], axis=1)
+        references = self.references.astype(np.float32)
+        members = [np.flatnonzero(self.labels == label) for label in np.unique(self.labels)]
+        return np.concatenate([_distances(part, references, members) for part in _blocks(standard)])
 
     def extended(self, features: ArrayLike) -> Features:
         """Features (n, d) with their distances beside them: (n, d + K)."""
         return np.concatenate([matrix(features), self.distances(features)], axis=1)
-
-    def _distance(self, standard: Features, label: int) -> Features:
-        references = self.references[self.labels == label].astype(np.float32)
-        count = min(_NEAREST + 1, len(references))
-        found = np.concatenate([_nearest(part, references, count) for part in _blocks(standard)])
-        if count == 1:
-            return _logarithm(found[:, 0])
-        itself = found[:, 0] == 0.0
-        return _logarithm(np.where(itself, found[:, 1:].mean(axis=1), found[:, :-1].mean(axis=1)))
 
 
 def _blocks(standard: Features) -> list[Features]:
     return [standard[first : first + _BLOCK] for first in range(0, max(len(standard), 1), _BLOCK)]
 
 
-def _nearest(standard: Features, references: Features, count: int) -> NDArray[np.floating]:
-    """Distances to the nearest references (n, count), ascending: |a - b|² as |a|² + |b|² - 2ab, one product for all.
+def _distances(standard: Features, references: Features, members: Sequence[IntArray]) -> Features:
+    """As of `Neighbours.distances`: |a - b|² as |a|² + |b|² - 2ab, one product for all references.
 
     What is nearest by the product is measured again by differences, so that a reference is at distance 0 from itself.
+
+    Args:
+        members: rows of the references of each class.
     """
     squares = (references * references).sum(axis=1) - 2.0 * (standard @ references.T)
-    near = np.argpartition(squares, count - 1, axis=1)[:, :count]
-    return np.sort(np.linalg.norm(standard[:, None, :] - references[near], axis=2), axis=1)
+    return np.stack([_of_class(standard, references, rows, squares[:, rows]) for rows in members], axis=1)
+
+
+def _of_class(standard: Features, references: Features, rows: IntArray, squares: Features) -> Features:
+    count = min(_NEAREST + 1, len(rows))
+    near = rows[np.argpartition(squares, count - 1, axis=1)[:, :count]]
+    found = np.sort(np.linalg.norm(standard[:, None, :] - references[near], axis=2), axis=1)
+    if count == 1:
+        return _logarithm(found[:, 0])
+    itself = found[:, 0] == 0.0
+    return _logarithm(np.where(itself, found[:, 1:].mean(axis=1), found[:, :-1].mean(axis=1)))
 
 
 def _logarithm(distances: NDArray[np.floating]) -> Features:

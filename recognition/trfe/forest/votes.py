@@ -64,6 +64,5 @@ def votes(forest: RandomForestClassifier, features: ArrayLike) -> IntArray:
     counts = np.zeros((len(table), len(forest.classes_)), dtype=np.int64)
     rows = np.arange(len(table))
     for tree in forest.estimators_:
-        choice = tree.tree_.value[:, 0, :].argmax(axis=1)
-        counts[rows, choice[tree.tree_.apply(table)]] += 1
+        counts[rows, tree.tree_.value[tree.tree_.apply(table), 0].argmax(axis=1)] += 1
     return counts[:, forest.classes_ != UNKNOWN]
