@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ class Node:
     def __init__(self, element: etree._Element, path: Path) -> None:
         self.element = element
         source = element.get(SOURCE)
-        self.path = Path(source) if source else path
+        self.path = _path(source) if source else path
 
     def __repr__(self) -> str:
         return f"<{self.tag} {self.where}>"
@@ -142,7 +143,7 @@ class Node:
         for step in steps:
             element = element.find(step) if element is not None else None
             if element is not None and element.get(SOURCE):
-                path = Path(str(element.get(SOURCE)))
+                path = _path(str(element.get(SOURCE)))
         return Node(element, path) if element is not None else None
 
     def need(self, *steps: str) -> Node:
@@ -188,11 +189,17 @@ class Node:
         return Unsupported(message, path=self.path, line=self.line, element=self.tag)
 
 
+@lru_cache(maxsize=256)
+def _path(source: str) -> Path:
+    """What a text names, the same object each time."""
+    return Path(source)
+
+
 def _source_of(element: etree._Element, default: Path) -> Path:
     current: etree._Element | None = element
     while current is not None:
         source = current.get(SOURCE)
         if source:
-            return Path(source)
+            return _path(source)
         current = current.getparent()
     return default

@@ -39,6 +39,8 @@ class Contacts:
         """pairs that may touch soon"""
         self._everyone: list[Entity] = []
         """the participants when these were found"""
+        self._changes = -1
+        """`Run.changes` when they were looked through last: nobody comes or goes without one"""
         self._due = -math.inf
         """total displacement at which others may touch"""
         self._partners: dict[str, list[Entity]] = {}
@@ -48,19 +50,26 @@ class Contacts:
 
     def update(self) -> None:
         """Look at all present entities once a step."""
-        everyone = list(self._run.entities.values())
-        few = len(everyone) <= _FEW
-        if everyone != self._everyone or (not few and self._run.displacement.total >= self._due):
-            self._everyone = everyone
-            self._near = [(a, b, Separation(a, b)) for a, b in combinations(everyone, 2)] if few else self._look_around()
-        found = [
-            (a, b) for a, b, separation in self._near if not separation.exceeds(_ROUNDING) and _counts(a, b) and overlap(a, b)
-        ]
+        run = self._run
+        if self._changes != run.changes:
+            self._changes = run.changes
+            everyone = list(run.entities.values())
+            if everyone != self._everyone:
+                self._everyone, self._due = everyone, -math.inf
+        if self._due != math.inf and (len(self._everyone) <= _FEW or run.displacement.total >= self._due):
+            self._near = self._look_around()
+        found = []
+        for a, b, separation in self._near:
+            if not separation.exceeds(_ROUNDING) and _counts(a, b) and overlap(a, b):
+                found.append((a, b))
         if found or self.pairs:
             self._compare(found)
 
     def _look_around(self) -> list[tuple[Entity, Entity, Separation]]:
-        """The pairs to observe until somebody has moved far enough."""
+        """The pairs to observe until somebody has moved far enough; all, for good, where these are few."""
+        if len(self._everyone) <= _FEW:
+            self._due = math.inf
+            return [(a, b, Separation(a, b)) for a, b in combinations(self._everyone, 2)]
         order = [entity for entity in self._everyone if entity.active and entity.placed]
         order.sort(key=_by_x)
         widest = max((entity.reach for entity in order), default=0.0)

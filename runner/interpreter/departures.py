@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
     from runner.recording import Track
+    from xodr.model import LaneSection
 
 _SLEEPLESS = 8
 """Steps from one try to find out how far the ego is from the road's edge to the next"""
@@ -54,6 +55,9 @@ class Departures:
         self._first: dict[str, str] = {}
         self._judged, self._x, self._y, self._clearance = -1, 0.0, 0.0, 0.0
         """where it was found well on the road, while `Run.changes` was that, and how far from there it has not left it"""
+        self._section: LaneSection | None = None
+        self._lane, self._offset = 0, 0.0
+        """where it was found within a lane that keeps its width"""
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -65,7 +69,10 @@ class Departures:
         ego = self._ego
         if ego is None or not (ego.active and ego.placed):
             return
-        if self._judged == run.changes and self._is_clear(ego):
+        if ego.on_lane:
+            if ego.section is self._section and ego.lane == self._lane and ego.offset == self._offset and not ego.at_road_end:
+                return
+        elif self._judged == run.changes and self._is_clear(ego):
             return
         off, ended = run.roads.is_off_road(ego), ego.at_road_end
         if off and not self._off:
@@ -75,12 +82,19 @@ class Departures:
         if ended and not self._ended:
             self._remark(run, ego, "roadEnd", "has come to the end of the road")
         self._off, self._ended = off, ended
-        if not off and not ended and run.step_index % _SLEEPLESS == 0:
+        if off or ended:
+            self._section = None
+        elif run.step_index % _SLEEPLESS:
+            return
+        elif ego.on_lane:
+            self._section = ego.section if run.roads.is_within_lane(ego) else None
+            self._lane, self._offset = ego.lane, ego.offset
+        else:
             self._judged, self._x, self._y, self._clearance = run.changes, ego.x, ego.y, run.roads.clearance(ego)
 
     def _is_clear(self, ego: Entity) -> bool:
         """Whether it still can't have left the road."""
-        return not (ego.on_lane or ego.at_road_end) and math.hypot(ego.x - self._x, ego.y - self._y) < self._clearance
+        return not ego.at_road_end and math.hypot(ego.x - self._x, ego.y - self._y) < self._clearance
 
     def _remark(self, run: Run, ego: Entity, kind: str, text: str) -> None:
         run.note(kind, ego.name, text)

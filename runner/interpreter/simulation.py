@@ -135,7 +135,8 @@ class Simulation:
                     member.vx, member.vy = entity.speed * math.cos(member.h), entity.speed * math.sin(member.h)
 
     def _evaluate(self) -> None:
-        self._publish()
+        if self._changed or self._published or self._next_step:
+            self._publish()
         self.finished = self.storyboard.evaluate(self)
 
     def tick(self) -> bool:
@@ -146,21 +147,25 @@ class Simulation:
         for process in tuple(self.processes):
             if process.running.step(dt):
                 process.element.finished(self, process)
+        driven, scripted = [], []
         for entity in self.entities.values():
-            if entity.active and entity.controls.tractor is None:
+            controls = entity.controls
+            if entity.active and controls.tractor is None:
                 if entity is self._ego and self._driver is not None:
                     self._drive_ego(entity, self._driver)
-                elif not entity.controls.world_driven:
-                    speed = entity.controls.target_speed
+                elif not controls.world_driven:
+                    speed = controls.target_speed
                     if speed or entity.speed:
                         self._move(entity, speed, dt)
                     else:
                         self._stay(entity)
+            if controls.world_driven:
+                driven.append(entity)
+            elif entity.active:
+                scripted.append(entity)
         self.step_index += 1
         self.time = round(self.step_index * dt, 9)
-        everyone = self.entities.values()
-        driven = [entity for entity in everyone if entity.controls.world_driven]
-        self.world.mirror([entity for entity in everyone if entity.active and not entity.controls.world_driven])
+        self.world.mirror(scripted)
         self.world.step()
         for entity in driven:
             self._read(entity)

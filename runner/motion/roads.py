@@ -55,6 +55,14 @@ class Roads:
         point = self.road_point(entity)
         return point is not None and self.network is not None and not self.network.on_road(point)
 
+    def is_within_lane(self, entity: Entity) -> bool:
+        """Whether an entity that follows a lane is on the road wherever in this lane section it goes on at its offset."""
+        if not entity.on_lane or entity.section is None:
+            return False
+        lane = entity.section.lanes[entity.lane]
+        width = lane.width.constant
+        return width is not None and lane.type != "none" and abs(entity.offset) <= width / 2
+
     def clearance(self, entity: Entity) -> float:
         """How far (m) an entity off any lane motion, on the road, may move in the plane before it can have left it; 0: not known.
 

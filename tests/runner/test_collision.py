@@ -74,7 +74,7 @@ class Log(SimpleNamespace):
 
 def contacts_of(*members: Entity) -> tuple[Contacts, Any]:
     entities = Entities({e.name: e for e in members})
-    sim = Log(entities=entities, step_index=0, time=0.0, lines=[])
+    sim = Log(entities=entities, step_index=0, time=0.0, changes=0, lines=[])
     sim.displacement = Displacement(sim)  # type: ignore[arg-type]
     return Contacts(sim), sim  # type: ignore[arg-type]
 
@@ -113,7 +113,7 @@ def test_who_takes_the_place_of_another_is_noticed() -> None:
     contacts.update()
     del sim.entities["left"]
     sim.entities["came"] = came
-    sim.step_index += 1
+    sim.step_index, sim.changes = 1, 1
     contacts.update()
     assert contacts.pairs == {("a", "came")}
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -13,6 +15,7 @@ from lxml import etree
 import runner
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
+from runner.interpreter.departures import Departures
 from runner.outputs.report import summary
 from runner.settings import RunSettings
 from runner.sut import Control
@@ -20,7 +23,7 @@ from runner.sut.scripted import Scripted
 from tests.commands import Command
 from tests.conformance.support import events
 from tests.runner.files import car, place, scenario
-from tests.runner.scene import put_free, scene
+from tests.runner.scene import put, put_free, scene
 
 LEFT, RIGHT = Control(steering=0.02), Control(steering=-0.02)
 
@@ -117,6 +120,28 @@ def test_who_has_moved_less_than_its_clearance_is_still_on_the_road(x: float, y:
     clearance = max(run.roads.clearance(ego), 0.0)
     ego.x, ego.y = x + share * clearance * math.cos(way), y + share * clearance * math.sin(way)
     assert not run.roads.is_off_road(ego)
+
+
+_PLACES = st.tuples(st.sampled_from([0.0, 0.0, 1.5, 2.0, 12.0]), st.sampled_from([-1, 1]), st.integers(0, 7), st.integers(0, 7))
+
+
+@given(st.lists(_PLACES, max_size=30))
+def test_what_is_remembered_of_the_road_changes_no_note(places: list[tuple[float, int, int, int]]) -> None:
+    sim = scene("Ego")
+    ego = sim.entities["Ego"]
+    remembering, plain, notes = Departures(ego), Departures(ego), ([], [])
+    for step, (offset, lane, free, ended) in enumerate(places):
+        if free:
+            put(sim, "Ego", lane, 10.0 * step, offset)
+        else:
+            put_free(sim, "Ego", 10.0 * step, offset)
+        ego.at_road_end = not ended
+        for looks, lines in zip((remembering, plain), notes, strict=True):
+            run: Any = SimpleNamespace(roads=sim.roads, changes=0, step_index=8 * step, time=float(step))
+            run.note = lambda *line, lines=lines, step=step: lines.append((step, *line))
+            looks(run)
+        plain._section, plain._judged = None, -1
+    assert notes[0] == notes[1] and remembering.remarks == plain.remarks
 
 
 def test_who_drives_in_the_middle_of_a_straight_road_has_clearance() -> None:

@@ -50,6 +50,10 @@ class RoadPath:
         self.legs = tuple(legs)
         self.length = self.legs[-1].before + self.legs[-1].length
         self._befores = [leg.before for leg in self.legs]
+        self._on: dict[str, list[Leg]] = {}
+        """the legs on each road"""
+        for leg in self.legs:
+            self._on.setdefault(leg.road_id, []).append(leg)
         self._otherwise = otherwise
 
     def leg_at(self, distance: float) -> Leg:
@@ -71,12 +75,12 @@ class RoadPath:
         Args:
             near: where the point is expected; decides on routes that use a road more than once.
         """
-        found = [
-            leg.before + (point.s - leg.enter if leg.forward else leg.enter - point.s)
-            for leg in self.legs
-            if leg.road_id == point.road_id
-        ]
-        return min(found, key=lambda distance: abs(distance - near)) if found else None
+        nearest = None
+        for leg in self._on.get(point.road_id, ()):
+            distance = leg.before + (point.s - leg.enter if leg.forward else leg.enter - point.s)
+            if nearest is None or abs(distance - near) < abs(nearest - near):
+                nearest = distance
+        return nearest
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The lane that goes on along the route, for `RoadNetwork.travel`; the straightest where the route does not help."""

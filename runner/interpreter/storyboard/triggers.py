@@ -101,11 +101,13 @@ class TimedCondition:
         return self._delays(run.time, value, until) if self.delay > 0.0 else (value, until)
 
     def _delays(self, time: float, value: bool, until: float) -> tuple[bool, float]:
-        """The outlook of a value that stays until then, once the history has no other."""
-        if len(self._history) != 1 or self._history[0][1] != value:
+        """The outlook of a value that stays until then, once the history has no other, but for one that it has risen from."""
+        history = self._history
+        if not history or history[-1][1] != value or len(history) > (2 if value else 1):
             return False, -math.inf
-        served = self._history[0][0] + self.delay - 2.0 * _EPSILON
-        return (value, until) if not value or served <= time - _EPSILON else (False, min(until, served))
+        served = history[-1][0] + self.delay - 2.0 * _EPSILON
+        waits = value and (len(history) == 2 or served > time - _EPSILON)
+        return (False, min(until, served)) if waits else (value, until)
 
     @property
     def missed(self) -> bool:
