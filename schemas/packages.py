@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any
+
+from schemas.extras import optional
 
 
 @cache
@@ -35,7 +36,7 @@ def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
             return version()
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(homes[name]), name)
+        return getattr(optional(homes[name]), name)
 
     def __dir__() -> list[str]:
         return sorted({*vars(sys.modules[package]), *homes, "__version__"})

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner.criteria.criterion import CriterionResult
 from runner.interpreter.event_log import LogEntry
+from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,8 +91,15 @@ class RunResult:
         return of_recording(self.recording, self.ego)
 
     def to_pandas(self) -> pd.DataFrame:
-        """`trajectories` as a data frame; needs pandas."""
-        frame: pd.DataFrame = self.trajectories.to_pandas()
+        """`trajectories` as a data frame.
+
+        Raises:
+            UsageError: pandas, which no extra brings, is missing.
+        """
+        try:
+            frame: pd.DataFrame = self.trajectories.to_pandas()
+        except ModuleNotFoundError as error:
+            raise UsageError(f"{error.name} is missing; type: pip install {error.name}") from None
         return frame
 
     def save(self, folder: str | PathLike[str]) -> Path:

@@ -10,9 +10,7 @@ from functools import lru_cache
 from os import PathLike
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 
 from runner.interpreter.execution import Prepared, prepare
 from runner.interpreter.result import RunResult
@@ -23,7 +21,14 @@ from runner.settings import RunSettings
 from runner.sut.base import Control, Observation
 from runner.sut.commanded import Commanded
 from schemas.errors import UsageError
+from schemas.extras import missing
 from xosc.distributions import variations
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ModuleNotFoundError as error:
+    raise missing(error) or error from None
 
 ACTIONS = {"acceleration_and_steering": 2, "acceleration": 1, "target_speed": 1}
 """What a learner may decide on, and how many numbers that is; without steering the ego goes where the scenario scripts it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -30,6 +31,14 @@ def test_a_missing_library_is_named_with_its_extra(library: str, monkeypatch: py
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(MissingExtra, match=rf'{library} is missing; type: pip install "xosc-toolchain\[{_EXTRAS[library]}\]"'):
         optional(f"{library}.part")
+
+
+@pytest.mark.parametrize(("module", "library"), [("runner.outside.environment", "gymnasium"), ("recognition.TRFE", "torch")])
+def test_what_python_imports_says_so_too(module: str, library: str) -> None:
+    package, _, name = module.rpartition(".")
+    lines = f"import sys; sys.modules[{library!r}] = None; from {package} import {name}"
+    ended = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, check=False)
+    assert ended.stderr.splitlines()[-1].startswith(f"schemas.extras.MissingExtra: {library} is missing; type: pip install")
 
 
 def test_other_modules_that_are_missing_are_no_extras() -> None:
