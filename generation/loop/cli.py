@@ -54,6 +54,9 @@ def xosc_loop(
     rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")] = 2,
     most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = 6,
     shown: Annotated[int, typer.Option(min=1, metavar="N", help="Recorded scenarios of each class with a replay.")] = 12,
+    sample: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Most parameter sets of each variation file that are run, drawn by the seed.")
+    ] = 50,
     method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = METHOD,
     labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
@@ -98,7 +101,7 @@ def xosc_loop(
 
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
     run = RunSettings(sut=sut, road_path=tuple(road_path or ()), catalog_path=tuple(catalog_path or ()))
-    settings = LoopSettings(run, _model(labels, model), rounds, budget, most, shown, method, seed, jobs, ask, against)
+    settings = LoopSettings(run, _model(labels, model), rounds, budget, most, shown, sample, method, seed, jobs, ask, against)
     _refuse_wrong(settings)
     wanted = fates(fail_if, against)
     with interruptible(NAME, "the same command goes on where it was"):

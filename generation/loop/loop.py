@@ -28,7 +28,7 @@ from generation.loop.stages.finished import FinishedStages, Report, Stage
 from generation.loop.tasks import recognising
 from generation.loop.tasks.beside import Searchers
 from generation.loop.tasks.comparing import Earlier, compare
-from generation.loop.tasks.running import run_all
+from generation.loop.tasks.running import run_all, sampled
 from generation.loop.tasks.searching import found_by, search
 from generation.loop.tasks.targets import Target, of_classes, of_input, split
 from generation.outcomes.inputs import plugged_in
@@ -36,6 +36,7 @@ from recognition.catalogue.episodes import plain
 from recognition.catalogue.writing.index import rows_of
 from recognition.maneuvers.units import Samples
 from runner.batch.jobs import Job, Outcome, jobs_of
+from runner.batch.selection import Selection
 from runner.settings import RunSettings
 from schemas import check_many
 from schemas.commands.files import files_in
@@ -164,11 +165,13 @@ class _Loop:
 
     def run_scenarios(self) -> Ran:
         """Run the user's own scenarios against the system under test."""
-        jobs = list(jobs_of(self._inputs.scenarios, {}, True))
         folder = self._out / "scenarios"
-        return self._once(
-            Stage("run_scenarios"), Ran, partial(self._run, jobs, self._settings.run, folder), self._played, (folder,)
-        )
+        return self._once(Stage("run_scenarios"), Ran, partial(self._run_own, folder), self._played, (folder,))
+
+    def _run_own(self, folder: Path) -> Ran:
+        own, sample = self._inputs.scenarios, self._settings.sample
+        jobs = list(jobs_of(own, {}, True, Selection(sample=sample, seed=self._settings.seed)))
+        return replace(self._run(jobs, self._settings.run, folder), sampled=sampled(own, sample))
 
     def check(self, targets: Sequence[Target]) -> Checked:
         """Check everything that was written, and the user's scenarios."""

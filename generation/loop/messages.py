@@ -80,7 +80,13 @@ def _searched(found: Searched) -> str:
 @_line.register
 def _ran(found: Ran) -> str:
     states = [run.state for runs in found.files.values() for run in runs]
-    return f"{many(len(states), 'run')}: " + ", ".join(f"{states.count(state)} {word}" for state, word in _STATES.items())
+    told = f"{many(len(states), 'run')}: " + ", ".join(f"{states.count(state)} {word}" for state, word in _STATES.items())
+    left = sum(size - len(found.files.get(name, ())) for name, size in found.sampled.items())
+    return (
+        f"{told}; {many(left, 'parameter set')} of {many(len(found.sampled), 'variation file')} left out (--sample)"
+        if left
+        else told
+    )
 
 
 @_line.register

@@ -29,6 +29,7 @@ class LoopSettings:
         budget: simulator calls of each search: one for each class or scenario and round.
         most: edge cases that each search writes.
         shown: recorded scenarios of each class that can be played on the page.
+        sample: parameter sets of each variation file that are run, where it has more; drawn by the seed.
         method: of the search.
         seed: of everything random.
         processes: how many runs, or searches of several targets, at a time.
@@ -42,6 +43,7 @@ class LoopSettings:
     budget: int = 300
     most: int = 6
     shown: int = 12
+    sample: int = 50
     method: str = METHOD
     seed: int = 0
     processes: int = 2

@@ -38,7 +38,8 @@ Json = dict[str, Any]
 def write(found: LoopResult, out: Path) -> Path:
     """Write the page into the output folder; links in it are relative to it. The same findings give the same bytes."""
     path = out / PAGE
-    write_page(path, page(f"{out.resolve().name} – from recordings to edge cases", _STYLES, _SCRIPTS, _data(found, out)))
+    begin = "recordings" if found.recordings else "scenarios"
+    write_page(path, page(f"{out.resolve().name} – from {begin} to edge cases", _STYLES, _SCRIPTS, _data(found, out)))
     return path
 
 
@@ -57,6 +58,7 @@ def _data(found: LoopResult, out: Path) -> Json:
         "searches": searches,
         "refused": [asdict(each) for each in found.refused],
         "scenarios": [_run(run, name) for name, runs in found.scenarios.files.items() for run in runs],
+        "sampled": found.scenarios.sampled,
         "against": _against(found.against),
         "reports": list(_reports(found)),
         "checked": asdict(found.checked),

@@ -20,4 +20,8 @@ const REPORTS = {
   scenarios: () => "runs of your scenarios",
 };
 const verdict = each => VERDICTS[each.verdict];
-const priorOf = ({ manoeuvres, own }) => `${manoeuvres} manoeuvres ${own ? "of these recordings" : "shipped with the package"}`;
+const title = `from ${data.recordings ? "recordings" : "scenarios"} to edge cases`;
+const priorOf = ({ manoeuvres, own }) =>
+  manoeuvres
+    ? `${many(manoeuvres, "manoeuvre")} ${own ? "of these recordings" : "shipped with the package"}`
+    : "what is stated, without recordings";

@@ -56,7 +56,7 @@ function flow() {
     el(
       "p",
       { class: "muted" },
-      `System under test: ${data.settings.sut}. Recordings become scenarios, scenarios become edge cases, ` +
+      `System under test: ${data.settings.sut}. ${data.recordings ? "Recordings become scenarios, s" : "S"}cenarios become edge cases, ` +
         "and what it fails at is where the next round of search begins.",
     ),
     el("ol", { class: "flow" }, ...steps),

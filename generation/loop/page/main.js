@@ -24,7 +24,28 @@ function own() {
       number(run.measures.min_distance),
     ),
   );
-  return el("section", { class: "panel" }, el("h2", null, "Your scenarios"), table("Your scenarios", columns, rows));
+  const sampled = Object.entries(data.sampled).map(
+    ([name, size]) => `${name}: ${data.scenarios.filter(run => run.file === name).length} of ${many(size, "parameter set")}`,
+  );
+  const told = sampled.length
+    ? el(
+        "details",
+        null,
+        el(
+          "summary",
+          { class: "muted" },
+          `Of ${many(sampled.length, "variation file")} some parameter sets were drawn (--sample); the others were not run`,
+        ),
+        el("ul", { class: "muted" }, ...sampled.map(each => el("li", null, each))),
+      )
+    : null;
+  return el(
+    "section",
+    { class: "panel" },
+    el("h2", null, "Your scenarios"),
+    ...[told].filter(Boolean),
+    table("Your scenarios", columns, rows),
+  );
 }
 
 function problems() {
@@ -66,7 +87,7 @@ document.body.append(
     "main",
     { id: "page" },
     ...[
-      el("h1", null, `${data.title}: from recordings to edge cases`),
+      el("h1", null, `${data.title}: ${title}`),
       avoided(),
       flow(),
       against(),

@@ -3,19 +3,21 @@
 function space() {
   if (!done.length) return null;
   const targets = [...new Map(done.map(search => [search.target, search])).values()];
+  const first = targets.find(each => each.cases.length && each.parameters.length > 1) ?? targets[0];
   const select = (title, options) => {
     const chosen = el("select", { "aria-label": title }, ...options);
     return [el("label", null, title, chosen), chosen];
   };
   const [forTarget, target] = select(
     "Class",
-    targets.map(each => el("option", { value: each.target }, each.title)),
+    targets.map(each => el("option", { value: each.target, selected: each === first }, each.title)),
   );
   const [forX, x] = select("Across", []),
     [forY, y] = select("Up", []);
   const canvas = el("canvas", { role: "img", click: open, mousemove: point }),
     told = el("p", { class: "muted", "aria-live": "polite" });
   const roundColour = round => colour(round === 1 ? "bad" : "second");
+  const ring = el("span", null, "");
   let places = [];
 
   function choose() {
@@ -31,7 +33,7 @@ function space() {
 
   function draw() {
     const searches = done.filter(search => search.target === target.value),
-      [{ parameters, real }] = searches;
+      [{ parameters, real, prior }] = searches;
     const { ctx, width, height } = fitted(canvas),
       [u, v] = [Number(x.value), Number(y.value)],
       xs = [62, width - 10],
@@ -77,8 +79,10 @@ function space() {
         return { each, round: search.round, a, b };
       }),
     );
+    ring.textContent = prior.manoeuvres ? "recorded" : "stated";
     const words =
-      `${parameters[v].name} over ${parameters[u].name}: ${many(real.length, "recorded manoeuvre")}, ` +
+      `${parameters[v].name} over ${parameters[u].name}: ` +
+      `${prior.manoeuvres ? many(real.length, "recorded manoeuvre") : `${many(real.length, "draw")} of what is stated`}, ` +
       `${many(sum(searches.map(search => search.tried.length)), "run")} of the search, ${many(places.length, "edge case")}`;
     canvas.setAttribute("aria-label", words);
     told.textContent = `${words}. Point at an edge case to see which it is, click to play it; the tables below list them all.`;
@@ -108,7 +112,7 @@ function space() {
   for (const which of [x, y]) which.addEventListener("change", draw);
   redraws.push(draw);
   const key = [
-    el("li", null, el("i", { class: "ring" }), "recorded"),
+    el("li", null, el("i", { class: "ring" }), ring),
     el("li", null, el("i", { style: "background:var(--accent)" }), "runs of the search"),
     ...rounds.map((_, i) =>
       el(
@@ -122,7 +126,7 @@ function space() {
   const section = el(
     "section",
     { class: "panel space" },
-    el("h2", null, "Parameter space: recorded and generated"),
+    el("h2", null, "Parameter space"),
     el("div", { class: "choices" }, forTarget, forX, forY),
     canvas,
     el("ul", { class: "legend" }, ...key),

@@ -141,9 +141,14 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Ran(Finding):
-    """Runs by the scenario or variation file that they are of, relative to the output folder where it is there."""
+    """Runs by the scenario or variation file that they are of, relative to the output folder where it is there.
+
+    Args:
+        sampled: how many parameter sets those variation files have of which only a sample was run.
+    """
 
     files: dict[str, list[Run]] = field(default_factory=dict)
+    sampled: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

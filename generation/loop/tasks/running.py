@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from runner.batch.jobs import Job, Outcome
 from runner.replay.player import keep_replay
 from runner.replay.report import report, write_report
 from runner.settings import RunSettings
+from schemas.errors import ToolchainError
+from xosc.distributions import ParameterSpace
 
 
 def run_all(
@@ -40,6 +43,15 @@ def run_all(
         copied = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
         found.files.setdefault(_named(files[run["name"]], out), []).append(Run(**copied, replay=replay))
     return found
+
+
+def sampled(paths: Iterable[Path], most: int) -> dict[str, int]:
+    """How many parameter sets those variation files have that have more than `most`; those that can't be read have none."""
+    found = {}
+    for path in paths:
+        with suppress(ToolchainError):
+            found[path.name] = ParameterSpace(path).size
+    return {name: size for name, size in found.items() if size > most}
 
 
 def _named(path: Path, out: Path) -> str:

@@ -55,6 +55,18 @@ def test_scenarios_that_cannot_be_read_are_listed_and_the_others_go_on(tmp_path:
     assert f"not searched: gone: {reasons['gone']}" in closing(found)
 
 
+def test_of_a_variation_file_no_more_sets_are_run_than_asked_for(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    scenario(folder, "scenario", stop=0.2)
+    for name, last in (("many", 60), ("few", 20)):
+        distribution(folder, name, {"Gap": (10, last, 10)})
+    settings = LoopSettings(processes=1, sample=2, rounds=0)
+    found = run_loop(folder, tmp_path / "out", settings, partial(progress_bar, quiet=True), lambda *_: None).scenarios
+    assert {name: len(runs) for name, runs in found.files.items()} == {"few.xosc": 2, "many.xosc": 2, "scenario.xosc": 1}
+    assert found.sampled == {"many.xosc": 6}
+
+
 def test_scenarios_alone_are_enough(tmp_path: Path) -> None:
     scenario(tmp_path, stop=1.0)
     assert Inputs.of(tmp_path).recordings == []

@@ -51,6 +51,10 @@ FINDINGS: list[tuple[Finding, str]] = [
     ),
     (Ran(files={"a.xosc": [RUN]}), "1 run: 0 passed, 1 failed, 0 with errors"),
     (
+        Ran(files={"a.xosc": [RUN]}, sampled={"a.xosc": 12}),
+        "1 run: 0 passed, 1 failed, 0 with errors; 11 parameter sets of 1 variation file left out (--sample)",
+    ),
+    (
         Labelled(runs={"a": [LabelledScenario("highway cut in", "cut_in/one.xosc")]}),
         "1 scenario recognised about the ego in 1 run of edge cases",
     ),
