@@ -153,11 +153,24 @@ class RecordedPrior(Prior):
         return found
 
     def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
-        theta = np.empty((n, len(self.names)))
+        return self.of_logs(self._density.sample(n, generator))
+
+    def of_logs(self, logs: FloatArray) -> FloatArray:
+        """Rows (n, d), possible or not, of logarithms (n, k) of what is searched and no nuisance, with nuisances as recorded."""
+        theta = np.empty((len(logs), len(self.names)))
         columns = self.columns(self.searched)
-        theta[:, columns] = np.exp(self._density.sample(n, generator))
+        theta[:, columns] = np.exp(logs)
         theta[:, columns] += self._least(self._by_name(theta))  # of what is not shifted itself
         return self.with_nuisances(theta)
+
+    @property
+    def gaussians(self) -> Components:
+        """The density of the logarithms, possible or not.
+
+        Raises:
+            UsageError: it is no sum of Gaussians.
+        """
+        return self._density if isinstance(self._density, Components) else _gaussians(self._density, self._model)
 
     # what is foreseeable
 
