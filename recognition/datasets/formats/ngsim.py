@@ -1,9 +1,10 @@
-"""NGSIM tables, as CSV or Parquet, in two layouts.
+"""NGSIM tables, as CSV, Parquet or the FHWA's text without a header, in two layouts.
 
 Public: the columns of the FHWA's files (Vehicle_ID, Frame_ID, Local_X, … in any case), in feet, or in metres where they are
 called Local_X(m) and so on. Local_Y runs along the road, Local_X to its right, and both are of the middle of the front bumper.
 The world has x along the road and y to its left. A vehicle id that appears in several periods of recording stands for several
-vehicles. Where there is a column Location, each location is a source.
+vehicles. Where there is a column Location, each location is a source. Text (.txt) has the 18 columns of the motorways' files
+(US-101, I-80), always in feet.
 
 Metric: vehicle_id, sim_time, position_x, position_y, heading_rad, speed, lane_id, type, length, width; positions are taken as
 centres.
@@ -28,7 +29,7 @@ from recognition.datasets.source import Report, SiteRoad, Source
 from recognition.datasets.tables.constants import changes, check_sizes
 from recognition.datasets.tables.rates import crowded, heading_of_motion, rate
 from recognition.datasets.tables.rows import Clock, Rows, in_order
-from recognition.datasets.tables.table import PARQUET, Table, column_names, read_table
+from recognition.datasets.tables.table import HEADLESS, PARQUET, Table, column_names, first_numbers, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import Kind
 from runner.recording import Recording
@@ -61,11 +62,18 @@ _METRIC: dict[str, Kind] = {
 }  # fmt: skip
 _PUBLIC_CONSTANTS, _METRIC_CONSTANTS = ("v_class", "v_length", "v_width"), ("type", "length", "width")
 """Columns with what a vehicle is, and its sizes"""
+_HEADLESS = (
+    "vehicle_id", "frame_id", "total_frames", "global_time", "local_x", "local_y", "global_x", "global_y", "v_length", "v_width",
+    "v_class", "v_vel", "v_acc", "lane_id", "preceding", "following", "space_headway", "time_headway",
+)  # fmt: skip
+"""Columns of the text without a header"""
 _CATEGORIES = {1: "motorbike", 2: "car", 3: "truck"}
 
 
 def claims(path: Path) -> bool:
     """Whether a file is a table in one of the layouts."""
+    if path.suffix == HEADLESS:
+        return len(first_numbers(path)) == len(_HEADLESS)
     if path.suffix not in (".csv", PARQUET):
         return False
     names = {_plain(name) for name in column_names(path)}
@@ -93,6 +101,10 @@ def _source(path: Path, name: str, site: str, read: Callable[[], tuple[Recording
     return Source(name, site, FORMAT, path, read, road=road)
 
 
+def _names(path: Path) -> Sequence[str]:
+    return _HEADLESS if path.suffix == HEADLESS else column_names(path)
+
+
 def _plain(name: str) -> str:
     return name.lower().removesuffix("(m)")
 
@@ -104,7 +116,7 @@ def _spelling(path: Path) -> dict[str, str]:
         InvalidFile: two of its columns differ in spelling only.
     """
     spelling: dict[str, str] = {}
-    for name in column_names(path):
+    for name in _names(path):
         other = spelling.setdefault(_plain(name), name)
         if other != name:
             raise InvalidFile(f"this column is there as {other!r} too", path=path, element=f"column {name}")
@@ -115,7 +127,7 @@ def _renamed(path: Path, kinds: dict[str, Kind], more: dict[str, Kind] | None = 
     """Columns by their plain names; those of `more` where the file has them."""
     spelling = _spelling(path)
     chosen = kinds | {name: kind for name, kind in (more or {}).items() if name in spelling}
-    table = read_table(path, {spelling.get(name, name): kind for name, kind in chosen.items()})
+    table = read_table(path, {spelling.get(name, name): kind for name, kind in chosen.items()}, _HEADLESS)
     return Table(path, {_plain(name): values for name, values in table.columns.items()}, table.lines)
 
 
@@ -132,7 +144,7 @@ def _read_public(path: Path, location: str | None) -> tuple[Recording, Report]:
         table = _public(path, path.stat().st_mtime_ns)
         table = table.where(table["location"] == location)
     remarks: list[str] = []
-    unit = _unit(table, any(name.endswith("(m)") for name in column_names(path)), remarks)
+    unit = _unit(table, any(name.endswith("(m)") for name in _names(path)), remarks)
     track, names = _vehicles(table)
     rows = in_order(table, track, _clock(table), sort=True, repeats=True)
     who = _participants(table, rows, names, _PUBLIC_CONSTANTS, unit, remarks)

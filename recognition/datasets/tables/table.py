@@ -1,4 +1,4 @@
-"""Strict reading of CSV and Parquet tables: the columns asked for, as numpy arrays, or an error that says where.
+"""Strict reading of CSV, Parquet and text tables: the columns asked for, as numpy arrays, or an error that says where.
 
 The fast reader (Arrow) only decides whether a file is good; what is wrong with a bad one is found by a second, slow pass.
 """
@@ -6,7 +6,7 @@ The fast reader (Arrow) only decides whether a file is good; what is wrong with 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
 
-PARQUET = ".parquet"
+PARQUET, HEADLESS = ".parquet", ".txt"
+"""Endings of files that are no CSV; text without a header has its values between blanks"""
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _LONGEST_HEADER = 1 << 16
 
@@ -65,15 +66,29 @@ def column_names(path: Path) -> list[str]:
     return _parquet_names(path) if path.suffix == PARQUET else _csv_names(path)
 
 
-def read_table(path: Path, kinds: Mapping[str, Kind]) -> Table:
-    """Read the columns named in `kinds` from a CSV or Parquet file; others are ignored.
+def first_numbers(path: Path) -> list[float]:
+    """The numbers in the first line of text without a header; none where it has anything else, or can't be read."""
+    try:
+        with path.open("rb") as file:
+            return [float(word) for word in file.readline(_LONGEST_HEADER).split()]
+    except (OSError, ValueError):
+        return []
+
+
+def read_table(path: Path, kinds: Mapping[str, Kind], headless: Sequence[str] = ()) -> Table:
+    """Read the columns named in `kinds` from a file; others are ignored.
 
     Whole columns come as int64, numbers as float64, text as arrays of str objects.
+
+    Args:
+        headless: names of all columns of text without a header, where the file is that; all of them hold numbers.
 
     Raises:
         InvalidFile: a column is missing or there twice, a line has too few or too many values, a value is not of its kind
             or blank, or there are no rows; names line (or row) and column.
     """
+    if path.suffix == HEADLESS:
+        return _read_headless(path, headless, kinds)
     names = column_names(path)
     _require(path, names, kinds)
     return _read_parquet(path, kinds) if path.suffix == PARQUET else _read_csv(path, names, kinds)
@@ -139,7 +154,7 @@ def _read_csv(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> Table:
     return Table(path, columns)
 
 
-def _find_fault(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None:
+def _find_fault(path: Path, names: Sequence[str], kinds: Mapping[str, Kind]) -> None:
     """Raise the error for the first line that is not as it should be."""
     places = [(name, names.index(name), kind) for name, kind in kinds.items()]
     for line, values in _rows(path):
@@ -152,9 +167,13 @@ def _find_fault(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line number and values of each row below the header; blank lines are no rows."""
+    """Line number and values of each row below the header, if any; blank lines are no rows."""
     line = 1
     try:
+        if path.suffix == HEADLESS:
+            with path.open(encoding="utf-8") as file:
+                yield from ((line, words) for line, text in enumerate(file, 1) if (words := text.split()))
+            return
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file)
             next(reader, None)
@@ -166,6 +185,26 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         raise InvalidFile(f"this is no CSV: {error}", path=path, line=line + 1) from None
     except UnicodeDecodeError:
         raise InvalidFile("this is not UTF-8 text", path=path) from None
+
+
+def _read_headless(path: Path, names: Sequence[str], kinds: Mapping[str, Kind]) -> Table:
+    import numpy as np
+    import pyarrow as pa
+
+    columns, why = None, "values are missing or out of range"
+    try:
+        values = np.loadtxt(path, comments=None, ndmin=2, encoding="utf-8")
+        if values.shape[1] == len(names):
+            arrays = {name: pa.array(values[:, names.index(name)]).cast(arrow_type(kind)) for name, kind in kinds.items()}
+            columns = checked(pa.table(arrays), kinds)
+    except ValueError as error:  # of Arrow and of text that is not UTF-8, too
+        why = f"this is no table of numbers: {error}"
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    if columns is None:
+        _find_fault(path, names, kinds)
+        raise InvalidFile(why, path=path)
+    return Table(path, columns)
 
 
 # Parquet ------------------------------------------------------------------------------------

@@ -231,6 +231,61 @@ def test_parquet_table_without_rows_is_refused(tmp_path: Path) -> None:
         read(path)
 
 
+def headless(rows: list[dict[str, object]]) -> str:
+    """Rows as the FHWA's text has them: 18 columns between blanks, without a header."""
+    before = ("Vehicle_ID", "Frame_ID", "Total_Frames", "Global_Time", "Local_X", "Local_Y")
+    after = ("v_Length", "v_Width", "v_Class", "v_Vel", "v_Acc", "Lane_ID")
+    words = [
+        [*(row[name] for name in before), 6451137.641, 1873344.962, *(row[name] for name in after), 0, 0, 0.0, 0.0]
+        for row in rows
+    ]
+    return "".join("".join(f"{word:>14} " for word in line) + "\n" for line in words)
+
+
+def test_text_without_a_header_is_the_same_recording(tmp_path: Path) -> None:
+    rows = ngsim_rows(7, 100.0, 20.0, 50.0) + ngsim_rows(8, 0.0, 32.0, 40.0, v_Class=3)
+    (tmp_path / "trajectories.txt").write_text(headless(rows))
+    found, report = read(tmp_path / "trajectories.txt")
+    named, named_report = read(write_csv(tmp_path / "named.csv", rows))
+    assert (list(found.tracks), report) == (list(named.tracks), named_report)
+    for track in found.tracks.values():
+        assert track.category == named.tracks[track.name].category
+        for name, values in named.tracks[track.name].columns.items():
+            assert track.columns[name].tolist() == values.tolist()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("50.0 ", "fast ", "column v_vel: 'fast' is not a number"),
+        ("50.0 ", "nan ", "column v_vel: 'nan' is no value"),
+        (" 103 ", " 103.5 ", "column frame_id: '103.5' is not a whole number from 0"),
+        (" 103 ", " ", "17 values in a table of 18 columns"),
+        (" 103 ", " 103 1 ", "19 values in a table of 18 columns"),
+        (" 15.0 ", " -15.0 ", "column v_length: -15 is no size"),
+    ],
+)
+def test_damaged_text_without_a_header_is_refused_by_line(tmp_path: Path, old: str, new: str, complaint: str) -> None:
+    lines = headless(ngsim_rows(7, 100.0, 20.0, 50.0)).splitlines(keepends=True)
+    assert old in lines[3]
+    lines[3] = lines[3].replace(old, new)
+    (tmp_path / "t.txt").write_text("".join(lines))
+    with pytest.raises(InvalidFile, match=rf"t\.txt:4: {complaint}"):
+        read(tmp_path / "t.txt")
+
+
+def test_other_text_beside_recordings_is_none(tmp_path: Path) -> None:
+    write_csv(tmp_path / "t.csv", ngsim_rows(7, 100.0, 20.0, 50.0))
+    for name, content in {
+        "readme.txt": b"Vehicle_ID: who",
+        "empty.txt": b"",
+        "matrix.txt": b"1 0 0\n0 1 0\n",
+        "b.txt": b"\xff\0",
+    }.items():
+        (tmp_path / name).write_bytes(content)
+    assert list(read(tmp_path)[0].tracks) == ["7"]
+
+
 # real recordings ----------------------------------------------------------------------------
 
 
