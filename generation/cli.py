@@ -13,7 +13,7 @@ import typer
 from generation.adversary import NAME as ADVERSARY
 from generation.adversary.command import adversary
 from generation.density.model import JUDGE
-from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, Pin, Quiet, Ray, Recorded, Sut, Timestep
+from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, Objective, Pin, Quiet, Ray, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
 from runner.run_options import RoadPath
 from runner.settings import DEFAULT_SYSTEM, RunSettings
@@ -72,6 +72,7 @@ def xosc_generate(
     recorded: Recorded = None,
     kind: Kind = None,
     method: Method = DEFAULT,
+    objective: Objective = None,
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = 3000,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     weight: Annotated[
@@ -126,6 +127,8 @@ def xosc_generate(
     from generation.search.method import method as search_of
 
     if method != ADVERSARY:
+        if objective is not None:
+            raise UsageError(f"--objective is for the method {ADVERSARY}")
         search_of(method)  # what it needs is better asked for before recordings are read
     roads, catalogs = tuple(road_path or ()), tuple(catalog_path or ())
     run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=roads, catalog_path=catalogs)
@@ -135,8 +138,10 @@ def xosc_generate(
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
     if method == ADVERSARY:
+        if against is not None or fail_if:
+            raise UsageError(f"--against, --fail-if: about parameters, which the method {ADVERSARY} does not search")
         with interruptible(NAME):
-            raise typer.Exit(0 if adversary(source, out, settings, ask, quiet) else 1)
+            raise typer.Exit(0 if adversary(source, out, settings, ask, objective, quiet) else 1)
     wanted = fates(fail_if, against)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, wanted, quiet, source.is_dir()) for each in _searches(source, ask, out, settings, against)]

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from generation.adversary import NAME as ADVERSARY
+from generation.adversary import OBJECTIVES
 from generation.density.model import UNIFORM, models
 from generation.density.roles import ROLES
 from generation.search.method import offered
@@ -30,6 +31,13 @@ def _offered(name: str) -> str:
 
 
 Method = Annotated[str, typer.Option(callback=_offered, help=f"Search method: {', '.join(_METHODS)}.")]
+Objective = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help=f"What shapes the reward of the method {ADVERSARY}: {', '.join(OBJECTIVES)}.  [default: {OBJECTIVES[0]}]",
+    ),
+]
 Density = Annotated[
     str,
     typer.Option(

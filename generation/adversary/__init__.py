@@ -2,3 +2,5 @@
 
 NAME = "adversary"
 """Name of the method"""
+OBJECTIVES = ("risk-field", "distance", "fuzzy")
+"""Names of what shapes its reward (`generation.adversary.shape`), the default one first"""

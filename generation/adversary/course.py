@@ -106,6 +106,12 @@ class Course:
         self._changed = np.any([np.abs(b - a) > _CHANGED for a, b in zip(before, after, strict=True)], axis=0)
         self._look()
 
+    @property
+    def gap(self) -> FloatArray:
+        """From the ego's front to the actor's rear along the road (n,), m; negative once it is past that."""
+        gap: FloatArray = self.actor.x - self.ego.x - self.scene.between
+        return gap
+
     def _look(self) -> None:
         self.near = box_distance(self.ego.motion(), self.actor.motion())
         self.clearance = np.minimum(self.clearance, self.near)

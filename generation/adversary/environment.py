@@ -7,20 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from generation.adversary import OBJECTIVES
 from generation.adversary.actions import DECISIONS, INTERVAL, STATE
 from generation.adversary.course import Course, Scene, replayed
 from generation.adversary.driving import Driving
+from generation.adversary.shape import shape
 from generation.outcomes.references import JUDGES
-from runner.measures.risk_field import risk_field
-from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 OBSERVED = len(STATE) + 3
 """Numbers that the policy sees: the state, the ego's acceleration, the time, and what likelihood is left to spend"""
-OBJECTIVES = ("risk-field", "distance")
-"""What shapes the reward: how probable a collision is (`runner.measures.risk_field`), or how near the boxes are"""
-_NEAR = 5.0
-"""Distance (m) at which nearness counts 1/e"""
 _SPENT, _BRAKING = 10.0, 5.0
 """Log-density, and acceleration of the ego (m/s²), that the policy sees as 1"""
 _UNPREVENTED = 0.1
@@ -75,7 +71,7 @@ class Environment:
     Args:
         scene: where and with whom. driving: of recorded drivers. sut: the system under test. dt: time step, s.
         discount: of what comes later, for the shape of the reward.
-        objective: one of `OBJECTIVES`, which shapes it.
+        objective: shapes it, a name in `generation.adversary.OBJECTIVES`.
 
     Raises:
         UsageError: there is no such objective.
@@ -84,10 +80,8 @@ class Environment:
     def __init__(
         self, scene: Scene, driving: Driving, sut: Any, dt: float, discount: float, objective: str = OBJECTIVES[0]
     ) -> None:
-        if objective not in OBJECTIVES:
-            raise UsageError(f"there is no objective {objective!r}; objectives: {', '.join(OBJECTIVES)}")
+        self._near = shape(objective)
         self._scene, self._driving, self._sut, self._dt, self._discount = scene, driving, sut, dt, discount
-        self._near = _probability if objective == "risk-field" else _nearness
         self._steps = round(INTERVAL / dt)
 
     def play(self, starts: FloatArray, policy: Any) -> tuple[Episodes, Transitions]:
@@ -125,7 +119,7 @@ class Environment:
     def _transitions(
         self, episodes: Episodes, seen: FloatArray, done: FloatArray, near: FloatArray, contacts: IntArray
     ) -> Transitions:
-        """Those up to each contact; nearness shapes the reward and changes no optimum (A. Ng et al., ICML 1999)."""
+        """Those up to each contact, with shaped rewards."""
         before, after = contacts[:-1] < 0, contacts[1:] < 0
         worth = np.where(episodes.failing, 1.0, _UNPREVENTED * episodes.foreseeable)
         hit = before & ~after
@@ -133,16 +127,6 @@ class Environment:
         over = hit.astype(np.float64)
         over[-1] = 1.0
         return Transitions(seen[:-1][before], done[before], reward[before], seen[1:][before], over[before])
-
-
-def _nearness(course: Course) -> FloatArray:
-    """1 in contact, less the further the boxes are (n,)."""
-    return np.exp(-course.near / _NEAR)
-
-
-def _probability(course: Course) -> FloatArray:
-    """Probability of a collision by the risk field (n,)."""
-    return risk_field(course.ego.motion(), course.actor.motion()).probability
 
 
 class _Adversary:
@@ -161,11 +145,10 @@ class _Adversary:
     def state(self) -> FloatArray:
         """The columns of `generation.adversary.actions.STATE` (n, 7)."""
         ego, actor, side = self.course.ego, self.course.actor, self._scene.side
-        gap = actor.x - ego.x - self._scene.between
         aside, drift = side * (actor.y - ego.y), side * self._velocity[:, 1]
         own = self._acceleration * self._turn
         speed = self._velocity[:, 0]
-        return np.stack([gap, aside, drift, ego.speed - speed, speed, own[:, 0], own[:, 1]], axis=1)
+        return np.stack([self.course.gap, aside, drift, ego.speed - speed, speed, own[:, 0], own[:, 1]], axis=1)
 
     def observed(self) -> FloatArray:
         """What the policy sees (n, `OBSERVED`), about −1 to 1."""

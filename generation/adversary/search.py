@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from generation.adversary import OBJECTIVES
 from generation.adversary.actions import ACTION, DECISIONS, INTERVAL
 from generation.adversary.course import Scene
 from generation.adversary.driving import Driving
-from generation.adversary.environment import OBJECTIVES, OBSERVED, Environment, Episodes
+from generation.adversary.environment import OBSERVED, Environment, Episodes
 from generation.adversary.td3 import TD3, TD3Settings
 from generation.search.diversity import diverse
 from recognition.training.seeding import seeded
@@ -37,7 +38,7 @@ class AdversarySettings:
         warm_up: rounds in which actions are drawn evenly.
         learns: whether the policy learns; otherwise all actions are drawn evenly.
         apart: least distance of two failures, as a share of the ranges of what describes them, root mean square.
-        objective: shapes the reward (`generation.adversary.environment.OBJECTIVES`).
+        objective: shapes the reward (`generation.adversary.OBJECTIVES`).
         td3: of the networks.
     """
 
