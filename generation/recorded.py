@@ -23,7 +23,7 @@ from generation.logical.maneuvers import MANEUVERS
 from generation.logical.pairs.table import PAIRS
 from generation.logical.pairs.units import PairUnits, pair_units
 from generation.search.space import Space, free_option, numbers
-from recognition.maneuvers.parameters import Parameter
+from recognition.maneuvers.parameters import JERK, Parameter
 from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
@@ -225,7 +225,8 @@ def of_samples(
     if isinstance(samples, PairUnits):
         return _of_pairs(samples, space)
     roles = roles_of([*space.names, *space.pinned], mapped)
-    table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds], strict=True))
+    samples, roles = _with_jerk(samples, roles, space)
+    table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds, samples.jerks], strict=True))
     units = _units_of_actors(list(dict.fromkeys(each.actor for each in roles.values())), samples.ego_speeds)
     values = {name: each.factor * table[each.role][units[each.actor]] for name, each in roles.items()}
     unknown = [name for name in space.names if name not in values and name not in marginals]
@@ -240,6 +241,17 @@ def of_samples(
     kinds = sorted(set(samples.kinds.tolist()))
     kind = kinds[0] if len(kinds) == 1 else ""
     return Recorded(theta, samples.recordings, samples.errors, values, roles, rest, kind, samples.exposure)
+
+
+def _with_jerk(samples: Samples, roles: Mapping[str, Role], space: Space) -> tuple[Samples, Mapping[str, Role]]:
+    """Those whose jerk is known where it is searched; where it is pinned and nobody's is known, without that role."""
+    jerk = next((name for name, role in roles.items() if role.role == JERK), None)
+    known = np.flatnonzero(np.isfinite(samples.jerks))
+    if jerk is None or known.size:
+        return (samples if jerk is None else samples.where(known)), roles
+    if jerk in space.names:
+        raise UsageError(f"no jerk is recorded, of which {jerk} is: name recordings, or a table of their units, by --recorded")
+    return samples, {name: role for name, role in roles.items() if name != jerk}
 
 
 def _of_pairs(samples: PairUnits, space: Space) -> Recorded:

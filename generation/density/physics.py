@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from generation.density.roles import BEHIND, EGO_SPEED, Role
+from recognition.maneuvers.parameters import JERK
 from xodr.array_types import BoolArray, FloatArray
 
 QUANTILE = 0.999
@@ -29,9 +30,9 @@ def quantities(values: ByRole) -> dict[str, FloatArray]:
     """Deceleration, acceleration, jerk and lateral acceleration (n,), those that follow from the roles that are known.
 
     m/s², jerk m/s³: the change from the mean acceleration of the manoeuvre to that of what follows, over the time between their
-    middles. 0 where nothing can be said.
+    middles; the jerk at the onset is a parameter of its own. 0 where nothing can be said.
     """
-    found: dict[str, FloatArray] = {}
+    found: dict[str, FloatArray] = {"jerk at the onset": values[JERK]} if JERK in values else {}
     duration = values.get("duration")
     phases = []
     if duration is not None:

@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from recognition.maneuvers.parameters import DECLARED, JERK, PARAMETERS
 from recognition.maneuvers.parameters import EGO_SPEED as CATALOGUED_EGO_SPEED
 from recognition.maneuvers.parameters import OTHER_SPEED as CATALOGUED_OTHER_SPEED
-from recognition.maneuvers.parameters import PARAMETERS
 
 EGO_SPEED = "ego_speed"
 """Role of the speed of the one who is not the actor, when the manoeuvre begins."""
-ROLES = (*PARAMETERS, EGO_SPEED)
-"""Names of the values of a recorded unit: seven of its actor, and the other one's speed."""
+ROLES = (*PARAMETERS, EGO_SPEED, JERK)
+"""Names of the values of a recorded unit: seven of its actor, the other one's speed, and the actor's jerk where it is known."""
+ON_REQUEST = (JERK,)
+"""Roles of parameters that are searched only where they are asked for."""
 AHEAD, BEGINS, BEHIND = "ahead", "begins", "behind"
 """Roles of parameters of the second of two actors: the gap from the first one to it and when it begins, or its gap to the ego."""
 NUISANCES = ("start_time", "rest_time")
 """Roles of parameters that say when a scene begins and ends, not what happens in it."""
 EGO, LEAD = "Ego", "Lead"
 _SPEED = "Speed_mps"
-_OF_SHORT = {each.name: role for role, each in PARAMETERS.items()}
+_OF_SHORT = {each.name: role for role, each in DECLARED.items()}
 
 
 class Role(NamedTuple):

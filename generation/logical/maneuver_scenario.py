@@ -15,7 +15,7 @@ from generation.logical import catalogs
 from generation.logical.geometries import Geometry, Limits
 from generation.logical.header import header, scenario_tags
 from generation.logical.maneuvers import EGO, Maneuver
-from recognition.maneuvers.parameters import PARAMETERS, declared_name
+from recognition.maneuvers.parameters import DECLARED, JERK, PARAMETERS, declared_name
 from recognition.maneuvers.scenario import storyboard, terms
 from schemas.errors import UsageError
 from xosc import maneuvers
@@ -73,12 +73,18 @@ class ManeuverScenario:
         )
 
     def defaults(self) -> dict[str, float]:
-        """Values of the seven, by the names of their declarations."""
+        """Values of the actor's parameters, by the names of their declarations."""
         place, braking = self.geometry, self.maneuver.braking
         start = self._kept if self.maneuver.actor != EGO else self._ego_speed
         end = braking[0] if braking else round(0.95 * start, 1)
-        values = (place.gap, start, 3.0, end, 4.0, end, 5.0)
-        return {declared_name(self.maneuver.actor, role): value for role, value in zip(PARAMETERS, values, strict=True)}
+        jerk = [] if self.maneuver.jerk is None else [self.maneuver.jerk]
+        values = (place.gap, start, 3.0, end, 4.0, end, 5.0, *jerk)
+        return {declared_name(self.maneuver.actor, role): value for role, value in zip(self._declared, values, strict=True)}
+
+    @property
+    def _declared(self) -> tuple[str, ...]:
+        """Roles of the actor's parameters."""
+        return (*PARAMETERS, *([] if self.maneuver.jerk is None else [JERK]))
 
     @property
     def _kept(self) -> float:
@@ -96,8 +102,8 @@ class ManeuverScenario:
         return [name for name in (maneuver.leader, maneuver.ahead, maneuver.beside) if name is not None]
 
     def _parameters(self) -> list[Any]:
-        """The seven of the actor, and the speeds of those who keep theirs."""
-        limits: dict[str, Limits] = {each.name: (each.low, each.high) for each in PARAMETERS.values()}
+        """Those of the actor, and the speeds of those who keep theirs."""
+        limits: dict[str, Limits] = {each.name: (each.low, each.high) for each in DECLARED.values()}
         slow, place = self.maneuver.braking or self.geometry.speeds, self.geometry
         limits |= {"Gap_m": place.gaps, "StartSpeed_mps": place.speeds, "EndSpeed_mps": slow, "FinalSpeed_mps": slow}
         actor = self.maneuver.actor
@@ -118,7 +124,7 @@ class ManeuverScenario:
     @cached_property
     def _roles(self) -> dict[str, str]:
         """The actor's parameters by role."""
-        return {role: f"${declared_name(self.maneuver.actor, role)}" for role in PARAMETERS}
+        return {role: f"${declared_name(self.maneuver.actor, role)}" for role in self._declared}
 
     def _role(self, role: str) -> str:
         return self._roles[role]
@@ -189,9 +195,17 @@ class ManeuverScenario:
         return [catalogs.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
 
     def _start(self) -> list[Condition]:
-        """When the time is over and the gap reached."""
-        gap = f"${{{terms.trigger_gap(self._role('gap'), self._opening)}}}"
-        return [storyboard.started(f"${{{self._delay}}}"), storyboard.gap_reached(EGO, self.maneuver.leader, gap)]
+        """When the time is over and the gap reached.
+
+        A change of speed with a jerk begins earlier, by half the time in which its acceleration builds up: so it is about where
+        the one without would be.
+        """
+        delay, gap = self._delay, terms.trigger_gap(self._role("gap"), self._opening)
+        if self.maneuver.jerk is not None:
+            change = f"abs({self._role('end_speed')} - {self._role('start_speed')})"
+            early = f"{change} / (2 * {self._role('duration')} * {self._role(JERK)})"
+            delay, gap = f"max({delay} - {early}, 0)", f"{gap} + max(0 - {self._opening}, 0) * {early}"
+        return [storyboard.started(f"${{{delay}}}"), storyboard.gap_reached(EGO, self.maneuver.leader, f"${{{gap}}}")]
 
     def _stop(self) -> Conditions:
         """At a collision of the ego, or at the scene's end."""

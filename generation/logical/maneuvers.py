@@ -28,6 +28,7 @@ class Maneuver:
         ahead: who is ahead of the leader in its lane, at a speed of its own.
         beside: who is beside the leader in the other lane, with its speeds.
         turns: whether the leader turns off afterwards.
+        jerk: by default, m/s³, of an actor who has one; None for changes of speed with accelerations that jump.
         pace: default speed of the slower one, as a share of the faster one's.
         dense: greatest default speed (m/s) before the manoeuvre, where traffic is dense; None for that of the geometry.
     """
@@ -46,6 +47,7 @@ class Maneuver:
     ahead: str | None = None
     beside: str | None = None
     turns: bool = False
+    jerk: float | None = None
     pace: float = 0.85
     dense: float | None = None
 
@@ -60,6 +62,10 @@ MANEUVERS = {
     "car_following": Maneuver(
         "The ego follows a leader that slows down a little",
         "Lead", "Lead", "right", "right", 0, BRAKING, ("highway",), Label.CAR_FOLLOWING, pace=1.0,
+    ),
+    "braking_leader": Maneuver(
+        "The ego's leader brakes a little, as suddenly as its jerk says",
+        "Lead", "Lead", "right", "right", 0, BRAKING, ("highway",), Label.CAR_FOLLOWING, jerk=3.0, pace=1.0,
     ),
     "cut_in": Maneuver(
         "A vehicle cuts in from the left in front of the ego",

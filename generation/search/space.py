@@ -17,8 +17,8 @@ from typing import Protocol
 import numpy as np
 
 import xosc
-from generation.density.roles import roles_of
-from recognition.maneuvers.parameters import PARAMETERS, Parameter
+from generation.density.roles import ON_REQUEST, roles_of
+from recognition.maneuvers.parameters import DECLARED, Parameter
 from schemas.errors import UsageError, nearest
 from xodr.array_types import BoolArray, FloatArray
 from xosc.node import Node
@@ -240,8 +240,12 @@ def _admits(declared: Sequence[Node], values: Mapping[str, str]) -> bool:
 
 
 def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
-    """Names of the actors' parameters and of what recordings tell besides; where there is no actor, of all but the ego's."""
+    """Names of the actors' parameters and of what recordings tell besides; where there is no actor, of all but the ego's.
+
+    Without those that are searched on request only.
+    """
     roles = roles_of(bounded, ego=ego)
+    bounded = [name for name in bounded if name not in roles or roles[name].role not in ON_REQUEST]
     actors = tuple(f"{role.actor}_" for role in roles.values() if role.actor)
     found = {name for name in bounded if name in roles or name.startswith(actors)}
     return found or {name for name in bounded if not name.startswith(f"{ego}_")}
@@ -273,5 +277,5 @@ def _parameter(declaration: Node, scope: Scope) -> Parameter:
     if not low < high:
         raise declaration.invalid(f"no value of the parameter {name} keeps its constraints")
     short = name.partition("_")[2]
-    meaning = next((each.meaning for each in PARAMETERS.values() if each.name == short), "")
+    meaning = next((each.meaning for each in DECLARED.values() if each.name == short), "")
     return Parameter(name, low, high, name.rpartition("_")[2] if "_" in name else "", meaning)

@@ -16,6 +16,7 @@ from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
 from generation.search.space import DIGITS, Space
 from generation.twin.drivers import Driver, Situation, driver
 from generation.twin.motion import Body, Changing, Keeping, driven
+from generation.twin.profile import JerkChanging
 from generation.twin.script import Script, read
 from generation.twin.terms import value
 from runner.measures.criticality import lateral_violation, longitudinal_violation
@@ -204,7 +205,10 @@ def _placed(actor: Any, script: Script, parameters: Mapping[str, FloatArray], n:
 def _changing(actor: Any, script: Script, parameters: Mapping[str, FloatArray], n: int) -> Changing:
     change = actor.change
     terms = (np.array(value(term, parameters, n)) for term in (change.duration, change.speed, change.rest, change.final))
-    return Changing(n, script.lanes[actor.lane + change.lanes] - script.lanes[actor.lane], *terms)
+    shift = script.lanes[actor.lane + change.lanes] - script.lanes[actor.lane]
+    if change.jerk is None:
+        return Changing(n, shift, *terms)
+    return JerkChanging(n, shift, *terms, jerk=np.array(value(change.jerk, parameters, n)))
 
 
 class _Found:

@@ -189,15 +189,19 @@ class Changing:
         extent = np.where(np.isnan(self._settling), self.duration, self.rest)
         past = np.where(np.isnan(self._settling), self._past, self._settling + dt)
         self._settling = np.where(np.isnan(self._settling), np.nan, self._settling + dt)
-        progress = np.divide(past, extent, out=np.ones_like(past), where=extent > 0.0)
-        over = progress >= 1.0 - EPSILON
-        wanted = np.where(over, self._to, self._from + (self._to - self._from) * progress)
+        wanted, over = self._wanted(past, extent)
         body.target = np.where(self._accelerating, wanted, body.target)
         self._accelerating = self._accelerating & ~over
         aside = self._sidestep(body, dt) if self.shift else np.zeros_like(past)
         complete = self.begun & np.isinf(self.done) & ~self._accelerating & ~self._crossing
         self.done = np.where(complete, time, self.done)
         return aside
+
+    def _wanted(self, past: FloatArray, extent: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Speed (n,), m/s, after a time of a change or settling that takes another (n,), s, and where that is over (n,)."""
+        progress = np.divide(past, extent, out=np.ones_like(past), where=extent > 0.0)
+        over = progress >= 1.0 - EPSILON
+        return np.where(over, self._to, self._from + (self._to - self._from) * progress), over
 
     def settle(self, time: float, body: Body) -> None:
         """Begin to settle where the change is complete."""

@@ -32,6 +32,7 @@ class Change:
         delay: time until it may begin, s. gap: from leader to follower at which it begins at the latest, m.
         duration: s. speed: at its end, m/s. lanes: to the left; 0 for none.
         rest: duration of the settling, s. final: speed after it, m/s.
+        jerk: at which the acceleration of the change builds up and ends, m/s³; None where it jumps.
     """
 
     follower: str
@@ -43,6 +44,7 @@ class Change:
     lanes: int
     rest: str
     final: str
+    jerk: str | None = None
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,7 @@ def _changes(root: Node) -> Iterator[tuple[str, Change]]:
 
 
 def _change(actor: str, change: Node, settle: Node) -> Change:
-    speed = _over_time(change)
+    speed, jerk = _over_time(change)
     lanes = [each for each in _actions(change) if each.find("LateralAction") is not None]
     aside = lanes[0].need("LateralAction", "LaneChangeAction") if lanes else None
     target = aside.need("LaneChangeTarget", "RelativeTargetLane") if aside is not None else None
@@ -205,10 +207,12 @@ def _change(actor: str, change: Node, settle: Node) -> Change:
     kind = tuple(condition.get(each) for each in ("relativeDistanceType", "coordinateSystem", "freespace", "rule"))
     if kind != ("longitudinal", "lane", "true", "lessOrEqual"):
         raise ValueError("another distance")
-    rest = _over_time(settle)
+    rest, sudden = _over_time(settle)
+    if sudden is not None or (jerk is not None and aside is not None):
+        raise ValueError("another use of jerk")
     lanes_left = int(target.get("value")) if target is not None else 0
     return Change(
-        follower, condition.get("entityRef"), time.get("delay"), condition.get("value"), *speed, lanes_left, *rest
+        follower, condition.get("entityRef"), time.get("delay"), condition.get("value"), *speed, lanes_left, *rest, jerk
     )  # fmt: skip
 
 
@@ -216,14 +220,22 @@ def _actions(event: Node) -> list[Node]:
     return [each.need("PrivateAction") for each in event.children("Action")]
 
 
-def _over_time(event: Node) -> tuple[str, str]:
-    """Duration and target of an event's linear change of speed."""
-    action = next(each for each in _actions(event) if each.find("LongitudinalAction") is not None)
-    speed = action.need("LongitudinalAction", "SpeedAction")
+def _over_time(event: Node) -> tuple[tuple[str, str], str | None]:
+    """Duration and target of an event's change of speed, and its jerk; None where the change is linear."""
+    action = next(each for each in _actions(event) if each.find("LongitudinalAction") is not None).need("LongitudinalAction")
+    if (profile := action.find("SpeedProfileAction")) is not None:
+        (entry,) = profile.children("SpeedProfileEntry")
+        limits = profile.need("DynamicConstraints")
+        up, down = limits.get("maxAccelerationRate"), limits.get("maxDecelerationRate")
+        others = [limits.get(name, "") for name in ("maxAcceleration", "maxDeceleration", "maxSpeed")]
+        if up != down or any(others) or profile.get("followingMode") != "follow" or profile.has("entityRef"):
+            raise ValueError("another profile")
+        return (entry.get("time"), entry.get("speed")), up
+    speed = action.need("SpeedAction")
     dynamics = speed.need("SpeedActionDynamics")
     if (dynamics.get("dynamicsShape"), dynamics.get("dynamicsDimension")) != ("linear", "time"):
         raise ValueError("another change of speed")
-    return dynamics.get("value"), speed.need("SpeedActionTarget", "AbsoluteTargetSpeed").get("value")
+    return (dynamics.get("value"), speed.need("SpeedActionTarget", "AbsoluteTargetSpeed").get("value")), None
 
 
 def _ends(root: Node) -> tuple[str, str, str]:

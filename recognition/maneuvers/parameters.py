@@ -41,6 +41,13 @@ PARAMETERS: Mapping[str, Parameter] = {
     "rest_time": Parameter("RestTime_s", 0.0, 10.0, "s", "from the manoeuvre's end to the scene's"),
 }
 """The parameters by role, in the order of every array of them."""
+JERK = "jerk"
+"""Role of an eighth one, which few scenarios declare."""
+DECLARED: Mapping[str, Parameter] = {
+    **PARAMETERS,
+    JERK: Parameter("Jerk_mps3", 0.1, 15.0, "mps3", "rate at which the acceleration of the manoeuvre builds up"),
+}
+"""All that scenarios may declare, by role; jerk up to what vehicles can do (`recognition.datasets.smoothing.limits`)."""
 EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
 """In scenarios of catalogues, names of the speed of the one who is not the actor, by who that is."""
 
@@ -70,4 +77,4 @@ class Values(NamedTuple):
 
 def declared_name(participant: str, role: str) -> str:
     """Name of the declaration of a participant's parameter, `CutIn_Gap_m` for example."""
-    return f"{participant}_{PARAMETERS[role].name}"
+    return f"{participant}_{DECLARED[role].name}"

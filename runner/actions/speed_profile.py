@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from runner.contracts.run import Run
 
 _UNLIMITED = Performance()
-_STRETCH, _STRETCHES = 1.25, 100
+STRETCH, STRETCHES = 1.25, 100
 """Factor and number of the attempts to give a segment the time that its jerk limits need."""
 _EPSILON = 1e-9
 
@@ -148,11 +148,11 @@ def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> lis
     meets the second line, or shifts all that follows where it doesn't.
     """
     segments = [s for s in segments if s.duration > 0.0]
-    for _ in range(_STRETCHES):
+    for _ in range(STRETCHES):
         tight = _tight(segments, limits)
         if not tight:
             break
-        segments = [s.stretched(_STRETCH) if i in tight else s for i, s in enumerate(segments)]
+        segments = [s.stretched(STRETCH) if i in tight else s for i, s in enumerate(segments)]
     slopes = [0.0, *(segment.slope for segment in segments), 0.0]
     corners = _corners(segments, _blend(slopes[0], slopes[1], limits) / 2.0)
     pieces = [Piece(0.0, speed, 0.0, 0.0)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,13 @@ from tests.recognition.motorway import write_motorway
 from xosc.tags import Tag, annotated
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+BRAKING, JERK = SCENARIOS / "braking_leader_highway.xosc", "Lead_Jerk_mps3"
 
 
-def samples(n: int = 4) -> Samples:
+def samples(n: int = 4, jerks: Sequence[float] = ()) -> Samples:
     texts = np.array(["a"] * n)
-    numbers = np.arange(7.0 * n).reshape(n, 7)
-    return Samples(numbers, texts, texts, texts, texts, np.zeros(n), np.full(n, 33.0), np.zeros((n, 2)))
+    numbers, measured = np.arange(7.0 * n).reshape(n, 7), np.array(jerks or [np.nan] * n)
+    return Samples(numbers, texts, texts, texts, texts, np.zeros(n), np.full(n, 33.0), np.zeros((n, 2)), measured)
 
 
 def test_columns_go_by_name_and_the_egos_speed_is_that_of_the_other() -> None:
@@ -46,6 +48,22 @@ def test_what_recordings_do_not_tell_is_refused(name: str, pinned: dict[str, str
         of_samples(samples(), Space.of(SCENARIOS / f"{name}.xosc", pinned, free))
 
 
+def test_units_whose_jerk_is_not_known_are_left_out_where_it_counts() -> None:
+    space = Space.of(BRAKING, free=[JERK])
+    found = of_samples(samples(4, (2.0, np.nan, 3.0, np.nan)), space)
+    np.testing.assert_array_equal(found.values[JERK], [2.0, 3.0])
+    np.testing.assert_array_equal(found.theta[:, space.names.index("Lead_Gap_m")], [0.0, 14.0])
+    with pytest.raises(UsageError, match=f"no jerk is recorded, of which {JERK} is"):
+        of_samples(samples(), space)
+
+
+def test_a_pinned_jerk_conditions_only_what_is_recorded_with_one() -> None:
+    space = Space.of(BRAKING)
+    assert JERK in space.pinned
+    assert JERK not in of_samples(samples(), space).values
+    np.testing.assert_array_equal(of_samples(samples(2, (2.0, 3.0)), space).values[JERK], [2.0, 3.0])
+
+
 def test_where_the_ego_acts_the_other_is_the_leader() -> None:
     space = Space.of(SCENARIOS / "lane_change_left_highway.xosc")
     assert of_samples(samples(), space).theta[0].tolist() == [*range(7), 33.0]
@@ -66,7 +84,7 @@ def test_two_actors_have_the_values_of_two_units_about_as_fast() -> None:
 def test_the_fastest_egos_meet_two_units_of_fast_egos() -> None:
     speeds = np.linspace(10.0, 40.0, 60)
     texts, rows = np.array(["a"] * 60), np.repeat(speeds[:, None], 7, axis=1)
-    units = Samples(rows, texts, texts, texts, texts, np.zeros(60), speeds, np.zeros((60, 2)))
+    units = Samples(rows, texts, texts, texts, texts, np.zeros(60), speeds, np.zeros((60, 2)), np.full(60, np.nan))
     names = "CutIn_StartSpeed_mps", "Second_StartSpeed_mps", "Ego_Speed_mps"
     found = of_samples(units, Space(tuple(Parameter(name, 0.0, 200.0) for name in names))).theta
     np.testing.assert_array_equal(found[:, 0], found[:, 2])

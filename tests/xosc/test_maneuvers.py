@@ -48,6 +48,7 @@ def driven(events: list[Any], version: tuple[int, int] = (1, 3), **parts: Any) -
 ACTIONS = {
     "speed": m.speed(10, m.Dynamics("linear", "rate", 2)),
     "speed_profile": m.speed_profile([(10, 2), (20, 3.5)], "follow"),
+    "speed_profile with jerk": m.speed_profile([(10, 2)], "follow", 2.5),
     "lane_change": m.lane_change(-2, RAMP, offset=0.2),
     "relative lane_change": m.lane_change(1, RAMP, relative_to="Ego"),
     "teleport": m.teleport(m.world_position(1, 2, 3, 0.5)),

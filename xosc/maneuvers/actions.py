@@ -92,12 +92,19 @@ def keep_distance(entity: str, distance: Number, limits: Reaction) -> Any:
     )
 
 
-def speed_profile(entries: Sequence[tuple[Number, Number]], following_mode: str = "position") -> Any:
-    """`SpeedProfileAction` (1.2 and later): speeds (m/s), each with the time (s) that it takes from the one before."""
+def speed_profile(entries: Sequence[tuple[Number, Number]], following_mode: str = "position", jerk: Number | None = None) -> Any:
+    """`SpeedProfileAction` (1.2 and later): speeds (m/s), each with the time (s) that it takes from the one before.
+
+    Args:
+        following_mode: position (exactly) or follow (within the limits of what vehicles do).
+        jerk: greatest rate of change of the acceleration, m/s³; None for no limit.
+    """
     if not entries:
         raise UsageError("a speed profile needs at least one entry")
     speeds, times = zip(*((number(value), number(time)) for value, time in entries), strict=True)
-    return sg.SpeedProfileAction(list(speeds), enum_value("FollowingMode", following_mode), list(times))
+    rate = None if jerk is None else number(jerk)
+    limits = None if rate is None else sg.DynamicsConstraints(max_acceleration_rate=rate, max_deceleration_rate=rate)
+    return sg.SpeedProfileAction(list(speeds), enum_value("FollowingMode", following_mode), list(times), limits)
 
 
 def lane_change(lane: int | str, dynamics: Dynamics, *, relative_to: str | None = None, offset: Number | None = None) -> Any:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from recognition.maneuvers.estimation.jerk import onset_jerk
 from recognition.maneuvers.estimation.motion import LaneMotion
 from recognition.maneuvers.estimation.speeds import EVERY, distance_model, fit_speeds
 from recognition.maneuvers.parameters import Values
@@ -19,10 +20,12 @@ class Estimate(NamedTuple):
     Attributes:
         values: of its parameters.
         other_speed: of the one who is not the actor, when the manoeuvre begins, m/s; 0 without another.
+        jerk: how suddenly the acceleration of the manoeuvre builds up, m/s³; NaN where that can't be said.
     """
 
     values: Values
     other_speed: float
+    jerk: float
 
 
 def estimate(motion: LaneMotion, unit: Unit) -> Estimate | None:
@@ -45,7 +48,8 @@ def estimate(motion: LaneMotion, unit: Unit) -> Estimate | None:
         other_speed = float(scene.speed[other])
     start_time, duration, rest_time = np.diff(scene.time[[unit.first, unit.start, unit.end, unit.last]]).tolist()
     start, end, final = _speeds(motion, unit, duration, rest_time).tolist()
-    return Estimate(Values(gap, start, start_time, end, duration, final, rest_time), other_speed)
+    jerk = onset_jerk(motion, unit, end - start)
+    return Estimate(Values(gap, start, start_time, end, duration, final, rest_time), other_speed, jerk)
 
 
 def _speeds(motion: LaneMotion, unit: Unit, duration: float, rest_time: float) -> FloatArray:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from recognition.maneuvers.parameters import JERK
 from xosc import maneuvers
 from xosc.maneuvers import Condition, Conditions, Dynamics
 
@@ -36,17 +37,25 @@ def events(
 
     Args:
         change, settle: names of the two.
-        parameters: terms by role (`recognition.maneuvers.parameters.PARAMETERS`).
+        parameters: terms by role (`recognition.maneuvers.parameters.DECLARED`). Where there is a jerk, the acceleration of the
+            change builds up and ends by it, which takes the change over the duration that much longer.
         lanes: how many lanes to the left; 0 for none.
         start: the trigger.
     """
     over_time = Dynamics("linear", "time", parameters["duration"])
-    actions = [maneuvers.speed(parameters["end_speed"], over_time)]
+    actions = [_sped(parameters, over_time)]
     if lanes:
         actions.append(maneuvers.lane_change(lanes, over_time._replace(shape=_SHAPE), relative_to=actor))
     settled = maneuvers.speed(parameters["final_speed"], over_time._replace(value=parameters["rest_time"]))
     changed = maneuvers.element_state("event", change, "completeState")
     return [maneuvers.event(change, actions, start), maneuvers.event(settle, [settled], changed)]
+
+
+def _sped(parameters: Mapping[str, str], over_time: Dynamics) -> Any:
+    """The change to the end speed."""
+    if JERK not in parameters:
+        return maneuvers.speed(parameters["end_speed"], over_time)
+    return maneuvers.speed_profile([(parameters["end_speed"], over_time.value)], "follow", parameters[JERK])
 
 
 def changed(change: str, after: str) -> Condition:

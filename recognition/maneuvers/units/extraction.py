@@ -55,6 +55,7 @@ def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
         others=names[[unit.other for unit in units]],
         times=scene.time[[unit.start for unit in units]],
         ego_speeds=np.array([each.other_speed for _, each in found]),
+        jerks=np.array([each.jerk for _, each in found]),
         errors=np.array([errors(motion, unit, row) for unit, row in zip(units, theta, strict=True)]).reshape(-1, 2),
         exposure={source.name: Exposure.of(motion, every)},
     )

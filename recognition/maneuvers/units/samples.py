@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.maneuvers.parameters import PARAMETERS
+from recognition.maneuvers.parameters import DECLARED, JERK, PARAMETERS
 from recognition.maneuvers.units.exposure import Exposure, from_bytes, to_bytes
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray, IntArray
@@ -25,7 +25,8 @@ _NAMES = tuple(each.name for each in PARAMETERS.values())
 _TEXTS = {"recordings": "recording", "kinds": "kind", "actors": "actor", "others": "other"}
 _TIME, _SPEED, _ERRORS = "time_s", "Ego_Speed_mps", ("RMSE_t_m", "RMSE_s_m")
 _NUMBERS = (_TIME, *_NAMES, _SPEED, *_ERRORS)
-_COLUMNS = (*_TEXTS, "theta", "times", "ego_speeds", "errors")
+_JERK = DECLARED[JERK].name
+_COLUMNS = (*_TEXTS, "theta", "times", "ego_speeds", "errors", "jerks")
 """Attributes that are arrays with a row for each unit"""
 _EXPOSURE = b"exposure"
 """Key of the file's metadata that has the exposure"""
@@ -41,6 +42,7 @@ class Samples:
         times: when the manoeuvre begins in the recording, s (n,).
         ego_speeds: of the one who is not the actor, when the manoeuvre begins, m/s (n,).
         errors: lateral and longitudinal root mean square of the reconstruction, m (n, 2).
+        jerks: how suddenly the acceleration builds up, m/s³ (n,); NaN where it was not measured.
         exposure: by recording, of those without a unit too; none where it is not known.
     """
 
@@ -52,6 +54,7 @@ class Samples:
     times: FloatArray
     ego_speeds: FloatArray
     errors: FloatArray
+    jerks: FloatArray
     exposure: Mapping[str, Exposure] = field(default_factory=dict)
 
     def where(self, chosen: IntArray) -> Samples:
@@ -78,9 +81,10 @@ class Samples:
         import pyarrow.parquet as pq
 
         texts = {column: pa.array(getattr(self, name).tolist(), pa.string()) for name, column in _TEXTS.items()}
-        numbers = (np.round(each, DIGITS) for each in (self.times, *self.theta.T, self.ego_speeds, *self.errors.T))
+        every = self.times, *self.theta.T, self.ego_speeds, *self.errors.T
+        numbers = dict(zip(_NUMBERS, every, strict=True)) | ({_JERK: self.jerks} if np.isfinite(self.jerks).any() else {})
         metadata = {_EXPOSURE: to_bytes(self.exposure)} if self.exposure else None
-        table = pa.table(texts | dict(zip(_NUMBERS, numbers, strict=True)), metadata=metadata)
+        table = pa.table(texts | {name: np.round(each, DIGITS) for name, each in numbers.items()}, metadata=metadata)
         pq.write_table(table, path, compression="zstd", compression_level=19)
 
     @staticmethod
@@ -96,7 +100,7 @@ class Samples:
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Samples:
-        """Read a Parquet file that `write` wrote.
+        """Read a Parquet file that `write` wrote; those of before jerk was measured have none.
 
         Raises:
             InvalidFile: it is no Parquet file, or lacks a column.
@@ -105,11 +109,15 @@ class Samples:
         import pyarrow.parquet as pq
 
         try:
-            table = pq.read_table(path, columns=[*_TEXTS.values(), *_NUMBERS])
+            there = set(pq.read_schema(path).names)
+            names = *_NUMBERS, *([_JERK] if _JERK in there else [])
+            table = pq.read_table(path, columns=[*_TEXTS.values(), *names])
             texts = {name: np.array(table[column].to_pylist(), np.str_) for name, column in _TEXTS.items()}
-            columns = {name: table[name].to_numpy().astype(np.float64) for name in _NUMBERS}
+            columns = {name: table[name].to_numpy().astype(np.float64) for name in names}
             exposure = from_bytes((table.schema.metadata or {}).get(_EXPOSURE, b"{}"))
         except (OSError, pa.ArrowException, KeyError, ValueError) as error:
             raise InvalidFile(f"no table of units: {error}", path=path) from None
         theta, errors = (np.stack([columns[name] for name in names], axis=1) for names in (_NAMES, _ERRORS))
-        return cls(theta=theta, times=columns[_TIME], ego_speeds=columns[_SPEED], errors=errors, **texts, exposure=exposure)
+        jerks = columns.get(_JERK, np.full(len(theta), np.nan))
+        times, speeds = columns[_TIME], columns[_SPEED]
+        return cls(theta=theta, times=times, ego_speeds=speeds, errors=errors, jerks=jerks, **texts, exposure=exposure)

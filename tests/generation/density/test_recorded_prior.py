@@ -116,6 +116,11 @@ def test_a_jerk_that_traffic_does_not_have_is_not_possible() -> None:
     assert (limits.kept(alone)[0], limits.kept(other)[0]) == (False, True)
 
 
+def test_a_jerk_at_the_onset_that_traffic_does_not_have_is_not_possible() -> None:
+    limits = Limits.of({"jerk": np.linspace(0.1, 4.0, 1001)})
+    assert limits.kept({"jerk": np.array([3.9, 4.1])}).tolist() == [True, False]
+
+
 def followed(**pinned: float) -> tuple[RecordedPrior, np.ndarray]:
     """A prior of followers who keep half a second and more, and their headways."""
     generator = np.random.default_rng(0)

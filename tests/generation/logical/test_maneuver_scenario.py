@@ -11,7 +11,7 @@ import pytest
 import runner
 from generation.logical.library import SCENARIOS, maneuver_scenarios
 from generation.logical.maneuver_scenario import ManeuverScenario
-from recognition.maneuvers.parameters import PARAMETERS, declared_name
+from recognition.maneuvers.parameters import JERK, PARAMETERS, declared_name
 from runner.measures.relations import Motion, relations
 from runner.recording import Track
 
@@ -43,8 +43,8 @@ class Run:
         return float(view.ahead[self.row(time)])
 
 
-def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0) -> Run:
-    """A run in which leader and ego move apart with `opening` m/s before the manoeuvre."""
+def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0, jerk: float = 15.0) -> Run:
+    """A run in which leader and ego move apart with `opening` m/s before the manoeuvre, whose jerk is as great as may be."""
     plot = PLOTS[name]
     slow = plot.geometry.speeds[0] + 2.0
     actor_is_ego = plot.maneuver.actor == "Ego"
@@ -61,6 +61,8 @@ def run(name: str, opening: float, gap: float = 20.0, time: float = 4.0) -> Run:
     )
     asked = dict(zip(PARAMETERS, values, strict=True))
     given = {declared_name(plot.maneuver.actor, role): str(value) for role, value in asked.items()}
+    if plot.maneuver.jerk is not None:
+        given[declared_name(plot.maneuver.actor, JERK)] = str(jerk)
     given[f"{plot.maneuver.leader if actor_is_ego else 'Ego'}_Speed_mps"] = str(slow)
     done = runner.run(SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP)
     assert done.verdict.passed, done.verdict.reasons
@@ -122,6 +124,24 @@ def test_a_faster_leader_begins_with_a_gap_and_sooner(name: str) -> None:
     assert done.gap(0.0) == pytest.approx(2.0, abs=0.01)
     assert done.gap(18.0 / opening) == pytest.approx(gap, abs=0.01)
     assert done.actor("speed", 18.0 / opening + 1.0) < done.actor("speed", 18.0 / opening)
+
+
+@pytest.mark.parametrize("name", [name for name, plot in PLOTS.items() if plot.maneuver.jerk is not None])
+def test_a_change_with_a_jerk_lasts_longer_around_the_same_middle(name: str) -> None:
+    opening, jerk = -OPENING, 0.5
+    done = run(name, opening, jerk=jerk)
+    asked = done.asked
+    start, end = asked["start_time"], asked["start_time"] + asked["duration"]
+    slope = (asked["end_speed"] - asked["start_speed"]) / asked["duration"]
+    early = abs(slope) / jerk / 2.0
+    speed = done.tracks[done.plot.maneuver.actor].columns["speed"]
+    assert speed[done.row(start - early)] == pytest.approx(asked["start_speed"])
+    assert abs(speed[done.row(start - early + 0.2)] - asked["start_speed"]) > 0.5 * 0.5 * jerk * 0.2**2
+    assert speed[done.row(end + early)] == pytest.approx(asked["end_speed"], abs=0.01)
+    assert done.actor("speed", (start + end) / 2) == pytest.approx((asked["start_speed"] + asked["end_speed"]) / 2, abs=0.03)
+    rates = np.diff(speed[: done.row(end + early)], n=2) / STEP**2
+    assert np.abs(rates).max() <= jerk + 1e-3
+    assert done.gap(0.0) - (asked["gap"] - opening * start) == pytest.approx(0.0, abs=0.01)
 
 
 def test_the_gap_is_waited_for_when_the_ego_is_late() -> None:

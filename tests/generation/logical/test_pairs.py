@@ -36,7 +36,8 @@ def unit_table(rows: list[tuple[str, str, str, float, float]]) -> Samples:
     kinds, actors, others, times, gaps = (np.array(column) for column in zip(*rows, strict=True))
     theta = np.tile([0.0, 20.0, 1.0, 20.0, 4.0, 20.0, 2.0], (n, 1))
     theta[:, 0] = gaps
-    return Samples(theta, np.array(["a"] * n), kinds, actors, others, times, np.full(n, 25.0), np.zeros((n, 2)))
+    texts = np.array(["a"] * n), kinds, actors, others
+    return Samples(theta, *texts, times, np.full(n, 25.0), np.zeros((n, 2)), np.full(n, np.nan))
 
 
 def test_units_at_a_time_around_one_ego_are_pairs() -> None:

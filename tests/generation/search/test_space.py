@@ -54,6 +54,12 @@ def test_an_ego_that_acts_is_searched() -> None:
     assert not space.pinned
 
 
+def test_a_jerk_is_searched_where_it_is_asked_for() -> None:
+    path = LIBRARY / "braking_leader_highway.xosc"
+    assert Space.of(path).pinned["Lead_Jerk_mps3"] == "3.0"
+    assert Space.of(path, free=["Lead_Jerk_mps3"]).names == (*Space.of(path).names[:-1], "Lead_Jerk_mps3", "Ego_Speed_mps")
+
+
 def test_pinned_and_free_parameters_change_places() -> None:
     path = LIBRARY / "cut_out_highway.xosc"
     space = Space.of(path, pinned={"CutOut_RestTime_s": "2"}, free=["Slow_Speed_mps"])

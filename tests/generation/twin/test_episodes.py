@@ -16,11 +16,20 @@ from runner.settings import RunSettings
 from schemas.errors import Unsupported
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-MANEUVERS = ("cut_in", "cut_out", "lane_change_left", "lane_change_right", "car_following", "congestion", "free_cruise")
+MANEUVERS = (
+    "cut_in",
+    "cut_out",
+    "lane_change_left",
+    "lane_change_right",
+    "car_following",
+    "braking_leader",
+    "congestion",
+    "free_cruise",
+)
 
 
 def spaced(path: Path) -> Space:
-    return Space.of(path)
+    return Space.of(path, free=["Lead_Jerk_mps3"] if path.stem.startswith("braking_leader") else [])
 
 
 @pytest.mark.parametrize("name", MANEUVERS)

@@ -77,6 +77,18 @@ def test_braking_gives_its_parameters_back(tmp_path: Path) -> None:
     assert errors(motion, unit, np.array(found.values)).longitudinal < 0.2
 
 
+def test_a_sudden_leader_has_the_jerk_of_its_run(tmp_path: Path) -> None:
+    found = []
+    for jerk in (1.0, 3.0):
+        values, others = (60.0, 28.0, 4.0, 18.0, 4.0, 18.0, 5.0), {"Ego_Speed_mps": 25.0, "Lead_Jerk_mps3": jerk}
+        motion = recorded("braking_leader_highway", "highway_straight", "Lead", values, tmp_path / str(jerk), **others)
+        each = estimate(motion, named(motion, BRAKING, "Lead"))
+        assert each is not None
+        found.append(each.jerk)
+    assert found[0] == pytest.approx(1.0, rel=0.05)
+    assert 0.6 * 3.0 < found[1] < 3.0, "the acceleration builds up in less time than jerk is measured over"
+
+
 def test_who_accelerates_after_a_cut_in_does_so_in_a_unit_of_its_own(tmp_path: Path) -> None:
     values = (20.0, 20.0, 3.0, 20.0, 1.0, 30.0, 8.0)
     motion = recorded("cut_in_highway", "highway_straight", "CutIn", values, tmp_path, Ego_Speed_mps=18.0)
@@ -104,7 +116,7 @@ def test_a_data_set_becomes_a_table_that_can_be_kept(tmp_path: Path) -> None:
     samples.write(tmp_path / "samples.parquet")
     again = Samples.read(tmp_path / "samples.parquet")
     assert again.exposure == samples.exposure
-    for name in ("theta", "recordings", "kinds", "actors", "others", "times", "ego_speeds", "errors"):
+    for name in ("theta", "recordings", "kinds", "actors", "others", "times", "ego_speeds", "errors", "jerks"):
         values = getattr(samples, name)
         if values.dtype.kind == "f":
             np.testing.assert_allclose(getattr(again, name), values, atol=0.00501)
@@ -148,6 +160,7 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path) -> None:
 def test_own_units_are_shipped() -> None:
     own = Samples.read(OWN)
     assert set(own.kinds) == set(KINDS)
+    assert np.isnan(own.jerks).all(), "a table of before jerk was measured"
     sideways = own.of_kind(CUT_IN, CUT_OUT, LANE_CHANGE)
     motorway = sideways.where(np.flatnonzero(np.char.startswith(sideways.recordings, "motorway")))
     assert len(motorway.theta) > 6000
