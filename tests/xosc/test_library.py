@@ -16,7 +16,7 @@ from xosc.tags import ASAM
 FOUND = listing([str(LIBRARY)])
 ROADS = sorted((Path(xodr.__file__).parent / "library").glob("*.xodr"))
 FILES = sorted(LIBRARY.rglob("*.xosc"))
-NUMBER = re.compile(r"[A-Z][A-Za-z0-9]*_[A-Z][A-Za-z]*_(m|mps|mps2|kmh|s|steps)")
+NUMBER = re.compile(r"[A-Z][A-Za-z0-9]*_[A-Z][A-Za-z]*_(m|mps|mps2|mps3|kmh|s|steps)")
 CHOICE = re.compile(r"[A-Z][A-Za-z0-9]*_(Model|Entry)")
 
 
