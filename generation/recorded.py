@@ -77,7 +77,7 @@ class Recorded(NamedTuple):
         told = self.recorded_prior(space, judge(density, self.pairs is not None))
         if not self.marginals and space.constraints is None and self.pairs is None:
             return told
-        parts = (told, self._stated(space)) if self.marginals or self.pairs is None else (told,)
+        parts = (told, self._stated(space)) if self.marginals else (told,)
         return JointPrior(space.names, parts, partial(self._admitted, space), self.alone(space, density))
 
     def alone(self, space: Space, density: str) -> list[RecordedPrior]:

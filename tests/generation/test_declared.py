@@ -66,6 +66,17 @@ def test_parameters_are_mapped_to_roles_with_a_factor() -> None:
     assert mapped(["Ego_speed_kph=ego_speed*3.6"])["Ego_speed_kph"].factor == 3.6
 
 
+def test_where_all_ranges_have_roles_recordings_say_everything_within_them() -> None:
+    ranges = {"CutIn_Gap_m": (10.0, 30.0), "Ego_Speed_mps": (15.0, 25.0)}
+    free = [f"{name}={low}..{high}" for name, (low, high) in ranges.items()]
+    asked = Ask(kind="cut_in", maps=["CutIn_Gap_m=gap", "Ego_Speed_mps=ego_speed"], free=free).of(SIMPLE)
+    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    prior = asked.recorded(space).prior(space, "mixture")
+    drawn = prior.sample(200, np.random.default_rng(0))
+    assert prior.inside(drawn).all()
+    assert not asked.recorded(space).marginals
+
+
 def test_a_scenario_of_which_nothing_is_known_is_uniform_or_refused() -> None:
     with pytest.raises(UsageError, match="--kind"):
         Ask().of(SIMPLE)
