@@ -224,8 +224,7 @@ def of_samples(
     """
     if isinstance(samples, PairUnits):
         return _of_pairs(samples, space)
-    roles = roles_of([*space.names, *space.pinned], mapped)
-    samples, roles = _with_jerk(samples, roles, space)
+    samples, roles = _with_jerk(samples, roles_of([*space.names, *space.pinned], mapped), space)
     table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds, samples.jerks], strict=True))
     units = _units_of_actors(list(dict.fromkeys(each.actor for each in roles.values())), samples.ego_speeds)
     values = {name: each.factor * table[each.role][units[each.actor]] for name, each in roles.items()}

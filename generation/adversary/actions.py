@@ -95,17 +95,23 @@ class Actions:
         """Read a Parquet file that `write` wrote.
 
         Raises:
-            InvalidFile: it is no Parquet file, or lacks a column.
+            InvalidFile: it is no Parquet file, lacks a column, or has a number that is none.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         try:
-            table = pq.read_table(path, columns=["recording", "episode", *STATE, *_NEXT])
+            columns = "recording", "episode", *STATE, *_NEXT
+            if lacking := sorted({*columns} - {*pq.read_schema(path).names}):
+                raise InvalidFile(f"no table of actions: there is no column {lacking[0]}", path=path)
+            table = pq.read_table(path, columns=list(columns))
             numbers = np.stack([table[name].to_numpy().astype(np.float64) for name in (*STATE, *_NEXT)], axis=1)
             recordings, episodes = np.array(table["recording"].to_pylist(), np.str_), table["episode"].to_numpy().astype(np.int64)
         except (OSError, pa.ArrowException, KeyError, ValueError) as error:
             raise InvalidFile(f"no table of actions: {error}", path=path) from None
+        if len(bad := np.argwhere(~np.isfinite(numbers))):
+            row, column = bad[0].tolist()
+            raise InvalidFile(f"row {row + 1}: {(*STATE, *_NEXT)[column]} is not a finite number", path=path)
         return cls(np.round(numbers[:, : len(STATE)], _DIGITS), np.round(numbers[:, len(STATE) :], _DIGITS), recordings, episodes)
 
 

@@ -11,11 +11,11 @@ from generation.density.model import JUDGE
 from generation.density.roles import roles_of
 from generation.logical.library import SCENARIOS
 from generation.outcomes.references import JUDGES
-from generation.recorded import of_samples
+from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 from generation.twin.episodes import Twin
 from recognition.maneuvers.parameters import JERK
-from recognition.maneuvers.units import Samples
+from recognition.maneuvers.unit import BRAKING
 from runner.settings import RunSettings
 from xodr.array_types import BoolArray, FloatArray
 
@@ -37,17 +37,17 @@ class Compared:
     without_it: BoolArray
 
 
-def compare(units: Samples, sut: str, draws: int, seed: int) -> Compared:
+def compare(recorded: Path | None, sut: str, draws: int, seed: int) -> Compared:
     """Play draws of what is recorded both ways, on the twin.
 
     Args:
-        units: of braking, with their jerk. sut: the system under test.
+        recorded: recordings, or a table of their units; None for those of our own. sut: the system under test.
 
     Raises:
         UsageError: no unit's jerk is known.
     """
     space, other = Space.of(WITH, free=[_name(WITH)]), Space.of(WITHOUT)
-    prior = of_samples(units, space).prior(space, JUDGE)
+    prior = of_samples(of_recordings(recorded, BRAKING), space).prior(space, JUDGE)
     theta = prior.sample(draws, np.random.default_rng(seed))
     foreseeable = prior.foreseeable(theta)
     shared = theta[:, [space.names.index(name) for name in other.names]]

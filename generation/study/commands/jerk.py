@@ -24,12 +24,10 @@ def command(
     """Count the draws of recorded braking that fail with their jerk and with accelerations that jump."""
     import numpy as np
 
-    from generation.recorded import of_recordings
     from generation.study.jerk import compare
-    from recognition.maneuvers.unit import BRAKING
 
     with interruptible(NAME):
-        found = compare(of_recordings(recorded, BRAKING), sut, draws, seed)
+        found = compare(recorded, sut, draws, seed)
         both = int((found.with_it & found.without_it).sum())
         print(
             f"{draws} draws: {found.with_it.sum()} fail with their jerk, {found.without_it.sum()} without one, {both} both ways"

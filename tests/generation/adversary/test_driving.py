@@ -9,6 +9,8 @@ import pytest
 
 from generation.adversary.actions import DECISIONS, Actions
 from generation.adversary.driving import Driving
+from recognition.maneuvers.units import OWN as UNITS
+from recognition.maneuvers.units import Samples
 from schemas.errors import InvalidFile, UsageError
 
 
@@ -24,6 +26,18 @@ def test_what_is_no_table_is_refused(tmp_path: Path) -> None:
     (tmp_path / "no.parquet").write_text("no table")
     with pytest.raises(InvalidFile, match="no table of actions"):
         Actions.read(tmp_path / "no.parquet")
+
+
+def test_tables_that_lack_something_say_what(actions: Actions, tmp_path: Path) -> None:
+    path = tmp_path / "actions.parquet"
+    states = actions.states.copy()
+    states[10, 2] = np.nan
+    Actions(states, actions.actions, actions.recordings, actions.episodes).write(path)
+    with pytest.raises(InvalidFile, match="row 11: drift is not a finite number"):
+        Actions.read(path)
+    Samples.read(UNITS).of_kind("cut_in").where(np.arange(3)).write(path)
+    with pytest.raises(InvalidFile, match="no column across"):
+        Actions.read(path)
 
 
 def test_decisions_are_counted_within_their_episode(actions: Actions) -> None:
