@@ -163,6 +163,19 @@ def test_what_a_catalogue_has_of_later_versions_is_left_out_where_it_does_nothin
         standard.export(path, version, Folder(tmp_path / "strict"), ExportSettings(strict=True))
 
 
+@pytest.mark.parametrize("minor", ["1", "3"])
+def test_a_trailer_inside_its_tractor_keeps_what_couples_it(minor: str, tmp_path: Path) -> None:
+    trailer = car("").partition(">")[2].rpartition("</ScenarioObject>")[0].replace('Category="car"', 'Category="trailer"')
+    trailer = trailer.replace("</Axles>", '</Axles><TrailerCoupler dx="4"/>')
+    tractor = car("Lead").replace(
+        "</Axles>", f'</Axles><TrailerHitch dx="-1"/><Trailer><Trailer name="Box">{trailer}</Trailer></Trailer>'
+    )
+    path = scenario(tmp_path, entities=[car("Ego"), tractor])
+    path.write_text(path.read_text(encoding="utf-8").replace('revMinor="3"', f'revMinor="{minor}"'), encoding="utf-8")
+    with pytest.raises(Unsupported, match="Trailer"):
+        standard.export(path, "1.1", Folder(tmp_path / "out"))
+
+
 @pytest.mark.parametrize("empty", ["<PrivateAction/>", "<PrivateAction><RoutingAction/></PrivateAction>", ""])
 @pytest.mark.parametrize("version", ["1.0", "1.3"])
 def test_an_action_without_content_does_nothing_by_what_it_holds(version: str, empty: str, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ _FAR_AWAY = "100000"
 _IDLE = "nothing"
 _NO_VERSION = (2, 0)
 """Later than all: of what none of them has."""
-_TOWS_NOTHING = "not(//TrailerAction) and not(//Trailer/*[@entityRef!=''])"
+_TOWS_NOTHING = "not(//TrailerAction) and not(//Trailer)"
 
 
 class Omission(NamedTuple):
@@ -235,7 +235,7 @@ OMISSIONS: tuple[Omission, ...] = (
     Omission(_NO_VERSION, "//Trailer/EntityRef", _called("TrailerRef"), "older catalogues call so what is written as TrailerRef"),
     # 1.3
     Omission(
-        (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle[not(Trailer)]/*[self::TrailerHitch or self::TrailerCoupler]",
+        (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle/*[self::TrailerHitch or self::TrailerCoupler]",
         _remove, "nothing is towed by it",
     ),
     Omission(
