@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 LIBRARY = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))
 KINDS = {path: xosc.load(path).kind for path in LIBRARY}
 VERSIONS = ("1.0", "1.1", "1.2", "1.3")
-QUICK = RunSettings(timestep=0.2, sut="none", world="kinematic")
+QUICK = RunSettings(timestep=0.2, sut="none", world="kinematic", max_time=8.0)
 
 
 def motion(job: Job) -> dict[str, np.ndarray]:

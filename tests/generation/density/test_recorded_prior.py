@@ -15,13 +15,13 @@ from recognition.maneuvers.parameters import PARAMETERS
 from schemas.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-ROWS = slice(None, None, 8)
+ROWS, FEW = slice(None, None, 8), slice(None, None, 80)
 
 
-def prior(density: str = "kde", **pinned: str) -> tuple[RecordedPrior, Space]:
+def prior(density: str = "kde", rows: slice = ROWS, **pinned: str) -> tuple[RecordedPrior, Space]:
     samples = of_recordings(None, "cut_in")
     space = Space.of(CUT_IN, pinned)
-    return of_samples(samples.where(np.arange(len(samples.theta))[ROWS]), space).prior(space, density), space
+    return of_samples(samples.where(np.arange(len(samples.theta))[rows]), space).prior(space, density), space
 
 
 def test_the_speed_of_the_ego_is_searched_and_times_before_and_after_are_nuisances() -> None:
@@ -61,7 +61,7 @@ def test_what_is_pinned_moves_what_is_drawn() -> None:
 
 
 def test_a_flow_can_not_be_conditioned_and_pins_at_zero_have_no_density() -> None:
-    found, _ = prior("flow", Ego_Speed_mps="14")
+    found, _ = prior("flow", FEW, Ego_Speed_mps="14")
     with pytest.raises(UsageError, match="flow can't be conditioned"):
         assert found.limit
 

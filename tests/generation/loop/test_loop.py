@@ -19,6 +19,7 @@ from generation.loop.page import PAGE, write
 from generation.loop.settings import LoopSettings
 from generation.loop.stages.findings import Finding
 from generation.loop.stages.finished import Stage
+from runner.settings import RunSettings
 from schemas import check_many
 from schemas.commands.files import expand
 from schemas.commands.options import progress_bar
@@ -27,7 +28,9 @@ from tests.runner.chromium import Browser
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 
-SETTINGS = LoopSettings(model=None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1, ask=Ask(density="gaussian"))
+SETTINGS = LoopSettings(
+    RunSettings(timestep=0.1), None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1, ask=Ask(density="gaussian")
+)
 BAR = partial(progress_bar, quiet=True)
 
 

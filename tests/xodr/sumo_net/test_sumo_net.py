@@ -91,7 +91,7 @@ def check_geometry(network: xodr.RoadNetwork, net: SumoNet) -> None:
         if track is None:
             continue
         share = 0.0
-        for (x, y), (x2, y2) in list(pairwise(points))[:: 1 + len(points) // 30]:
+        for (x, y), (x2, y2) in list(pairwise(points))[:: 1 + len(points) // 10]:
             for point in ((x, y), ((x + x2) / 2, (y + y2) / 2), (x2, y2)):
                 distance, share = aside(network, track, point, share)
                 assert distance < EXACT, (sumo_lane, point)
