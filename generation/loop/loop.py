@@ -30,7 +30,7 @@ from generation.loop.tasks.beside import Searchers
 from generation.loop.tasks.comparing import Earlier, compare
 from generation.loop.tasks.running import run_all, sampled
 from generation.loop.tasks.searching import found_by, search
-from generation.loop.tasks.targets import Target, of_classes, of_input, split
+from generation.loop.tasks.targets import Target, of_classes, of_inputs, split
 from generation.outcomes.inputs import plugged_in
 from recognition.catalogue.episodes import plain
 from recognition.catalogue.writing.index import rows_of
@@ -132,9 +132,7 @@ class _Loop:
             found = replace(found, failures=found.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
-        names = self._inputs.names
-        asked = (of_input(path, own, self._settings.ask, names[path]) for path in self._inputs.scenarios)
-        targets, refused = split(chain(listed, asked))
+        targets, refused = split(chain(listed, of_inputs(self._inputs.names, own, self._settings.ask)))
         return found, targets, refused
 
     def round(self, number: int, targets: Sequence[Target], searchers: Searchers) -> Round:
@@ -171,7 +169,8 @@ class _Loop:
     def _run_own(self, folder: Path) -> Ran:
         own, sample = self._inputs.scenarios, self._settings.sample
         jobs = list(jobs_of(own, {}, True, Selection(sample=sample, seed=self._settings.seed)))
-        return replace(self._run(jobs, self._settings.run, folder), sampled=sampled(own, sample))
+        named = partial(_below, self._inputs.folder)
+        return replace(self._run(jobs, self._settings.run, folder, named), sampled=sampled(own, sample, named))
 
     def check(self, targets: Sequence[Target]) -> Checked:
         """Check everything that was written, and the user's scenarios."""
@@ -229,9 +228,12 @@ class _Loop:
     def _known(self, target: Target) -> FloatArray | None:
         return found_by(self._earlier.get(target.name, []))
 
-    def _run(self, jobs: Sequence[Job | Outcome], settings: RunSettings, folder: Path) -> Ran:
+    def _run(
+        self, jobs: Sequence[Job | Outcome], settings: RunSettings, folder: Path, named: Callable[[Path], str] | None = None
+    ) -> Ran:
         with self._bar("running", len(jobs)) as advance:
-            return run_all(jobs, settings, folder, self._out, self._settings.processes, advance)
+            named = named or partial(_below, self._out)
+            return run_all(jobs, settings, folder, self._out, self._settings.processes, advance, named)
 
     def _label(self, folder: Path) -> Labelled:
         """The classes that are recognised about the ego in each run; by the run's name."""
@@ -256,3 +258,8 @@ def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
         count = min(most, len(listed))
         found += [listed[round(index * (len(listed) - 1) / max(count - 1, 1))] for index in range(count)]
     return found
+
+
+def _below(folder: Path, path: Path) -> str:
+    """A file's path below a folder, by which it is one of its kind."""
+    return path.relative_to(folder).as_posix()

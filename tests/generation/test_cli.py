@@ -9,6 +9,7 @@ import pytest
 import schemas
 from generation.cli import main
 from generation.logical.library import SCENARIOS
+from runner.sut import Control, Observation, Participant
 from schemas.storage import alone
 
 CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
@@ -70,6 +71,26 @@ def test_a_scenario_of_no_known_kind_says_what_could_be_searched(
     said = capsys.readouterr().err
     assert "--free Ego_Speed_kmh=LOW..HIGH (it declares Ego_Speed_kmh = " in said
     assert "--kind" in said
+
+
+def test_a_version_of_which_no_run_succeeds_does_not_pass(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "old", *QUICK, "--violations", "-q") == 0
+    broken = ("--sut", f"{Broken.__module__}:{Broken.__name__}")
+    against = ("--against", tmp_path / "old", "--fail-if", "new")
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "new", *QUICK, *broken, *against) == 1
+    assert ", 0 new\n" in capsys.readouterr().out
+
+
+class Broken:
+    """A system under test with a defect."""
+
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
+        raise AttributeError("no such thing")
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        return Control()
 
 
 def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

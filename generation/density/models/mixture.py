@@ -40,12 +40,13 @@ class Mixture(Density):
         self._whitening = Whitening.of(theta)
         white = self._whitening.forward(theta)
         with threadpool_limits(1):  # matrices this small lose far more by handing out work than more threads bring
-            self._model = self._from(_STARTS, self.components or self._likeliest(white, min(most, _MOST)), white)
+            self._model = self._from(_STARTS, self.components or self._likeliest(white, most), white)
 
     def _from(self, starts: int, components: int, white: FloatArray) -> GaussianMixture:
         return GaussianMixture(components, reg_covar=_RIDGE, n_init=starts, random_state=self.seed).fit(white)
 
     def _likeliest(self, white: FloatArray, most: int) -> int:
+        most = min(most, _MOST, len(np.unique(white, axis=0)))  # more than there are points say nothing more
         return min(range(1, most + 1), key=lambda components: self._from(1, components, white).bic(white))
 
     def again(self, rows: int) -> Self:

@@ -18,7 +18,13 @@ from xosc.distributions import ParameterSpace
 
 
 def run_all(
-    jobs: Iterable[Job | Outcome], settings: RunSettings, folder: Path, out: Path, processes: int, progress: Callable[[int], None]
+    jobs: Iterable[Job | Outcome],
+    settings: RunSettings,
+    folder: Path,
+    out: Path,
+    processes: int,
+    progress: Callable[[int], None],
+    named: Callable[[Path], str],
 ) -> Ran:
     """Run jobs into a folder, with a replay page of each run and a report of all; goes on where it was interrupted.
 
@@ -26,6 +32,7 @@ def run_all(
         settings: how they are run.
         folder: for the results, below `out`.
         out: output folder of the loop.
+        named: what a file is called in the result, no two the same.
 
     Returns:
         What `runner.replay.report` gives for each run.
@@ -41,18 +48,18 @@ def run_all(
     for run in report(folder)["runs"]:
         replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
         copied = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
-        found.files.setdefault(_named(files[run["name"]], out), []).append(Run(**copied, replay=replay))
+        found.files.setdefault(named(files[run["name"]]), []).append(Run(**copied, replay=replay))
     return found
 
 
-def sampled(paths: Iterable[Path], most: int) -> dict[str, int]:
-    """How many parameter sets those variation files have that have more than `most`; those that can't be read have none."""
+def sampled(paths: Iterable[Path], most: int, named: Callable[[Path], str]) -> dict[str, int]:
+    """How many parameter sets those variation files have that have more than `most`; those that can't be read have none.
+
+    Args:
+        named: what a file is called in the result, as for `run_all`.
+    """
     found = {}
     for path in paths:
         with suppress(ToolchainError):
-            found[path.name] = ParameterSpace(path).size
+            found[named(path)] = ParameterSpace(path).size
     return {name: size for name, size in found.items() if size > most}
-
-
-def _named(path: Path, out: Path) -> str:
-    return path.relative_to(out).as_posix() if path.is_relative_to(out) else path.name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -106,6 +106,27 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
     except (UsageError, Unsupported) as error:
         return Refused(title, error.message)
     return Target(name, title, path, recorded, prior)
+
+
+def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Iterator[Target | Refused]:
+    """The scenarios and variation files of the user; a scenario that is not searched is told with those that are in its place.
+
+    Args:
+        names: of the targets, by file.
+        own: units of the user's recordings; None for none.
+    """
+    found = {path: of_input(path, own, ask, name) for path, name in names.items()}
+    varied: dict[Path, list[str]] = {}
+    for path, each in found.items():
+        if isinstance(each, Target) and each.scenario != path:
+            varied.setdefault(each.scenario.resolve(), []).append(each.title)
+    for path, each in found.items():
+        instead = varied.get(path.resolve(), []) if isinstance(each, Refused) else []
+        if instead:
+            files = "its variation file is" if len(instead) == 1 else "its variation files are"
+            yield Refused(names[path], f"{files} searched in its place: {', '.join(instead)}")
+        else:
+            yield each
 
 
 def of_input(path: Path, own: Samples | None, ask: Ask, name: str = "") -> Target | Refused:

@@ -106,6 +106,12 @@ def test_mixture_finds_how_many_clusters_there_are() -> None:
     assert len(Mixture(2).fit(normal(300)).gaussians.means) == 2
 
 
+def test_a_mixture_of_values_that_are_few_tries_no_more_components_than_there_are(recwarn: pytest.WarningsRecorder) -> None:
+    few = np.repeat([[10.0, 0.0], [20.0, 1.0], [30.0, 5.0]], 40, axis=0)
+    assert len(Mixture().fit(few).gaussians.means) <= 3
+    assert not recwarn.list
+
+
 def test_whitening_is_undone() -> None:
     rows = normal(100)
     whitening = Whitening.of(rows)

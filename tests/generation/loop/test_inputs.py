@@ -61,10 +61,13 @@ def test_of_a_variation_file_no_more_sets_are_run_than_asked_for(tmp_path: Path)
     scenario(folder, "scenario", stop=0.2)
     for name, last in (("many", 60), ("few", 20)):
         distribution(folder, name, {"Gap": (10, last, 10)})
+    shutil.copytree(folder, folder / "again")  # files of one name are told apart
+    distribution(folder / "again", "many", {"Gap": (10, 40, 10)})
     settings = LoopSettings(processes=1, sample=2, rounds=0)
     found = run_loop(folder, tmp_path / "out", settings, partial(progress_bar, quiet=True), lambda *_: None).scenarios
-    assert {name: len(runs) for name, runs in found.files.items()} == {"few.xosc": 2, "many.xosc": 2, "scenario.xosc": 1}
-    assert found.sampled == {"many.xosc": 6}
+    runs = {"few.xosc": 2, "many.xosc": 2, "scenario.xosc": 1}
+    assert {name: len(runs) for name, runs in found.files.items()} == runs | {f"again/{name}": runs[name] for name in runs}
+    assert found.sampled == {"many.xosc": 6, "again/many.xosc": 4}
 
 
 def test_scenarios_alone_are_enough(tmp_path: Path) -> None:

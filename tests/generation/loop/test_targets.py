@@ -9,10 +9,11 @@ import numpy as np
 from generation.declared import Ask
 from generation.logical.library import SCENARIOS
 from generation.loop.stages.findings import Refused
-from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_input, of_scenario
+from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_input, of_inputs, of_scenario
 from generation.pipeline import LEAST
 from generation.search.space import Space
 from recognition.maneuvers.units import OWN, Samples
+from tests.runner.files import distribution, scenario
 
 
 def rows(*titles: str) -> list[dict[str, object]]:
@@ -72,3 +73,13 @@ def test_options_say_what_to_search_of_the_scenarios_that_declare_what_they_name
     assert isinstance(refused, Refused) and "--kind" in refused.reason
     named = of_input(SCENARIOS / "cut_in_highway.xosc", None, Ask())
     assert isinstance(named, Target) and named.asked is None
+
+
+def test_a_scenario_is_searched_by_its_variation_files_where_nothing_else_says_what_is_likely(tmp_path: Path) -> None:
+    template, alone = scenario(tmp_path, "template", stop=1.0), scenario(tmp_path, "alone", stop=1.0)
+    files = [distribution(tmp_path, name, {"Gap": (10, 60, 10)}, of="template") for name in ("near", "far")]
+    names = {path: path.stem for path in (template, alone, *files)}
+    found = {each.title: each for each in of_inputs(names, None, Ask())}
+    assert found["template"] == Refused("template", "its variation files are searched in its place: near, far")
+    assert isinstance(found["alone"], Refused) and "nothing says which values are likely" in found["alone"].reason
+    assert all(isinstance(found[path.stem], Target) for path in files)
