@@ -198,7 +198,9 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
         print(f"  {page} shows all of it")
     if compared is None:
         return bool(generated.files)
-    return bool(generated.history.outcomes.executed.any()) and not compared.counts.fails(*wanted)  # else it may have new ones
+    executed = generated.episodes.outcomes.executed
+    lost = len(executed) > 0 and not executed.any()  # it may have new failures
+    return not lost and not compared.counts.fails(*wanted)
 
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:

@@ -16,14 +16,14 @@ _SMALLEST = 1e-4
 
 def headline(title: str, sut: str, generated: Generated) -> list[str]:
     """Sentences about a search of a scenario with that title."""
-    found, estimate = _found(title, sut, generated), generated.estimate
+    found, lost, estimate = _found(title, sut, generated), _lost(generated), generated.estimate
     refusal = generated.gate.refusal
     refused = [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
     if estimate is None:
-        return [found, *refused, "How often traffic makes it fail was not estimated; --estimate does that."]
+        return [found, *lost, *refused, "How often traffic makes it fail was not estimated; --estimate does that."]
     made = f"When traffic makes the manoeuvre of {title}"
     drawn = made if generated.gate.replayed is not None else f"Where {title} has values as stated (nothing is recorded)"
-    return [*_often(drawn, sut, estimate), *refused, found]
+    return [*_often(drawn, sut, estimate), *refused, found, *lost]
 
 
 def _found(title: str, sut: str, generated: Generated) -> str:
@@ -35,6 +35,14 @@ def _found(title: str, sut: str, generated: Generated) -> str:
     judged = f"{cases} failures unlike each other are" if cases > 1 else f"{cases or 'no'} failure is"
     ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
     return f"{sut} collides in {ran_of}; {judged} foreseeable and prevented by a careful driver."
+
+
+def _lost(generated: Generated) -> Iterator[str]:
+    """Runs that failed, which nothing else on the page counts."""
+    outcomes = generated.episodes.outcomes
+    errors = outcomes.error[~outcomes.executed]
+    if len(errors):
+        yield f"{many(len(errors), 'more run')} failed and count for nothing, the first with: {errors[0]}"
 
 
 def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
