@@ -11,7 +11,6 @@ from scipy.spatial.distance import cdist
 from sklearn.cluster import AgglomerativeClustering
 
 from recognition.trfe.config import Config
-from recognition.trfe.discovery.buffer import Preprocessing, Sifted
 from recognition.trfe.discovery.clusterer import Task, fixed_pairs, likely_clusters, trained_clusters
 from recognition.trfe.discovery.clustering import Pairs, k_means_head, random_head, three_way_pairs
 from recognition.trfe.forest.rfap import random_trees, similarity
@@ -31,12 +30,6 @@ class Unscreened(TRFE):
 
     def _score(self, features: Features, votes: Votes) -> tuple[FloatArray, float]:
         return self.known.prototypes.ratio(features), 1.0
-
-
-def keep_all(features: Features, prototypes: Prototypes, config: Preprocessing) -> Sifted:
-    """Sift nothing from a buffer."""
-    nothing = np.zeros(len(features), dtype=bool)
-    return Sifted(nothing, nothing)
 
 
 def supervised_similarity(features: Features, coordinates: Features, forest: VotingForest, config: Config) -> NDArray[np.float32]:

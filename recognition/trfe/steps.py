@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.trfe.config import Config
-from recognition.trfe.discovery.buffer import Preprocessing, Sifted, sift
 from recognition.trfe.discovery.clusterer import Task, cluster_online
 from recognition.trfe.forest.rfap import random_trees, similarity
 from recognition.trfe.forest.voting import VotingForest, grow
@@ -47,7 +46,6 @@ class Steps:
         grow: fits the forest on labelled samples.
         screening: the screening with a δ and a seed, not calibrated yet.
         prototypes: centres of labelled samples, see `Prototypes.fit`.
-        sift: what of a buffer is not clustered.
         similarity: S of samples, see `unsupervised_similarity`.
         cluster: numbers of the clusters of samples.
     """
@@ -55,6 +53,5 @@ class Steps:
     grow: Grow = grow
     screening: Callable[[float, int], Screening] = EvtJoint
     prototypes: Callable[..., Prototypes] = Prototypes.fit
-    sift: Callable[[Features, Prototypes, Preprocessing], Sifted] = sift
     similarity: Callable[[Features, Features, VotingForest, Config], NDArray[np.float32]] = unsupervised_similarity
     cluster: Callable[[Task, Config], IntArray] = cluster_online

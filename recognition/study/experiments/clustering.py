@@ -10,7 +10,7 @@ from recognition.study import kinds, metrics
 from recognition.study.baselines.clustering.kmeans import KMeansFeatures
 from recognition.study.experiments.open_set import MAP_ONLY, ONLY_ENCODED, ONLY_TUNED, seen_by
 from recognition.study.protocol.trials import Trial
-from recognition.study.strategies import average_linkage, given_count, keep_all
+from recognition.study.strategies import average_linkage, given_count
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import discover
 from recognition.trfe.steps import Steps
@@ -52,7 +52,7 @@ def measure_clustering(name: str, trial: Trial) -> dict[str, Any]:
 
 def _own(name: str, trial: Trial) -> IntArray:
     """Clusters of TRFE; given the number of new classes where k-means and STAE are given it too."""
-    new, steps = trial.appearing, Steps(sift=keep_all)
+    new, steps = trial.appearing, Steps()
     if name == LINKAGE:
         steps = replace(steps, cluster=average_linkage)
     elif name not in ("trfe", ONLY_ENCODED):

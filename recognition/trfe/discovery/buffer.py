@@ -18,20 +18,21 @@ _NORMAL = 1.4826
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """How the buffer is sifted.
+    """How the buffer is sifted: by default nothing is set aside, as that loses more samples of new classes than it spares the
+    clustering (docs/recognition-results.md).
 
     Args:
         capacity: W, samples that the buffer holds.
         neighbours: k of the mean distance to the nearest neighbours.
-        spread: outliers are beyond median + spread · 1.4826 · MAD of that distance.
-        margin: a sample with r(h) up to it is near a known class. At 1, where a twentieth of the class's own samples are beyond,
-            half of the unknown ones would be set aside with those.
+        spread: outliers are beyond median + spread · 1.4826 · MAD of that distance; None has no outliers. The source has 3.
+        margin: a sample with r(h) up to it is near a known class. The source has 1, where a twentieth of the class's own samples
+            are beyond.
     """
 
     capacity: int = 500
     neighbours: int = 10
-    spread: float = 3.0
-    margin: float = 0.75
+    spread: float | None = None
+    margin: float = 0.0
 
 
 class Buffer:
@@ -99,10 +100,12 @@ def sift(features: ArrayLike, prototypes: Prototypes, config: Preprocessing = Pr
     standard = prototypes.standardise(features)
     if len(standard) <= config.neighbours:
         raise UsageError(f"{len(standard)} buffered samples have no {config.neighbours} neighbours each")
-    isolation = _isolation(prototypes.distances(standard, standard), config.neighbours)
-    median = np.median(isolation)
-    limit = median + config.spread * _NORMAL * np.median(np.abs(isolation - median))
-    return Sifted(isolation > limit, prototypes.ratio(features) <= config.margin)
+    outlying = np.zeros(len(standard), dtype=bool)
+    if config.spread is not None:
+        isolation = _isolation(prototypes.distances(standard, standard), config.neighbours)
+        median = np.median(isolation)
+        outlying = isolation > median + config.spread * _NORMAL * np.median(np.abs(isolation - median))
+    return Sifted(outlying, prototypes.ratio(features) <= config.margin)
 
 
 def _isolation(distances: FloatArray, neighbours: int) -> FloatArray:

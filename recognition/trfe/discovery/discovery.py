@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.trfe.config import Config
-from recognition.trfe.discovery.buffer import Buffer, Sifted
+from recognition.trfe.discovery.buffer import Buffer, Sifted, sift
 from recognition.trfe.discovery.clusterer import Task
 from recognition.trfe.discovery.principal_axes import PrincipalAxes
 from recognition.trfe.discovery.promotion import Candidate, judge, known_cohesion
@@ -58,7 +58,7 @@ def discover(known: Known, buffer: Buffer, config: Config, steps: Steps) -> Disc
         raise UsageError("the buffer is empty: there is nothing to discover classes in")
     features = matrix(buffer.inputs)
     seen = config.recognising(features)
-    sifted = steps.sift(seen, known.prototypes, config.preprocessing)
+    sifted = sift(seen, known.prototypes, config.preprocessing)
     rows = np.flatnonzero(sifted.kept)
     clusters, labels = np.full(len(features), SET_ASIDE), np.full(len(features), UNKNOWN)
     if len(rows) < config.promotion.least_samples:

@@ -21,7 +21,7 @@ from sklearn.linear_model import LogisticRegression
 from recognition.encoder.config import Architecture
 from recognition.encoder.grids import GridEncoder
 from recognition.grids import Grid
-from recognition.study.strategies import keep_all
+from recognition.study.strategies import average_linkage
 from recognition.trfe.config import Config
 from recognition.trfe.steps import Steps
 from recognition.trfe.storage import load, save
@@ -110,7 +110,7 @@ def test_a_model_with_encoders_for_other_features_is_refused(model: TRFE, tmp_pa
 
 def test_a_model_with_steps_of_a_study_is_not_written(model: TRFE, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="the method's own steps"):
-        save(TRFE(CONFIG, known=model.known, steps=Steps(sift=keep_all)), tmp_path)
+        save(TRFE(CONFIG, known=model.known, steps=Steps(cluster=average_linkage)), tmp_path)
     assert not list(tmp_path.iterdir())
 
 

@@ -66,26 +66,31 @@ def test_margin_is_small_between_classes() -> None:
 def test_outliers_are_far_from_their_neighbours() -> None:
     """Distances to the two nearest of 0, 1, …, 9, 30: 1 inside, 1.5 at the ends, 20.5 for 30; median 1, MAD 0."""
     features = np.concatenate([np.arange(10.0), [30.0]])[:, None] + 100.0
-    sifted = sift(features, line(), Preprocessing(neighbours=2))
+    sifted = sift(features, line(), Preprocessing(neighbours=2, spread=3.0))
     assert np.flatnonzero(sifted.outlying).tolist() == [0, 9, 10]
     assert not sifted.near_known.any()
     assert np.flatnonzero(sifted.kept).tolist() == list(range(1, 9))
 
 
+def test_nothing_is_set_aside_unless_asked_for() -> None:
+    features = np.concatenate([np.linspace(0.5, 9.5, 19), [300.0]])[:, None]
+    assert sift(features, line()).kept.all()
+
+
 def test_samples_within_the_margin_of_a_known_class_are_set_aside() -> None:
     features = np.array([[0.5], [3.0], [4.0], [5.0], [9.5]])
-    sifted = sift(features, line(), Preprocessing(neighbours=1, spread=100.0))
+    sifted = sift(features, line(), Preprocessing(neighbours=1, margin=0.75))
     assert sifted.near_known.tolist() == [True, False, False, False, True]
     beside = np.array([[0.8], [5.0]])
     for margin, near in ((0.75, False), (1.0, True)):
-        assert sift(beside, line(), Preprocessing(neighbours=1, spread=100.0, margin=margin)).near_known[0] == near
+        assert sift(beside, line(), Preprocessing(neighbours=1, margin=margin)).near_known[0] == near
 
 
 @pytest.mark.parametrize("kind", [Prototypes, EuclideanPrototypes, CosinePrototypes, MarginPrototypes])
 def test_new_classes_are_kept_and_known_ones_are_not(kind: type[Prototypes]) -> None:
     prototypes = kind.fit(*clouds([1, 2, 3], 100, seed=0, apart=4.0))
     features, truth = clouds([1, 2, 3, 8], 60, seed=1, apart=4.0)
-    kept = sift(features, prototypes, Preprocessing(margin=1.0)).kept
+    kept = sift(features, prototypes, Preprocessing(spread=3.0, margin=1.0)).kept
     assert kept[truth != 8].mean() < 0.15
     if kind is not MarginPrototypes:
         assert kept[truth == 8].mean() > 0.85
