@@ -56,7 +56,8 @@ function flow() {
     el(
       "p",
       { class: "muted" },
-      `System under test: ${data.settings.sut}. ${data.recordings ? "Recordings become scenarios, s" : "S"}cenarios become edge cases, ` +
+      `System under test: ${data.settings.sut}. ` +
+        `${data.recordings ? "Recordings become scenarios, s" : "S"}cenarios become edge cases, ` +
         "and what it fails at is where the next round of search begins.",
     ),
     el("ol", { class: "flow" }, ...steps),

@@ -21,9 +21,9 @@ function generated() {
     el(
       "p",
       { class: "muted" },
-      "Log-likelihood: how likely recorded traffic, or what is stated in its place, makes the parameters; higher is more plausible. R_risk: share of time " +
-        "in which RSS distances are violated. The careful driver is the competent and careful human of UN R157: a collision " +
-        "that it avoids is one that the system should have avoided.",
+      "Log-likelihood: how likely recorded traffic, or what is stated in its place, makes the parameters; higher is more " +
+        "plausible. R_risk: share of time in which RSS distances are violated. The careful driver is the competent and " +
+        "careful human of UN R157: a collision that it avoids is one that the system should have avoided.",
     ),
     ...done.map(search => searched(search)),
     why,

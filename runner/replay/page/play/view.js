@@ -183,7 +183,8 @@ class View {
     const ttc = run.ttc && during(run.leads, at, run.sample) === run.tracks[b].name ? valueAt(run.ttc, at, run.sample) : null;
     const text = `${line.length.toFixed(1)} m${ttc === null ? "" : `, TTC ${ttc.toFixed(1)} s`}`;
     const fits = Math.abs(u - x) > text.length * 7 || Math.abs(v - y) > 36;
-    const ends = [a, b].flatMap(i => corners(run.tracks[i], this.states[i])).map(([p, q]) => this.toScreen(p, q, width, height)[1]);
+    const around = [a, b].flatMap(i => corners(run.tracks[i], this.states[i]));
+    const ends = around.map(([p, q]) => this.toScreen(p, q, width, height)[1]);
     const place = [(x + u) / 2, fits ? (y + v) / 2 + 18 : Math.max(...ends) + 14];
     this.taken.push([...place, text.length * 7]);
     drawLabel(ctx, text, ...place, this.colour, true);
