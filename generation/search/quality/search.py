@@ -38,17 +38,14 @@ class QualitySettings:
         batch: points that each emitter proposes at a time.
         first: points that are drawn from the prior to begin with.
         apart: least distance of two failures in the unit cube, root mean square over the parameters that are no nuisances.
-        together: batches that a generation has where a twin plays them: what that costs depends on how long they last, hardly on
-            how many they are. Without a twin a generation is one batch.
-        patience: batches of which the search looks back: it ends when they led to less than one run each.
-        generations: batches after which the search ends in any case; None for no such end.
+        patience: generations of which the search looks back: it ends when they led to less than one run each.
+        generations: after which the search ends in any case; None for no such end.
         twin: whether the twin is used where there is one.
         pace: proposals for each run, without a twin.
     """
 
     emitters: Sequence[str] = EMITTERS
     batch: int = 1024
-    together: int = 4
     first: int = 2048
     apart: float = 0.05
     patience: int = 18
@@ -79,12 +76,11 @@ class _Search:
         assert problem.prior is not None
         self._prior, self._settings, generator = problem.prior, settings, np.random.default_rng(seed)
         self._generator = generator
-        self._together = settings.together if self._screen.twin is not None else 1
         frame = Frame.of(problem.space, self._prior, generator)
         self._archive = Archive(frame, frame.measures(self._prior.sample(2, generator)).shape[1], seed)
         self._emitters: list[Emitter] = [
             import_module(f"generation.search.quality.emitters.{name}").Emitter(
-                problem, frame, self._archive, settings.batch * self._together, generator
+                problem, frame, self._archive, settings.batch, generator
             )
             for name in settings.emitters
         ]
@@ -94,20 +90,15 @@ class _Search:
         screen, runs = self._screen, list[int]()
         drawn = self._prior.sample(self._settings.first, self._generator)  # begin with what traffic does
         self._try(drawn[screen.worth(drawn)])
-        while screen.left and self._goes_on(len(runs)) and not self._stagnates(runs):
-            runs += [0] * (self._together - 1) + [self._generation()]
+        while screen.left and len(runs) != self._settings.generations and not self._stagnates(runs):
+            runs.append(self._generation())
             if screen.waiting >= min(BATCH, screen.left):
                 screen.spend()
         screen.spend()
         return screen.history
 
-    def _goes_on(self, batches: int) -> bool:
-        """Whether there may be one more generation after so many batches; there is one at least."""
-        most = self._settings.generations
-        return most is None or not batches or batches + self._together <= most
-
     def _stagnates(self, runs: list[int]) -> bool:
-        """Whether the last batches led to less than one run each, given the runs of each batch."""
+        """Whether the last generations led to less than one run each, given the runs of each generation."""
         patience = self._settings.patience
         return len(runs) >= patience and sum(runs[-patience:]) < patience
 

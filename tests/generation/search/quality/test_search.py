@@ -10,7 +10,6 @@ import pytest
 
 from generation.density.recorded_prior import RecordedPrior
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import Outcomes
 from generation.outcomes.references import survivors
 from generation.recorded import of_recordings, of_samples
 from generation.search.diversity import distinctive
@@ -22,7 +21,6 @@ from generation.search.space import Space
 from generation.search.surrogate import FEW
 from generation.twin.episodes import Twin
 from schemas.errors import UsageError
-from xodr.array_types import FloatArray
 
 pytest.importorskip("ribs")
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -78,19 +76,6 @@ def test_a_number_of_proposals_is_no_more_than_so_many_generations(posed: Proble
     assert settings.generations_of(10) == 1
     ended = search(replace(posed, twin=None), 1000, 2, replace(QUICK, generations=2, pace=25.0))
     assert len(ended.theta) == (2000 + 2 * 100) / 25
-
-
-def test_a_twin_plays_several_batches_at_once(posed: Problem) -> None:
-    plays = []
-
-    def play(theta: FloatArray, sut: str | None = None) -> Outcomes:
-        assert posed.twin is not None
-        if sut is None:
-            plays.append(len(theta))
-        return posed.twin(theta, sut)
-
-    search(replace(posed, twin=play), 1000, 1, replace(QUICK, batch=20, first=100, together=4, generations=11))
-    assert len(plays) == 1 + 2  # what is drawn first, and two generations of four batches: three were more than eleven
 
 
 @pytest.mark.parametrize("seed", [1, 3])
