@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 from generation.density.base import Whitening, folds
 from generation.density.components import Components
 from generation.density.models.student import Student
+from generation.study.packages import package
 from recognition.study.report.tables import Table, spread
-from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 
 _DRAWN, _LEAST = 400, 0.01
@@ -154,10 +153,7 @@ def _zuko() -> Any:
     Raises:
         UsageError: it is not installed.
     """
-    try:
-        return import_module("zuko")
-    except ModuleNotFoundError:
-        raise UsageError("conditional flows are those of the package zuko, which no extra brings: pip install zuko") from None
+    return package("zuko", "conditional flows are those")
 
 
 MODELS: dict[str, Callable[[], Conditional]] = {

@@ -6,7 +6,6 @@ Mechanics 16, 2001.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy.special import ndtr
 
 from generation.density.recorded_prior import RecordedPrior
 from generation.search.problem import Plays
-from schemas.errors import UsageError
+from generation.study.packages import package
 from xodr.array_types import FloatArray
 
 _BLOCK, _BLOCKS, _LEVEL = 2000, 2, 0.1
@@ -40,12 +39,7 @@ def openturns() -> Any:
     Raises:
         UsageError: it is not installed.
     """
-    try:
-        return import_module("openturns")
-    except ModuleNotFoundError:
-        raise UsageError(
-            "subset simulation is that of the package openturns, which no extra brings: pip install openturns"
-        ) from None
+    return package("openturns", "subset simulation is that")
 
 
 def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:

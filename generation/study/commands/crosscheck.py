@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from generation.options import Jobs, Kind, Recorded, Sut
@@ -14,7 +13,6 @@ from schemas.commands.options import Verbose, Version, interruptible
 from schemas.errors import Unsupported
 
 NAME = "python -m generation.study crosscheck"
-_TRUTH_SEED = 1_000_000
 
 
 def command(
@@ -29,11 +27,11 @@ def command(
     _version: Version = False,
 ) -> None:
     """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all on the twin; needs openturns."""
-    from generation.density.gate import Share
     from generation.density.recorded_prior import RecordedPrior
     from generation.estimation.estimate import FAILURE, EstimateSettings, estimate
     from generation.study.crosscheck import openturns, subset_simulation
     from generation.study.failures.problem import posed
+    from generation.study.truth import crude
 
     openturns()  # before anything is played
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
@@ -45,4 +43,4 @@ def command(
         for seed in range(repeats):
             found = estimate(prior, twin, twin, prior.theta[:0], twin, EstimateSettings(seed=seed, controlled=False))
             print(f"ours, {found.runs} runs, seed {seed}: {found.probabilities[FAILURE]}", flush=True)
-        print(f"crude Monte Carlo: {Share.of(twin(prior.sample(truth, np.random.default_rng(_TRUTH_SEED))))}", flush=True)
+        print(f"crude Monte Carlo: {crude(prior, twin, truth)}", flush=True)

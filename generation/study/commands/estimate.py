@@ -14,7 +14,6 @@ from schemas.commands.options import Verbose, Version, interruptible
 from schemas.errors import Unsupported
 
 NAME = "python -m generation.study estimate"
-_TRUTH_SEED = 1_000_000
 
 
 def command(
@@ -30,17 +29,17 @@ def command(
     _version: Version = False,
 ) -> None:
     """Repeat the estimate with the twin in the place of SUMO, without control, and compare it with crude Monte Carlo there."""
-    from generation.density.gate import Share
     from generation.estimation.estimate import FAILURE, EstimateSettings, estimate
     from generation.study.failures.problem import posed
+    from generation.study.truth import crude
 
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
         prior, twin = posing.problem.prior, posing.problem.twin
         if twin is None or prior is None:
             raise Unsupported("this scenario has no twin", path=scenario)
-        crude = Share.of(twin(prior.sample(truth, np.random.default_rng(_TRUTH_SEED))))
-        print(f"crude Monte Carlo on the twin: {crude}", flush=True)
-        share, covered, variations = crude.collisions / crude.runs, 0, []
+        true = crude(prior, twin, truth)
+        print(f"crude Monte Carlo on the twin: {true}", flush=True)
+        share, covered, variations = true.collisions / true.runs, 0, []
         for seed in range(repeats):
             found = estimate(prior, twin, twin, prior.theta[:0], twin, EstimateSettings(runs, seed, False)).probabilities[FAILURE]
             low, high = found.interval

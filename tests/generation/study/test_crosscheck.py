@@ -10,7 +10,7 @@ import pytest
 from generation.density.recorded_prior import Box, RecordedPrior
 from generation.density.roles import roles_of
 from generation.outcomes.outcomes import Outcomes
-from generation.study import crosscheck
+from generation.study import packages
 from generation.study.crosscheck import Level, subset_simulation
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray
@@ -59,6 +59,6 @@ def test_without_openturns_it_says_what_to_type(prior: RecordedPrior, monkeypatc
     def absent(name: str) -> None:
         raise ModuleNotFoundError(name=name)
 
-    monkeypatch.setattr(crosscheck, "import_module", absent)
+    monkeypatch.setattr(packages, "import_module", absent)
     with pytest.raises(UsageError, match="pip install openturns"):
         subset_simulation(prior, fails_when_fast, 0)
