@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from generation.density.roles import NUISANCES, roles_of
 from generation.search.space import Space
 from xodr.array_types import BoolArray, FloatArray, IntArray
+
+_ROUNDING = 1e-9
+"""By how much the tree looks further than it has to: the distances themselves decide"""
 
 
 def distinctive(space: Space) -> BoolArray:
@@ -27,11 +31,13 @@ def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray
     Args:
         most: how many indices at most; None for any number.
     """
-    kept: list[int] = []
+    kept, left, tree = list[int](), np.ones(len(unit), bool), KDTree(unit)
+    reach = least * np.sqrt(unit.shape[1]) * (1.0 + _ROUNDING)
     for index in range(len(unit)):
         if len(kept) == most:
             break
-        distances = np.sqrt(np.square(unit[kept] - unit[index]).mean(axis=1))
-        if (distances >= least).all():
+        if left[index]:
             kept.append(index)
+            near = np.array(tree.query_ball_point(unit[index], reach), np.int64)
+            left[near] &= np.sqrt(np.square(unit[near] - unit[index]).mean(axis=1)) >= least
     return np.array(kept, np.int64)
