@@ -1,4 +1,4 @@
-"""What is said of entities that never appear, and of an ego that stands all the time, leaves the road, or comes to its end."""
+"""What is said of entities that never appear, of no ego, and of one that stands, leaves the road, or comes to its end."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from schemas.remarks import Remark
 from schemas.rules.entity_positions import UID as PLACED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from runner.contracts.run import Run
@@ -44,6 +44,22 @@ def standstill(ego: Track | None, system: str) -> tuple[str, ...]:
     nothing = "nothing" if system == "none" else f"neither the scenario nor {system}"
     driver = "" if system == "sumo" else "; SUMO's driver would drive it (--sut sumo)"
     return (f"{ego.name} stands during the whole run: {nothing} sets it in motion{driver}",)
+
+
+def egoless(entities: Iterable[Entity], system: str, contacts: Sequence[tuple[float, str, str]]) -> tuple[str, ...]:
+    """A remark on a scenario without an ego, where it means that nobody is driven, or that a contact fails nothing.
+
+    Args:
+        entities: those of the scenario.
+        system: name of the system under test that was asked for, `none` for none.
+        contacts: time (s) and names of those who touched, in their order.
+    """
+    vehicles = [entity.name for entity in entities if entity.declared.kind == "vehicle"]
+    effects = [f"{system} drives nobody"] if system != "none" else []
+    effects += [f"{first} touches {second} at {time:.2f} s, which fails nothing" for time, first, second in contacts[:1]]
+    if not vehicles or not effects:
+        return ()
+    return (f"no vehicle is known to be the ego: {', and '.join(effects)}; --ego {vehicles[0]} would make it that",)
 
 
 class Departures:

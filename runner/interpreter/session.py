@@ -9,7 +9,7 @@ from os import PathLike
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from runner.interpreter.departures import Departures, absences, standstill
+from runner.interpreter.departures import Departures, absences, egoless, standstill
 from runner.interpreter.drivers import observe
 from runner.interpreter.ego import cruise_speed, driver_of
 from runner.interpreter.preparation import Compiled, compile_file
@@ -180,7 +180,8 @@ class Session:
         recording = sim.recorder.recording()
         verdict = judge(compiled, sim.contacts, recording, ego)
         driven = ego if system is not None else None
-        sut = system_name(self.settings.sut) if ego is not None else "none"
+        asked = system_name(self.settings.sut)
+        sut = asked if ego is not None else "none"
         result = RunResult(
             scenario=compiled.path,
             parameters={name: str(value) for name, value in self._compiled.parameters.items()},
@@ -193,6 +194,7 @@ class Session:
                     compiled.entities.values(), compiled.activated, driven, cruise_speed(compiled, driven) if driven else None
                 ),
                 *absences(compiled.path, compiled.entities.values()),
+                *(egoless(compiled.entities.values(), asked, sim.contacts.history) if ego is None else ()),
                 *self._departures.remarks,
                 *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
                 *idleness(compiled.storyboard, sim.log, sim, sim.finished),

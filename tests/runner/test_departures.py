@@ -1,4 +1,4 @@
-"""What is said of entities that never appear, of controllers, and of an ego that leaves the road or comes to its end."""
+"""What is said of entities that never appear, of controllers, of no ego, and of one that leaves the road."""
 
 from __future__ import annotations
 
@@ -59,6 +59,19 @@ def test_leaving_the_road_and_coming_back_are_events_and_the_first_leaving_is_a_
 def test_an_ego_that_nothing_sets_in_motion_is_a_remark(tmp_path: Path, sut: str | None, reason: str) -> None:
     path = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 100, 0), stories=" ", stop=1.0)
     assert runner.run(path, world="kinematic", sut=sut).remarks == (f"Ego stands during the whole run: {reason}",)
+
+
+@pytest.mark.parametrize(
+    ("sut", "gap", "said"),
+    [
+        (None, 50, ()),
+        ("cas", 50, ("no vehicle is known to be the ego: cas drives nobody; --ego A would make it that",)),
+        (None, 1, ("no vehicle is known to be the ego: A touches B at 0.00 s, which fails nothing; --ego A would make it that",)),
+    ],
+)
+def test_no_ego_is_a_remark_where_one_was_needed(tmp_path: Path, sut: str | None, gap: int, said: tuple[str, ...]) -> None:
+    path = scenario(tmp_path, entities=[car("A"), car("B")], init=place("A", 100, 10) + place("B", 100 + gap, 10), stories=" ")
+    assert runner.run(path, world="kinematic", sut=sut).remarks == said
 
 
 def test_end_of_the_road_is_a_remark(tmp_path: Path) -> None:
