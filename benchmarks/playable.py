@@ -20,9 +20,9 @@ from pathlib import Path
 import xosc
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
-from runner.batch.selection import Selection
 from runner.settings import RunSettings
 from schemas.errors import ToolchainError
+from xosc.distributions import Selection
 
 SETS = 3
 """Parameter sets that are drawn of a variation file."""

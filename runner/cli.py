@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from runner.run_options import Param, with_run_settings
+from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
 from schemas.errors import UsageError
@@ -35,12 +35,6 @@ app = new_app()
 Files = Annotated[
     list[str],
     typer.Argument(metavar="PATH...", help="Scenarios, and distributions: every parameter set is run; folders, globs."),
-]
-Only = Annotated[
-    str | None, typer.Option(metavar="NUMBERS", help="Run these parameter sets of variation files only, as 3,7-9, from 0.")
-]
-Sample = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Run N parameter sets of each variation file, drawn by --seed.")
 ]
 Repeat = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Run everything N times, with seeds that count up from --seed.")
@@ -93,7 +87,7 @@ def xosc_run(
     from runner.batch.batch import run_batch
     from runner.batch.jobs import jobs_of
     from runner.batch.rehearsal import rehearse_batch
-    from runner.batch.selection import Selection, runnable, spans
+    from runner.batch.selection import runnable
     from runner.outputs.terminal import Table
 
     if out is None and (resume or plot):
@@ -102,8 +96,8 @@ def xosc_run(
         _need_report(against, replay and not dry_run, out)
     if max_memory is not None and (ray is not None or dry_run):
         raise UsageError("--max-memory is for runs on this machine: leave --ray and --dry-run out")
-    selection = Selection(spans(only) if only is not None else (), sample, settings.seed, None if dry_run else repeat)
-    source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection)
+    selection, times = selection_of(only, sample, settings.seed), None if dry_run else repeat
+    source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection, times)
     table = Table(verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0)
     chosen: Iterable[Job | Outcome] = source
     if osi is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from functools import wraps
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,9 +13,16 @@ from runner.measures.limits import EVENTS, UNITS
 from runner.settings import RunSettings
 from schemas.commands.options import CatalogPath
 
+if TYPE_CHECKING:
+    from xosc.distributions.selection import Selection
+
 Param = Annotated[
     list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter (repeatable).")
 ]
+Only = Annotated[
+    str | None, typer.Option(metavar="NUMBERS", help="These parameter sets of variation files only, as 3,7-9, from 0.")
+]
+Sample = Annotated[int | None, typer.Option(min=1, metavar="N", help="N parameter sets of each variation file, drawn by --seed.")]
 Sut = Annotated[
     str,
     typer.Option(
@@ -75,6 +82,17 @@ _OPTIONS: dict[str, Any] = {
 """By the name of the setting; the defaults are those of `RunSettings`, but where a command's own is None."""
 _LISTS = ("fail_if", "road_path", "catalog_path")
 """Settings of options that can be repeated."""
+
+
+def selection_of(only: str | None, sample: int | None, seed: int) -> Selection:
+    """The parameter sets that the options choose.
+
+    Raises:
+        UsageError: they exclude each other, or the numbers are none.
+    """
+    from xosc.distributions.selection import Selection, spans
+
+    return Selection(spans(only) if only is not None else (), sample, seed)
 
 
 def with_run_settings(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -28,6 +28,12 @@ class RoadFile(NamedTuple):
     remark: Remark | None
 
 
+def logic_file(scenario: Node) -> Node | None:
+    """The element LogicFile of a scenario; None where it names no road network."""
+    logic = scenario.find("RoadNetwork", "LogicFile")
+    return logic if logic is not None and logic.get("filepath").strip() else None
+
+
 def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> RoadFile:
     """The road network that a LogicFile names.
 

@@ -36,13 +36,13 @@ from recognition.catalogue.episodes import plain
 from recognition.catalogue.writing.index import rows_of
 from recognition.maneuvers.units import Samples
 from runner.batch.jobs import Job, Outcome, jobs_of
-from runner.batch.selection import Selection
 from runner.settings import RunSettings
 from schemas import check_many
 from schemas.commands.files import files_in
 from schemas.errors import UsageError
 from schemas.storage import alone, digest
 from xodr.array_types import FloatArray
+from xosc.distributions.selection import Selection
 
 CATALOGUE = "catalogue"
 UNITS = "units.parquet"

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner.batch.selection import Selection
 from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError, describe
 from schemas.remarks import Remarks
+from xosc.distributions.selection import Selection
 
 if TYPE_CHECKING:
     from xosc.distributions import ParameterSpace
@@ -73,7 +73,11 @@ class Outcome:
 
 
 def jobs_of(
-    paths: Iterable[Path], parameters: dict[str, str], enforce_constraints: bool, selection: Selection | None = None
+    paths: Iterable[Path],
+    parameters: dict[str, str],
+    enforce_constraints: bool,
+    selection: Selection | None = None,
+    repeat: int | None = None,
 ) -> Jobs:
     """The runs that files stand for, lazily: one for a scenario, one for each parameter set of a distribution.
 
@@ -81,17 +85,27 @@ def jobs_of(
         paths: scenarios and distributions; one that can't be read gives an outcome in its place.
         parameters: values given by the user, for parameters that a distribution leaves alone.
         enforce_constraints: leave out parameter sets that violate the scenario's constraint groups.
-        selection: which sets, and how often; by default each once.
+        selection: which sets; by default each.
+        repeat: how often each set is run, with seeds that count up from the selection's; None for once, with the settings' seed.
     """
-    return Jobs(list(paths), parameters, enforce_constraints, selection or Selection())
+    selection = selection or Selection()
+    seeds = [None] if repeat is None else [selection.seed + number for number in range(repeat)]
+    return Jobs(list(paths), parameters, enforce_constraints, selection, seeds)
 
 
 class Jobs:
     """The jobs of files, and how many these are; see `jobs_of`."""
 
-    def __init__(self, paths: list[Path], parameters: dict[str, str], enforce_constraints: bool, selection: Selection) -> None:
+    def __init__(
+        self,
+        paths: list[Path],
+        parameters: dict[str, str],
+        enforce_constraints: bool,
+        selection: Selection,
+        seeds: Sequence[int | None],
+    ) -> None:
         self._files = list(zip(names_of(paths), paths, strict=True))
-        self._parameters, self._enforce, self._selection = parameters, enforce_constraints, selection
+        self._parameters, self._enforce, self._selection, self._seeds = parameters, enforce_constraints, selection, seeds
         self._spaces: dict[Path, ParameterSpace] = {}
 
     def __iter__(self) -> Iterator[Job | Outcome]:
@@ -110,7 +124,7 @@ class Jobs:
 
     def _count(self, path: Path) -> int:
         try:
-            return self._selection.count(self._space(path))
+            return self._selection.count(self._space(path)) * len(self._seeds)
         except ToolchainError:
             return 1  # the outcome in its place
 
@@ -134,7 +148,7 @@ class Jobs:
                 raise UsageError(f"the parameter {parameter!r} can't be given, this file sets it", path=path)
             own = name if space.distribution is None else f"{name}~{index:06d}"
             told = ", ".join(f"{each}={value}" for each, value in values.items() if each in varying)
-            for seed in self._selection.seeds:
+            for seed in self._seeds:
                 one = own if seed is None else f"{own}~seed{seed}"
                 yield Job(one, path, space.scenario, {**self._parameters, **values}, seed, f"{one} {told}".rstrip())
         self._spaces.pop(path, None)

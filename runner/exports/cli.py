@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.exports import TARGETS
-from runner.run_options import Param, with_run_settings
+from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
 from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
 from schemas.errors import UsageError
@@ -42,6 +42,8 @@ def xosc_export(
     out: Annotated[Path, out_folder("Folder to write into; nothing in it is overwritten.")],
     settings: RunSettings,
     param: Param = None,
+    only: Only = None,
+    sample: Sample = None,
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print what is not exported only.")] = False,
     _targets: Annotated[
@@ -56,13 +58,13 @@ def xosc_export(
     target = TARGETS.get(to)
     if target is None:
         raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
-    sources = _sources(paths)
+    sources, selection = _sources(paths), selection_of(only, sample, settings.seed)
     if target.of_run:
-        exports = export_runs(sources, target, Folder(out), settings, parameters_of(param or []))
+        exports = export_runs(sources, target, Folder(out), settings, parameters_of(param or []), selection)
     elif param:
         raise UsageError(f"--param is for runs, and {to} is written without one")
     else:
-        exports = export_documents(sources, target, Folder(out), settings)
+        exports = export_documents(sources, target, Folder(out), settings, selection)
     with interruptible("xosc-export"):
         raise typer.Exit(_tell(exports, quiet))
 

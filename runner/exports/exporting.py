@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.batch.jobs import Outcome, assumed, jobs_of
 from runner.settings import RunSettings
 from schemas.errors import ToolchainError, describe
+from xosc.distributions.selection import Selection
 from xosc.document import load
 from xosc.exports.draft import ExportSettings, roads_in
 
@@ -32,15 +33,20 @@ class Exported(NamedTuple):
 
 
 def export_documents(
-    sources: Sequence[Path], target: Target, folder: Folder, settings: RunSettings | None = None
+    sources: Sequence[Path],
+    target: Target,
+    folder: Folder,
+    settings: RunSettings | None = None,
+    selection: Selection | None = None,
 ) -> Iterator[Exported]:
     """Export files as they are. What is wrong with one of them is told, the others go on.
 
     Args:
         settings: of them, what says how files are read; None for the defaults.
+        selection: parameter sets of distributions; None for all.
     """
     module = import_module(target.module)
-    chosen = _export_settings(settings or RunSettings())
+    chosen = _export_settings(settings or RunSettings(), selection or Selection())
     for source in sources:
         try:
             yield Exported(str(source), 0, module.export(source, target.name, folder, chosen))
@@ -48,24 +54,29 @@ def export_documents(
             yield _refused(str(source), error)
 
 
-def _export_settings(settings: RunSettings) -> ExportSettings:
+def _export_settings(settings: RunSettings, selection: Selection) -> ExportSettings:
     from runner.exports.geometry import RunnerGeometry
     from runner.interpreter.roads import made_roads
 
     made = partial(made_roads, catalog_path=settings.catalog_path)
     roads = made if settings.road == "auto" else roads_in(*settings.road_path)
     locate = None if settings.strict else partial(RunnerGeometry, settings=settings)
-    return ExportSettings(settings.strict, roads, locate, settings.catalog_path)
+    return ExportSettings(settings.strict, roads, locate, settings.catalog_path, selection)
 
 
 def export_runs(
-    sources: Sequence[Path], target: Target, folder: Folder, settings: RunSettings, parameters: Mapping[str, str]
+    sources: Sequence[Path],
+    target: Target,
+    folder: Folder,
+    settings: RunSettings,
+    parameters: Mapping[str, str],
+    selection: Selection | None = None,
 ) -> Iterator[Exported]:
-    """Run files, a distribution with every set of its parameters, and export the runs. Failed verdicts are runs as well."""
+    """Run files, distributions with every chosen set of parameters, and export the runs. Failed verdicts are runs as well."""
     from runner.interpreter.execution import run
 
     module = import_module(target.module)
-    for job in jobs_of(_runnable(sources), dict(parameters), settings.enforce_constraints):
+    for job in jobs_of(_runnable(sources), dict(parameters), settings.enforce_constraints, selection):
         if isinstance(job, Outcome):
             yield Exported(job.job.name, job.exit_code, [job.message])
             continue

@@ -143,7 +143,10 @@ class ScenarioContext:
     def need_network(self, node: Node) -> RoadNetwork:
         """The road network, for elements that make no sense without one."""
         if self.network is None:
-            raise node.invalid("the position needs a road network, but the scenario has no RoadNetwork/LogicFile")
+            raise node.invalid(
+                "the position needs a road network, and the scenario names none: name one in RoadNetwork/LogicFile, "
+                "or let --road auto make straight roads"
+            )
         return self.network
 
     def storyboard_elements(self) -> list[StoryboardElement]:

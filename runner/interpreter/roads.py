@@ -14,7 +14,7 @@ from schemas.remarks import Remark
 from xodr.sumo_net.cache import folder as cache_folder
 from xosc.document import load
 from xosc.resolve import resolve
-from xosc.roads import RULE, RoadFile, find_roads
+from xosc.roads import RULE, RoadFile, find_roads, logic_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,33 +36,43 @@ def load_roads(document: Resolved, settings: RunSettings) -> tuple[RoadNetwork |
     Raises:
         InvalidFile: its file is nowhere, or no road network; a road is to be made for a scenario that names no lane.
     """
-    logic = document.node.find("RoadNetwork", "LogicFile")
-    if logic is None or not logic.get("filepath").strip():
+    logic, auto = logic_file(document.node), settings.road == "auto"
+    if auto:
+        found = _made(document.node, logic)
+    else:
+        found = find_roads(logic, settings.road_path) if logic is not None else None
+    if found is None:
         return None, ()
-    auto = settings.road == "auto"
-    found = _made(document.node, logic) if auto else find_roads(logic, settings.road_path)
     network = xodr.load(found.path, strict=settings.strict and not auto)
     return network, () if found.remark is None else (found.remark,)
 
 
-def made_roads(logic: Node, catalog_path: Sequence[str] = ()) -> RoadFile:
-    """Roads as a scenario's positions use them, whatever road network its LogicFile names; errors as in `load_roads`."""
-    return _made(resolve(load(logic.path), catalog_path=catalog_path).node, logic)
+def made_roads(scenario: Node, catalog_path: Sequence[str] = ()) -> RoadFile | None:
+    """Roads as a scenario's positions use them, whatever road network its LogicFile names; errors as in `load_roads`.
+
+    None where there is no LogicFile and no position that needs one.
+    """
+    return _made(resolve(load(scenario.path), catalog_path=catalog_path).node, logic_file(scenario))
 
 
-def _made(scenario: Node, logic: Node) -> RoadFile:
+def _made(scenario: Node, logic: Node | None) -> RoadFile | None:
     """Roads as the positions of a resolved scenario use them, in a file of the cache folder."""
     from xodr.builders.assumed import assumed_roads  # the builders are for those who ask
 
     used = road_uses(scenario)
     if not used:
+        if logic is None:
+            return None
         raise logic.invalid("--road auto makes the roads that positions name, and no position of this scenario names one")
     content = assumed_roads(used).to_xml()
     path = cache_folder() / "roads" / f"{hashlib.blake2b(content, digest_size=20).hexdigest()}.xodr"
     _keep(content, path)
     roads = ", ".join(f"{each.road_id} ({each.right} + {each.left} lanes, {each.length:g} m)" for each in used)
-    text = f"the roads of {logic.get('filepath')!r} are not read; straight ones are assumed, not connected: {roads}"
-    return RoadFile(path, logic.remark(RULE, text))
+    instead = (
+        f"the roads of {logic.get('filepath')!r} are not read" if logic is not None else "the scenario names no road network"
+    )
+    remark = (logic or scenario).remark(RULE, f"{instead}; straight ones are assumed, not connected: {roads}")
+    return RoadFile(path, remark)
 
 
 def _keep(content: bytes, path: Path) -> None:

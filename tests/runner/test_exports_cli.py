@@ -131,6 +131,41 @@ def test_runs_are_exported_for_every_set_of_parameters(xosc_export: Command, tmp
     assert len(list((tmp_path / "out").glob("sets~*.criticality.parquet"))) == 3
 
 
+@pytest.mark.parametrize("target", ["1.0", "1.2", "carla", "esmini", "openlabel"])
+def test_parameter_sets_are_chosen_as_in_runs(target: str, xosc_export: Command, command: Command, tmp_path: Path) -> None:
+    scenario(tmp_path, init=place("Ego", 100, 5) + place("Lead", "${100 + $Gap}", 5), stories=BRAKES, stop=0.3)
+    huge = distribution(tmp_path, "huge", {"Gap": (20.0, 120.0, 0.0001)})
+    options = ["--world", "kinematic", "--sut", "none", "--timestep", "0.1"]
+    for number, choice in enumerate([("--sample", "3", "--seed", "2"), ("--only", "4,8-9")]):
+        out = tmp_path / f"out{number}"
+        assert xosc_export(huge, "--to", target, "--out", out, *options, *choice).code == 0
+        run = command("xosc-run", huge, *options, *choice)
+        names = {line.split()[1] for line in run.out.splitlines() if line.startswith("PASSED")}
+        assert len(names) == 3
+        assert {path.name.partition(".")[0] for path in out.glob("huge~*")} == names
+    assert xosc_export(huge, "--to", target, "--out", tmp_path / "no", "--sample", "3", "--only", "1").code == 2
+
+
+def test_4_more_files_than_are_written_name_the_options_that_choose(xosc_export: Command, tmp_path: Path) -> None:
+    scenario(tmp_path, init=place("Ego", 100, 5) + place("Lead", "${100 + $Gap}", 5), stories=BRAKES)
+    many = distribution(tmp_path, "many", {"Gap": (20.0, 40.0, 0.01)})
+    answer = xosc_export(many, "--to", "1.0", "--out", tmp_path / "out")
+    assert answer.code == 4 and "choose some of them with --sample N or --only NUMBERS" in answer.err
+
+
+def test_a_chosen_set_keeps_the_number_that_it_has_in_runs(xosc_export: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path, init=place("Ego", 100, 5) + place("Lead", "${100 + $Gap}", 5), stories=BRAKES)
+    constraint = '<ConstraintGroup><ValueConstraint rule="greaterThan" value="25"/></ConstraintGroup>'
+    declared = '<ParameterDeclaration name="Gap" parameterType="double" value="50.0"'
+    text = path.read_text()
+    assert f"{declared}/>" in text
+    path.write_text(text.replace(f"{declared}/>", f"{declared}>{constraint}</ParameterDeclaration>"))
+    sets = distribution(tmp_path, "sets", {"Gap": (20.0, 40.0, 10.0)})
+    assert xosc_export(sets, "--to", "1.0", "--out", tmp_path / "out").code == 0
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.xosc")) == ["sets~000001.xosc", "sets~000002.xosc"]
+    assert xosc_export(path, "--to", "1.0", "--out", tmp_path / "alone", "--only", "7").code == 0
+
+
 def test_every_target_is_listed(xosc_export: Command) -> None:
     answer = xosc_export("--targets")
     assert [line.split()[0] for line in answer.out.splitlines()] == list(TARGETS)

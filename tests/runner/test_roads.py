@@ -100,6 +100,36 @@ def test_a_scenario_that_names_no_road_gets_none(tmp_path: Path) -> None:
         runner.run(path, FAST, road="auto")
 
 
+def without_roads(path: Path) -> Path:
+    """The scenario, which names no road network any more."""
+    before, _, rest = path.read_text().partition("<LogicFile")
+    path.write_text(before + rest.partition("/>")[2])
+    return path
+
+
+def test_roads_are_made_for_scenarios_that_name_none(tmp_path: Path, command: Command) -> None:
+    path = without_roads(scenario(tmp_path, stories=story("Ego", [(0.5, speed_action(10))])))
+    with pytest.raises(InvalidFile, match="let --road auto make straight roads"):
+        runner.run(path, FAST)
+    expected = runner.run(path, FAST, road="auto")
+    assert any("the scenario names no road network; straight ones are assumed" in remark for remark in expected.remarks)
+    for target in ("1.1", "esmini", "carla"):
+        answer = command("xosc-export", path, "--to", target, "--out", tmp_path / target, "--road", "auto")
+        assert (answer.code, "straight ones are assumed" in answer.out) == (0, True), answer.err
+        got = runner.run(tmp_path / target / path.name, FAST, max_time=2.0).recording.tracks["Lead"].columns
+        assert (got["x"] == expected.recording.tracks["Lead"].columns["x"]).all()
+
+
+def test_scenarios_without_roads_stay_as_they_are_and_carla_has_no_map_for_them(tmp_path: Path, command: Command) -> None:
+    where = "".join(place(name, s, 20) for name, s in (("Ego", 100), ("Lead", 150)))
+    for s in ("100", "150"):
+        where = where.replace(f'<LanePosition roadId="1" laneId="-1" s="{s}"/>', f'<WorldPosition x="{s}" y="0"/>')
+    path = without_roads(scenario(tmp_path, init=where, stories=story("Ego", [(0.5, speed_action(10))])))
+    assert runner.run(path, FAST, road="auto").remarks == runner.run(path, FAST).remarks
+    answer = command("xosc-export", path, "--to", "carla", "--out", tmp_path / "out", "--road", "auto")
+    assert (answer.code, "scenario_runner plays on a map, and this scenario names none" in answer.err) == (4, True)
+
+
 def test_another_road_is_refused() -> None:
     with pytest.raises(UsageError, match="the road 'curved' is not one of auto"):
         RunSettings(road="curved")

@@ -152,7 +152,7 @@ def test_roads_that_carla_makes_no_map_of_are_refused(tmp_path: Path, old: str, 
 
 def test_a_scenario_without_roads_is_refused(tmp_path: Path) -> None:
     signals = str(DIALECT.parents[1] / "roads" / "signals.xodr")
-    with pytest.raises(Unsupported, match="needs a map"):
+    with pytest.raises(Unsupported, match="plays on a map, and this scenario names none"):
         export_changed(tmp_path, (f'<LogicFile filepath="{signals}"/>', ""))
 
 

@@ -17,6 +17,7 @@ from xosc.distributions.probability import (
     ProbabilityDistributionSet,
     UniformDistribution,
 )
+from xosc.distributions.selection import Selection
 from xosc.distributions.space import ParameterSpace, Variations, sample, variations
 from xosc.distributions.stochastic import Stochastic, StochasticDistribution
 from xosc.distributions.user import UserDefinedDistribution, UserDistribution
@@ -37,6 +38,7 @@ __all__ = [
     "PoissonDistribution",
     "ProbabilityDistributionSet",
     "Range",
+    "Selection",
     "Stochastic",
     "StochasticDistribution",
     "UniformDistribution",

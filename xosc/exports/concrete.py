@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from lxml import etree
 
 from schemas.catalogs import Folders
-from xosc.distributions import ParameterSpace, variations
+from xosc.distributions import ParameterSpace
 from xosc.document import Document, load
+from xosc.exports.draft import ExportSettings
 from xosc.node import SOURCE, Node
 from xosc.resolve import Argument, resolve
 from xosc.versions import LEFT_OPEN, SAID_SINCE, Version, say_left_open
@@ -76,29 +78,29 @@ def _sources(resolved: Document) -> set[str]:
     return {str(element.get(SOURCE)) for element in resolved.root.iter() if element.get(SOURCE)}
 
 
-def concrete_scenarios(path: Path, *, strict: bool = False, catalog_path: Folders = ()) -> Iterator[tuple[str, Document]]:
+def concrete_scenarios(path: Path, settings: ExportSettings) -> Iterator[tuple[str, Document]]:
     """Name (without ending) and worked-out document of each scenario that a file stands for.
 
-    A scenario stands for itself, a distribution for its scenario with every set of parameters, numbered as by `xosc-run`.
-
-    Args:
-        strict: refuse the faults that are otherwise repaired with a remark.
-        catalog_path: as in `xosc.resolve`.
+    A scenario stands for itself, a distribution for its scenario with every chosen set of parameters, numbered as by `xosc-run`.
 
     Raises:
         Unsupported: there are more than `MAX_SETS` sets.
-        UsageError, InvalidFile: as in `xosc.variations` and `xosc.resolve`.
+        UsageError, InvalidFile: as in `Selection.sets` and `xosc.resolve`.
     """
     document = load(path)
+    work_out = partial(concrete, strict=settings.strict, catalog_path=settings.catalog_path)
     if document.kind == "scenario":
-        yield path.stem, concrete(document, strict=strict, catalog_path=catalog_path)
+        yield path.stem, work_out(document)
         return
-    size = ParameterSpace(path).size
-    if size > MAX_SETS:
-        raise document.node.unsupported(f"{size} sets of parameters would be {size} files, at most {MAX_SETS} are written")
-    for number, (scenario, parameters) in enumerate(variations(path)):
-        worked_out = concrete(load(scenario), parameters, strict=strict, catalog_path=catalog_path)
-        yield f"{path.stem}~{number:06d}", worked_out
+    space = ParameterSpace(path)
+    count = settings.selection.count(space)
+    if count > MAX_SETS:
+        raise document.node.unsupported(
+            f"{count} sets of parameters would be {count} files, and at most {MAX_SETS} are written: "
+            "choose some of them with --sample N or --only NUMBERS"
+        )
+    for number, parameters in settings.selection.sets(space, enforce_constraints=True):
+        yield f"{path.stem}~{number:06d}", work_out(load(space.scenario), parameters)
 
 
 def copied(document: Document) -> Document:

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from os import PathLike
 
 from schemas.catalogs import Folders
 from schemas.remarks import Remark, Remarks
+from xosc.distributions.selection import Selection
 from xosc.document import Document
 from xosc.exports.folder import Folder
 from xosc.exports.on_roads.geometry import Geometry
 from xosc.node import Node
-from xosc.roads import RoadFile, find_roads
+from xosc.roads import RoadFile, find_roads, logic_file
 
-Roads = Callable[[Node], RoadFile]
-"""Where the road network of a scenario is, by its element LogicFile; errors as in `xosc.roads.find_roads`."""
+Roads = Callable[[Node], RoadFile | None]
+"""The road network of a scenario, by its root; None where it has none; errors as in `xosc.roads.find_roads`."""
 
 
 def roads_in(*folders: str | PathLike[str]) -> Roads:
     """The road networks that scenarios name, looked for in these folders too."""
-    return partial(find_roads, folders=folders)
+
+    def roads(scenario: Node) -> RoadFile | None:
+        logic = logic_file(scenario)
+        return find_roads(logic, folders) if logic is not None else None
+
+    return roads
 
 
 Locate = Callable[[Document], Geometry]
@@ -37,12 +42,14 @@ class ExportSettings:
         roads: where road networks are.
         locate: puts scenarios on their roads; None leaves out the changes that need it.
         catalog_path: folders in which directories of catalogues are looked for that are not where the scenario says.
+        selection: parameter sets of distributions that are exported; where it leaves any out, a scenario is written for each.
     """
 
     strict: bool = False
     roads: Roads = field(default_factory=roads_in)
     locate: Locate | None = None
     catalog_path: Folders = ()
+    selection: Selection = field(default_factory=Selection)
 
 
 DEFAULTS = ExportSettings()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from lxml import etree
+
 from schemas.catalogs import locate, missing
 from schemas.errors import InvalidFile
 from schemas.storage import read_bytes
@@ -12,6 +14,7 @@ from xosc.document import Document, load
 from xosc.exports.draft import Draft
 from xosc.exports.folder import Folder
 from xosc.node import Node
+from xosc.roads import logic_file
 
 ROADS, MODELS, CATALOGS = "roads", "models", "catalogs"
 """Folders of the output."""
@@ -32,23 +35,37 @@ def take_roads(document: Document, draft: Draft) -> Path | None:
         InvalidFile: the road network cannot be read.
         Unsupported: a parameter names it.
     """
-    network, roads = document.node.find("RoadNetwork"), None
-    for node in network.children("LogicFile", "SceneGraphFile") if network is not None else ():
-        source = _literal(node, "filepath")
-        if not node.get("filepath").strip() or (node.tag == "SceneGraphFile" and not source.is_file()):
-            continue
-        if node.tag == "LogicFile":
-            found = draft.settings.roads(node)
-            source = roads = found.path
-            draft.note(*filter(None, [found.remark]))
-        try:
-            content = read_bytes(source)
-        except InvalidFile as error:
-            raise node.invalid(f"{source} can't be taken along: {error.message}") from None
-        name = draft.folder.name(source, f"{ROADS if node.tag == 'LogicFile' else MODELS}/{source.name}")
-        node.element.set("filepath", name)
-        draft.add(name, content)
-    return roads
+    logic, scene = logic_file(document.node), document.node.find("RoadNetwork", "SceneGraphFile")
+    if logic is not None:
+        _literal(logic, "filepath")
+    found = draft.settings.roads(document.node)
+    if found is not None:
+        draft.note(*filter(None, [found.remark]))
+        _take(logic or _new_logic_file(document.node), found.path, ROADS, draft)
+    if scene is not None and scene.get("filepath").strip() and _literal(scene, "filepath").is_file():
+        _take(scene, _literal(scene, "filepath"), MODELS, draft)
+    return found.path if found is not None else None
+
+
+def _take(node: Node, source: Path, folder: str, draft: Draft) -> None:
+    """Take a file along, to which an element then refers."""
+    try:
+        content = read_bytes(source)
+    except InvalidFile as error:
+        raise node.invalid(f"{source} can't be taken along: {error.message}") from None
+    name = draft.folder.name(source, f"{folder}/{source.name}")
+    node.element.set("filepath", name)
+    draft.add(name, content)
+
+
+def _new_logic_file(scenario: Node) -> Node:
+    """The element LogicFile of a scenario that has none, or an empty one."""
+    network = scenario.need("RoadNetwork")
+    logic = network.find("LogicFile")
+    if logic is None:
+        network.element.insert(0, etree.Element("LogicFile"))
+        logic = network.need("LogicFile")
+    return logic
 
 
 def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:

@@ -141,6 +141,8 @@ def _parameters(text: str) -> set[str]:
 def distribution(document: Document, version: Version | None, draft: Draft) -> Sequence[str]:
     """Write a distribution and its scenario, or a scenario for each set of parameters; remarks and errors as in `export`."""
     node = document.node.need("ParameterValueDistribution", "ScenarioFile")
+    if draft.settings.selection.chooses:
+        return write_sets(document, version, draft, "a scenario is written for each set of parameters that is chosen")
     trial = draft.copy()
     try:
         varied = load(node.file("filepath"), strict=draft.settings.strict)
@@ -157,7 +159,6 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
 
 def write_sets(document: Document, version: Version | None, draft: Draft, remark: str) -> Sequence[str]:
     """Write the scenario of a distribution with each set of its parameters worked out; remarks and errors as in `export`."""
-    settings = draft.settings
-    for name, worked_out in concrete_scenarios(document.path, strict=settings.strict, catalog_path=settings.catalog_path):
+    for name, worked_out in concrete_scenarios(document.path, draft.settings):
         add_worked_out(worked_out, version, draft, name)
     return draft.write(remark)

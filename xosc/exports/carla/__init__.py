@@ -53,7 +53,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
     if document.kind == "catalog":
         return [f"{source}: its entries are part of the scenarios that use them"]
     draft = Draft(folder, settings)
-    for name, scenario in concrete_scenarios(source, strict=settings.strict, catalog_path=settings.catalog_path):
+    for name, scenario in concrete_scenarios(source, settings):
         draft.note(*scenario.remarks)
         if not settings.strict:
             draft.note(*omit(scenario, (1, 0)))

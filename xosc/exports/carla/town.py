@@ -24,7 +24,10 @@ def settle(document: Document, network: Path | None) -> Iterator[str]:
     """
     where = document.node.find("RoadNetwork") or document.node
     if network is None:
-        raise where.unsupported("scenario_runner needs a map, and there is no road network")
+        raise where.unsupported(
+            "scenario_runner plays on a map, and this scenario names none: name one in RoadNetwork/LogicFile "
+            "(--road auto makes straight roads where positions name roads)"
+        )
     roads = parse(network).getroot()
     if any(junction.get("type") == "direct" for junction in roads.iter("junction")):
         raise where.unsupported("CARLA stops at roads with direct junctions")
