@@ -15,10 +15,10 @@ from generation.adversary.command import adversary
 from generation.density.model import JUDGE
 from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, Objective, Pin, Quiet, Ray, Recorded, Sut, Timestep
 from generation.search.method import DEFAULT
-from runner.run_options import RoadPath
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import (
     CatalogPath,
+    RoadPath,
     Verbose,
     Version,
     guarded,

@@ -18,6 +18,21 @@ from schemas.errors import UsageError, nearest
 from xosc.distributions import DeterministicMultiParameterDistribution, ParameterSpace
 
 
+class NothingToVary(UsageError):
+    """A variation file leaves nothing to search.
+
+    Attributes:
+        reason: without a remedy. scenario: its scenario, which can be searched itself.
+    """
+
+    def __init__(self, reason: str, scenario: Path, path: Path) -> None:
+        super().__init__(f"{reason}: search {scenario.name} itself", path=path)
+        self.reason, self.scenario = reason, scenario
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (type(self), (self.reason, self.scenario, Path(str(self.path))))
+
+
 class Varied(NamedTuple):
     """What a variation file says of a scenario.
 
@@ -47,8 +62,7 @@ def varied(path: Path) -> Varied | None:
         return None
     for each in space.distribution.definition.distributions:
         if isinstance(each, DeterministicMultiParameterDistribution):
-            reason = f"sets of values that belong together have no density: search {space.scenario.name} itself"
-            raise UsageError(reason, path=path)
+            raise NothingToVary("sets of values that belong together have no density", space.scenario, path)
         try:
             of = marginal(each.distribution)
         except UsageError as error:
@@ -168,8 +182,7 @@ class Ask:
         variation, (free, ranges), roles = varied(path), freed(self.free), mapped(self.maps)
         scenario = variation.scenario if variation is not None else path
         if variation is not None and not (variation.marginals or ranges or free or roles):
-            reason = f"it gives each parameter one value, which leaves nothing to search: search {scenario.name} itself"
-            raise UsageError(reason, path=path)
+            raise NothingToVary("it gives each parameter one value, which leaves nothing to search", scenario, path)
         _refuse_undeclared(scenario, roles)
         stated = {**(variation.marginals if variation is not None else {}), **ranges}
         marginals = {name: each for name, each in stated.items() if name not in self.pinned}

@@ -11,7 +11,7 @@ import typer
 
 from runner.measures.limits import EVENTS, UNITS
 from runner.settings import RunSettings
-from schemas.commands.options import CatalogPath
+from schemas.commands.options import CatalogPath, RoadPath
 
 if TYPE_CHECKING:
     from xosc.distributions.selection import Selection
@@ -31,14 +31,6 @@ Sut = Annotated[
     ),
 ]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step.")]
-RoadPath = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--road-path",
-        metavar="DIR",
-        help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
-    ),
-]
 _OPTIONS: dict[str, Any] = {
     "sut": Sut,
     "ego": Annotated[str | None, typer.Option(metavar="NAME", help="The ego, where it is not found by itself.")],

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.checks.problems import LEVELS, Problem
-from schemas.commands.options import CatalogPath, Version, deliver, guarded_reader, new_app
+from schemas.commands.options import CatalogPath, RoadPath, Version, deliver, guarded_reader, new_app
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 _EPILOG = "Exit codes: 0 all files are accepted (no error; with --strict no warning either), 1 some are not, 2 wrong usage."
@@ -34,6 +34,7 @@ def xosc_check(
     output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the report to a file.")] = None,
     severity: Annotated[Literal["error", "warning", "info"], typer.Option(help="Least severe level that is reported.")] = "info",
     strict: Annotated[bool, typer.Option("--strict", help="Do not accept files with warnings.")] = False,
+    road_path: RoadPath = None,
     catalog_path: CatalogPath = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Name the sound files as well.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
@@ -43,7 +44,7 @@ def xosc_check(
     """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules."""
     from schemas.commands.files import expand
 
-    results = _check(expand(paths), catalog_path or (), progress=not quiet and sys.stderr.isatty())
+    results = _check(expand(paths), catalog_path or (), road_path or (), progress=not quiet and sys.stderr.isatty())
     refused = {"error", "warning"} if strict else {"error"}
     failed = any(problem.level in refused for _, problems in results for problem in problems)
     reported = LEVELS[: LEVELS.index(severity) + 1]
@@ -55,10 +56,12 @@ def xosc_check(
     raise typer.Exit(1 if failed else 0)
 
 
-def _check(paths: Sequence[Path], catalog_path: Sequence[str], progress: bool) -> list[tuple[Path, list[Problem]]]:
+def _check(
+    paths: Sequence[Path], catalog_path: Sequence[str], road_path: Sequence[str], progress: bool
+) -> list[tuple[Path, list[Problem]]]:
     from schemas.checks.checker import check_many
 
-    checked: Iterable[tuple[Path, list[Problem]]] = check_many(paths, catalog_path)
+    checked: Iterable[tuple[Path, list[Problem]]] = check_many(paths, catalog_path, road_path)
     if progress:
         from rich.console import Console
         from rich.progress import track

@@ -6,19 +6,17 @@ Libraries get moved about, and scenarios for CARLA name towns (`Town01`) instead
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
+from schemas.checks.roads import VARIABLE, asked_for, candidates, first
 from schemas.remarks import Remark
 from schemas.storage import in_any_case, search_path
 from xosc.node import Node
 
-VARIABLE = "XOSC_ROAD_PATH"
-"""Environment variable with more folders of road networks, separated as in PATH."""
 RULE = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference"
-_SUFFIX = ".xodr"
 
 
 class RoadFile(NamedTuple):
@@ -51,33 +49,18 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     named = logic.file("filepath")
     if os.path.exists(named) and not os.path.isdir(named):  # unlike those of Path they take names of any length
         return RoadFile(named, None)
-    names = _names(named.name)
-    asked = search_path(folders, VARIABLE)
-    found = _first(asked, names)
+    found = asked_for(named.name, folders)
     if found is not None:
         return RoadFile(found, None)
     scenario = Path(os.path.abspath(logic.path)).parent
     alike = in_any_case(named)
-    found = alike if alike and os.path.isfile(alike) else _first((named.parent, scenario, *scenario.parents), names)
+    found = alike if alike and os.path.isfile(alike) else first((named.parent, scenario, *scenario.parents), named.name)
     if found is None:
-        found = next((file for each in _files(asked, names) if (file := in_any_case(each)) and os.path.isfile(file)), None)
+        spelt = map(in_any_case, candidates(search_path(folders, VARIABLE), named.name))
+        found = next((file for file in spelt if file and os.path.isfile(file)), None)
     if found is None:
         raise logic.invalid(
             f"the road network {named} does not exist: put it there, name its folder with --road-path (or in {VARIABLE}), "
             "or have one made by xosc-run --road auto"
         )
     return RoadFile(found, logic.remark(RULE, f"the road network {named} does not exist; {found} is taken"))
-
-
-def _names(name: str) -> list[str]:
-    stem = name.removesuffix(_SUFFIX)
-    return list(dict.fromkeys((name, stem + _SUFFIX, stem)))
-
-
-def _first(folders: Iterable[Path], names: Sequence[str]) -> Path | None:
-    return next((file for file in _files(folders, names) if os.path.isfile(file)), None)
-
-
-def _files(folders: Iterable[Path], names: Sequence[str]) -> Iterator[Path]:
-    for folder in folders:
-        yield from (folder / name for name in names if name)

@@ -13,10 +13,10 @@ import typer
 from generation.density.model import JUDGE
 from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
 from generation.search.method import DEFAULT as METHOD
-from runner.run_options import RoadPath
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.commands.options import (
     CatalogPath,
+    RoadPath,
     Verbose,
     Version,
     guarded,
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 NAME = "xosc-loop"
 _EPILOG = (
     "Exit codes: 0 the page is written, 1 it is, but a recording or scenario in the folder, or a file made, is not valid (with "
-    "--against, also: a failure is new or still there), 2 wrong usage, 3 invalid file, 4 valid file that asks for something that "
-    "is not done here, 5 internal error."
+    "--against, also: a failure is new or still there, or no run of a search succeeded), 2 wrong usage, 3 invalid file, 4 valid "
+    "file that asks for something that is not done here, 5 internal error."
 )
 
 app = new_app()
@@ -109,7 +109,7 @@ def xosc_loop(
         page = write(found, out)
         if not quiet:
             print("\n".join(closing(found)), f"{page} shows all of it", sep="\n")
-    failing = found.against is not None and found.against.counts.fails(*wanted)
+    failing = found.against is not None and found.against.fails(*wanted)
     raise typer.Exit(1 if found.checked.problems or found.recognised.failures or failing else 0)
 
 

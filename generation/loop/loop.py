@@ -177,10 +177,10 @@ class _Loop:
         return self._once(Stage("check"), Checked, self._check, self._all(targets))
 
     def _check(self) -> Checked:
-        files = [*files_in(self._out), *self._inputs.scenarios]
+        files, run = [*files_in(self._out), *self._inputs.scenarios], self._settings.run
         problems = []
         with self._bar("checking", len(files)) as advance:
-            for _, found in check_many(files):
+            for _, found in check_many(files, run.catalog_path, run.road_path):
                 problems += [str(problem) for problem in found if problem.level == "error"]
                 advance(1)
         return Checked(files=len(files), problems=problems)

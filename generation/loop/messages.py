@@ -39,9 +39,12 @@ def closing(found: LoopResult) -> Iterator[str]:
     avoidable = sum(case.avoidable for case in cases)
     yield f"{many(len(cases), 'edge case')}, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
     if found.against is not None:
-        yield f"against {found.against.sut} in {found.against.folder}: {found.against.counts}"
+        blind = sum(each.blind for each in found.against.compared)
+        unknown = f", nothing is known of {many(blind, 'search', 'searches')}" if blind else ""
+        yield f"against {found.against.sut} in {found.against.folder}: {found.against.counts}{unknown}"
         for each in found.against.compared:
-            yield f"  {each.title}: {each.counts}" + (f" ({each.reason})" if each.reason else "")
+            told = "not known" if each.blind else str(each.counts)
+            yield f"  {each.title}: {told}" + (f" ({each.reason})" if each.reason else "")
 
 
 def prior(of: Prior) -> str:
@@ -71,9 +74,10 @@ def _measured(found: Measured) -> str:
 def _searched(found: Searched) -> str:
     if found.error:
         return f"{found.title} was not searched: {found.error}"
+    failed = f" ({found.failed_runs} with errors, mostly: {found.run_error})" if found.failed_runs else ""
     return (
-        f"{found.title}: {many(found.calls, 'run')}, {many(found.collisions, 'collision')}, {found.distinct} of them unlike "
-        f"each other ({found.new} new), {many(len(found.cases), 'edge case')} written; density of {prior(found.prior)}"
+        f"{found.title}: {many(found.calls, 'run')}{failed}, {many(found.collisions, 'collision')}, {found.distinct} of them "
+        f"unlike each other ({found.new} new), {many(len(found.cases), 'edge case')} written; density of {prior(found.prior)}"
     )
 
 

@@ -28,13 +28,14 @@ class Document:
     Args:
         tree: the parsed document.
         path: its file, the base of the relative paths in it.
+        catalog_path, road_path: see `schemas.checks.checker.check`.
     """
 
-    def __init__(self, tree: etree._ElementTree, path: Path, catalog_path: Folders = ()) -> None:
+    def __init__(self, tree: etree._ElementTree, path: Path, catalog_path: Folders = (), road_path: Folders = ()) -> None:
         self.tree = tree
         self.root = tree.getroot()
         self.path = path
-        self.catalog_path = catalog_path
+        self.catalog_path, self.road_path = catalog_path, road_path
         self._defaults: dict[etree._Element, expressions.Value | None] = {}
         self._pending: set[etree._Element] = set()
         self._sources: dict[str, Document] = {}
@@ -192,6 +193,10 @@ class Document:
         except (OSError, ValueError):
             return False
 
+    def road_file(self, name: str) -> Path | None:
+        """The road network that a LogicFile names: where it says, or in the folders that were asked for; None without one."""
+        return self.file(name) if self.has_file(name) else roads.asked_for(self.file(name).name, self.road_path)
+
     @cached_property
     def catalogs(self) -> Catalogs:
         """The catalogues in the scenario's catalogue locations."""
@@ -235,9 +240,10 @@ class Document:
         """The roads of the LogicFile, where there is one that can be read."""
         for element in self.elements("LogicFile"):
             name = self.value(element, "filepath")
-            if name:
+            path = self.road_file(name) if name else None
+            if path is not None:
                 try:
-                    return roads.read(self.file(name))
+                    return roads.read(path)
                 except InvalidFile:
                     return None
         return None

@@ -1,18 +1,26 @@
-"""What references into a road network need to know of an OpenDRIVE file: ids, lengths and lanes, no geometry."""
+"""Road networks as references into them need them: ids, lengths and lanes, no geometry; and where they are, in the folders that
+were asked for, where they are not where a LogicFile says."""
 
 from __future__ import annotations
 
 import math
+import os
 from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from os import PathLike
 from pathlib import Path
 
 from lxml import etree
 
 from schemas.errors import InvalidFile
-from schemas.storage import Stamp, stamp
+from schemas.storage import Stamp, search_path, stamp
 from schemas.xml import local_name, parse
+
+VARIABLE = "XOSC_ROAD_PATH"
+"""Environment variable with more folders of road networks, separated as in PATH."""
+_SUFFIX = ".xodr"
 
 
 @dataclass(frozen=True)
@@ -73,3 +81,23 @@ def _number(text: str | None) -> float:
         return float(text or "nan")
     except ValueError:
         return math.nan
+
+
+# where they are --------------------------------------------------------------------------------
+
+
+def asked_for(name: str, folders: Sequence[str | PathLike[str]] = ()) -> Path | None:
+    """The first file of that name, with or without the ending .xodr, in these folders and those in XOSC_ROAD_PATH."""
+    return first(search_path(folders, VARIABLE), name)
+
+
+def first(folders: Iterable[Path], name: str) -> Path | None:
+    """The first file of that name, with or without the ending .xodr, in one of the folders."""
+    return next((file for file in candidates(folders, name) if os.path.isfile(file)), None)
+
+
+def candidates(folders: Iterable[Path], name: str) -> Iterator[Path]:
+    """What a file of that name may be called in the folders, in the order in which it is taken."""
+    stem = name.removesuffix(_SUFFIX)
+    names = [each for each in dict.fromkeys((name, stem + _SUFFIX, stem)) if each]
+    yield from (folder / each for folder in folders for each in names)

@@ -44,6 +44,14 @@ def _print_version(context: typer.Context, requested: bool) -> None:
         raise typer.Exit
 
 
+RoadPath = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--road-path",
+        metavar="DIR",
+        help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
+    ),
+]
 CatalogPath = Annotated[
     list[str] | None,
     typer.Option(

@@ -41,6 +41,20 @@ def test_errors_exit_with_1_and_warnings_only_when_strict(project):
     assert f"{project.files['scenario']}:{project.line('scenario', 'Nobody')}: error:" in output
 
 
+def test_road_networks_are_looked_for_where_it_is_asked_for(project, tmp_path, monkeypatch):
+    monkeypatch.delenv("XOSC_ROAD_PATH", raising=False)
+    moved = tmp_path / "maps"
+    moved.mkdir()
+    project.files["road"].rename(moved / project.files["road"].name)
+    code, output = run(project.files["scenario"])
+    assert code == 1 and "LogicFile: there is no file" in output
+    assert run(project.files["scenario"], "--road-path", moved)[0] == 0
+    monkeypatch.setenv("XOSC_ROAD_PATH", str(moved))
+    assert run(project.files["scenario"])[0] == 0
+    project.edit("scenario", ('roadId="1"', 'roadId="77"'))
+    assert "77" in run(project.files["scenario"])[1], "references are checked against the network that was found"
+
+
 def test_severity_hides_lesser_levels(project):
     project.edit("scenario", ("</CatalogLocations>", NOWHERE))
     assert "warning: " in run(project.folder)[1]

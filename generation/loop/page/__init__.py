@@ -28,7 +28,7 @@ _SCRIPTS = "dom.js", "axes.js", *_PLAYED, *(str(_FOLDER / f"{part}.js") for part
 _MOVING = 12
 """Avoidable collisions that are shown as moving pictures"""
 _MEASURES = ("min_ttc", "min_thw", "min_distance", "pet")
-_NOT_PLOTTED = ("cases", "failed", "failures", "failed_runs")
+_NOT_PLOTTED = ("cases", "failed", "failures")
 """What a page's search has in another form, or not at all"""
 
 Json = dict[str, Any]

@@ -6,6 +6,8 @@ const FATES = {
   unknown: ["error", "unknown"],
   new: ["failed", "new"],
 };
+const NEITHER_FAILS = "Neither of the two fails in it.",
+  NOTHING_KNOWN = "No failure is known of it.";
 const counted = counts =>
   Object.entries(FATES)
     .filter(([fate]) => fate !== "unknown" || counts[fate])
@@ -14,11 +16,12 @@ const counted = counts =>
 function against() {
   const found = data.against;
   if (!found) return null;
+  const blind = found.compared.filter(each => each.blind).length;
   return el(
     "section",
     { class: "panel" },
     el("h2", null, `Against ${found.sut} (${found.folder})`),
-    el("p", null, ...counted(found.counts)),
+    el("p", null, ...counted(found.counts), blind ? badge("error", `${many(blind, "search", "searches")} without a run that succeeded`) : null),
     el(
       "p",
       { class: "muted" },
@@ -44,8 +47,15 @@ function compared(each) {
   return el(
     "details",
     { class: "group" },
-    el("summary", null, el("h3", null, each.title), " ", ...counted(each.counts), el("span", { class: "muted" }, each.reason)),
-    rows.length ? table(each.title, columns, rows) : el("p", { class: "muted" }, "Neither of the two fails in it."),
+    el(
+      "summary",
+      null,
+      el("h3", null, each.title),
+      " ",
+      ...(each.blind ? [badge("error", each.counts.unknown ? `${each.counts.unknown} unknown` : "not known"), " "] : counted(each.counts)),
+      el("span", { class: "muted" }, each.reason),
+    ),
+    rows.length ? table(each.title, columns, rows) : el("p", { class: "muted" }, each.reason ? NOTHING_KNOWN : NEITHER_FAILS),
   );
 }
 

@@ -9,9 +9,11 @@ function avoided() {
     ? `${many(found.length, "collision")} that a careful driver would have avoided`
     : collisions
       ? `${many(collisions, "collision")}, of which the careful driver of UN R157 avoids none`
-      : done.length
+      : total(done, "calls") > total(done, "failed_runs")
         ? "No collision that a careful driver would have avoided"
-        : "Nothing was searched";
+        : done.length
+          ? "No run of the search succeeded"
+          : "Nothing was searched";
   const previews = shown.map(each => new Preview(each.preview, `${each.title}: ${each.preview.told}`));
   const cards = shown.map((each, i) =>
     el(

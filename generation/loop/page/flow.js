@@ -23,7 +23,8 @@ function flow() {
     step(
       "Runs searched",
       total(done, "calls"),
-      `${many(new Set(done.map(search => search.target)).size, "logical scenario")}, ${many(last, "round")}`,
+      `${many(new Set(done.map(search => search.target)).size, "logical scenario")}, ${many(last, "round")}` +
+        (total(done, "failed_runs") ? `, ${many(total(done, "failed_runs"), "run")} with errors` : ""),
     ),
   );
   steps.push(step("Collisions", total(done, "collisions"), `${total(done, "new")} of them unlike each other`));

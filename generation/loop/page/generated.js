@@ -42,7 +42,7 @@ function searched(search) {
     ["parameters", null],
   ];
   const told =
-    `${many(search.calls, "run")}, ${many(search.collisions, "collision")}, ${search.new} new and unlike each other; ` +
+    `${many(search.calls, "run")}${search.failed_runs ? ` (${search.failed_runs} with errors)` : ""}, ${many(search.collisions, "collision")}, ${search.new} new and unlike each other; ` +
     `density of ${priorOf(search.prior)}`;
   return el(
     "details",
@@ -61,7 +61,8 @@ function searched(search) {
           columns,
           search.cases.map(each => edge(each)),
         )
-      : el("p", { class: "muted" }, "No run was critical."),
+      : el("p", { class: "muted" }, search.calls > search.failed_runs ? "No run was critical." : "No run succeeded."),
+    search.run_error ? el("p", null, badge("error", `${search.failed_runs} with errors`), ` Mostly: ${search.run_error}`) : null,
     el(
       "p",
       { class: "muted" },

@@ -100,7 +100,8 @@ class Searched(Finding):
         target, title, scenario: its folder, the class or scenario, and the name of the logical scenario.
         error: why nothing was searched; empty where it was.
         pinned: values of parameters that are not searched.
-        calls, failed_runs: runs, and those that failed.
+        calls, failed_runs: runs, and those that ended with an error, of which nothing is known.
+        run_error: what most of these say.
         collisions, distinct, new: collisions, those unlike each other, and those unlike the ones of earlier rounds as well.
         failed: parameters of the failures, one a row, no two alike.
         real, tried: recorded parameters and those of the runs, thinned out for a plot.
@@ -116,6 +117,7 @@ class Searched(Finding):
     pinned: dict[str, str] = field(default_factory=dict)
     calls: int = 0
     failed_runs: int = 0
+    run_error: str = ""
     collisions: int = 0
     distinct: int = 0
     new: int = 0
@@ -123,6 +125,11 @@ class Searched(Finding):
     failed: list[list[float]] = field(default_factory=list)
     real: list[list[float]] = field(default_factory=list)
     tried: list[list[float]] = field(default_factory=list)
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether it says nothing of the system: it was not done, or no run succeeded."""
+        return bool(self.error) or self.failed_runs == self.calls
 
 
 @dataclass(frozen=True)
@@ -206,9 +213,10 @@ class Compared:
 
     Args:
         target, title: its folder, and the class or scenario.
-        reason: why the two can't be compared; empty where they can.
+        reason: why the two can't be compared, or not in full; empty where they can.
         before: failures of the earlier loop.
         new: files of the failures that are unlike all of those.
+        blind: whether this loop can't say of any failure that it is not there: no run of its searches succeeded.
     """
 
     target: str
@@ -216,6 +224,7 @@ class Compared:
     reason: str = ""
     before: list[KnownFailure] = field(default_factory=list)
     new: list[str] = field(default_factory=list)
+    blind: bool = False
 
     @property
     def counts(self) -> Fates:
@@ -235,6 +244,10 @@ class Against:
     def counts(self) -> Fates:
         """How many failures have each fate, in all."""
         return Fates(fate for each in self.compared for fate in each.counts.elements())
+
+    def fails(self, *by: Fate) -> bool:
+        """Whether there are failures of any of these fates, or may be, as of something no run succeeded."""
+        return self.counts.fails(*by) or any(each.blind for each in self.compared)
 
 
 @dataclass(frozen=True)

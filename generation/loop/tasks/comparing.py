@@ -16,6 +16,8 @@ from generation.loop.tasks.targets import Target
 from generation.report.regression import Before, Fate, Tried, regression
 from schemas.errors import UsageError
 
+_NOTHING_BEFORE = "no run of the earlier loop succeeded: what is new here may be older"
+
 
 class Earlier(NamedTuple):
     """A loop that is compared with.
@@ -86,7 +88,9 @@ def compare(
 def _compared(earlier: Earlier, target: Target, now: Sequence[Searched], settings: LoopSettings) -> Compared:
     then = earlier.searches.get(target.name, ())
     if not now:
-        return _unknown(earlier, target.name, target.title, "this loop could not search it")
+        return _unknown(earlier, target.name, target.title, "this loop could not search it", blind=True)
+    if all(search.in_vain for search in now):
+        return _unknown(earlier, target.name, target.title, f"no run succeeded: {now[0].run_error}", blind=True)
     if then and then[0].scenario != now[0].scenario:
         return _unknown(earlier, target.name, target.title, f"it was {then[0].scenario} that was searched")
     failures = [case for search in now for case in search.cases if case.verdict is CaseVerdict.COLLISION]
@@ -100,14 +104,15 @@ def _compared(earlier: Earlier, target: Target, now: Sequence[Searched], setting
         return _unknown(earlier, target.name, target.title, error.message)
     known = [KnownFailure(dict(values), fate) for values, fate in zip(before.values, made.fates, strict=True)]
     new = [case.file for case, unlike in zip(failures, made.new, strict=True) if unlike]
-    return Compared(target=target.name, title=target.title, before=known, new=new)
+    reason = _NOTHING_BEFORE if then and all(search.in_vain for search in then) else ""
+    return Compared(target=target.name, title=target.title, reason=reason, before=known, new=new)
 
 
-def _unknown(earlier: Earlier, target: str, title: str, reason: str) -> Compared:
+def _unknown(earlier: Earlier, target: str, title: str, reason: str, blind: bool = False) -> Compared:
     """A target whose failures of before nothing is known of."""
     found = [case for search in earlier.searches.get(target, ()) for case in search.cases]
     failures = [KnownFailure(_texts(each), Fate.UNKNOWN) for each in found if each.verdict is CaseVerdict.COLLISION]
-    return Compared(target=target, title=title, reason=reason, before=failures)
+    return Compared(target=target, title=title, reason=reason, before=failures, blind=blind)
 
 
 def _texts(case: EdgeCase) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -48,12 +49,14 @@ def search(
     found = failures(made.space, made.history, known)
     real = target.recorded(made.space).within(made.space).theta
     outcomes = made.history.outcomes
+    errors = Counter(outcomes.error[~outcomes.executed].tolist())
     return replace(
         of,
         parameters=[Range(each.name, each.low, each.high) for each in made.space.parameters],
         pinned=dict(made.space.pinned),
         calls=len(outcomes),
         failed_runs=int((~outcomes.executed).sum()),
+        run_error=max(sorted(errors), key=errors.__getitem__, default=""),
         collisions=int(outcomes.collision.sum()),
         distinct=found.collisions,
         new=found.new,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import xosc
-from generation.declared import Ask, Asked, scenario_of
+from generation.declared import Ask, Asked, NothingToVary, scenario_of
 from generation.logical.library import SCENARIOS
 from generation.loop.stages.findings import Prior, Refused
 from generation.pipeline import LEAST
@@ -109,36 +109,44 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
 
 
 def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Iterator[Target | Refused]:
-    """The scenarios and variation files of the user; a scenario that is not searched is told with those that are in its place.
+    """The scenarios and variation files of the user; one that is not searched is told with those that are in its place.
 
     Args:
         names: of the targets, by file.
         own: units of the user's recordings; None for none.
     """
-    found = {path: of_input(path, own, ask, name) for path, name in names.items()}
-    varied: dict[Path, list[str]] = {}
+    found = {path: _of_input(path, own, ask, name) for path, name in names.items()}
+    searched: dict[Path, list[str]] = {}
+    for each in found.values():
+        if isinstance(each, Target):
+            searched.setdefault(each.scenario.resolve(), []).append(each.title)
+    beside = {path.resolve(): name for path, name in names.items()}
     for path, each in found.items():
-        if isinstance(each, Target) and each.scenario != path:
-            varied.setdefault(each.scenario.resolve(), []).append(each.title)
-    for path, each in found.items():
-        instead = varied.get(path.resolve(), []) if isinstance(each, Refused) else []
-        if instead:
+        if isinstance(each, NothingToVary):
+            of = each.scenario.resolve()
+            if of in searched:
+                yield Refused(names[path], f"{each.reason}; in its place: {', '.join(searched[of])}")
+            elif of in beside:  # which says what can be done
+                yield Refused(names[path], f"{each.reason}, and its scenario {beside[of]} is not searched either")
+            else:
+                yield Refused(names[path], each.message)
+        elif isinstance(each, Refused) and path.resolve() in searched:
+            instead = searched[path.resolve()]
             files = "its variation file is" if len(instead) == 1 else "its variation files are"
             yield Refused(names[path], f"{files} searched in its place: {', '.join(instead)}")
         else:
             yield each
 
 
-def of_input(path: Path, own: Samples | None, ask: Ask, name: str = "") -> Target | Refused:
+def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> Target | Refused | NothingToVary:
     """A scenario or a variation file of the user: as the options say, else by its name.
 
     Options count for those scenarios that declare the parameters that they name.
 
     Args:
         own: units of the user's recordings; None for none.
-        name: of the target; by default the file's.
+        name: of the target.
     """
-    name = name or path.stem
     try:
         asking = _concerning(ask, path)
         if asking == Ask() and xosc.load(path).kind == "scenario":
@@ -149,6 +157,8 @@ def of_input(path: Path, own: Samples | None, ask: Ask, name: str = "") -> Targe
         count = len(found.within(space).theta)
         if count < LEAST:
             raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
+    except NothingToVary as error:
+        return error
     except (UsageError, Unsupported, InvalidFile) as error:
         return Refused(name, _with_place(error, path))
     stated = len(found.marginals) == len(space.names)

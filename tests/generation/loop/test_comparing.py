@@ -21,6 +21,7 @@ from generation.loop.settings import LoopSettings
 from generation.loop.stages.findings import LoopResult
 from generation.report.regression import Fate
 from runner.settings import RunSettings
+from runner.sut import Control, Observation, Participant
 from schemas.commands.options import progress_bar
 from schemas.errors import UsageError
 from tests.runner.chromium import Browser
@@ -111,6 +112,35 @@ def test_what_only_one_loop_searches_is_new_or_unknown(folder: Path, less: Path,
     assert more[NAMES[1]].counts[Fate.NEW] == len(more[NAMES[1]].new)
 
 
+class Broken:
+    """A system under test of which no run succeeds."""
+
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
+        """Nothing."""
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        """It has no model."""
+        raise RuntimeError("no model")
+
+
+def test_a_version_of_which_no_run_succeeds_never_passes(less: Path, old: Path, tmp_path: Path) -> None:
+    broken = f"{__name__}:Broken"
+    first = looped(less, tmp_path / "first", broken, old)
+    second = looped(less, tmp_path / "second", broken, tmp_path / "first")
+    for result, before in ((first, True), (second, False)):
+        found = result.against
+        assert found is not None
+        (each,) = [each for each in found.compared if each.title == NAMES[0]]
+        assert each.blind and each.reason.startswith("no run succeeded: ") and "no model" in each.reason
+        assert set(each.counts) == ({Fate.UNKNOWN} if before else set())
+        assert found.fails(Fate.NEW) and found.fails(Fate.STILL_THERE)
+        assert f"  {NAMES[0]}: not known ({each.reason})" in closing(result)
+    found = looped(less, tmp_path / "mended", WEAK, tmp_path / "first").against
+    assert found is not None and not any(each.blind for each in found.compared)
+    assert found.compared[0].reason == "no run of the earlier loop succeeded: what is new here may be older"
+    assert found.counts[Fate.NEW] == len(found.compared[0].new) > 0
+
+
 def test_a_folder_without_a_loop_is_refused_before_anything_is_done(folder: Path, old: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no loop is in this folder"):
         looped(folder, tmp_path / "out", WEAK, folder)
@@ -125,12 +155,13 @@ def test_exit_codes_say_whether_a_failure_counts(
     from generation.loop import loop
 
     fates: list[Fate] = []
+    blind = False
 
     def run(*_: object) -> LoopResult:
         from generation.loop.stages.findings import Against, Checked, Compared, KnownFailure, Ran, Recognised
 
         known = [KnownFailure({}, each) for each in fates]
-        against = Against("loop_1", WEAK, [Compared(target="a", title="a", before=known)])
+        against = Against("loop_1", WEAK, [Compared(target="a", title="a", before=known, blind=blind)])
         settings = json.loads((old / "loop.json").read_text())
         return LoopResult(settings, 0, Recognised(), [], [], Ran(), Ran(), Checked(files=1, problems=[]), against)
 
@@ -150,6 +181,9 @@ def test_exit_codes_say_whether_a_failure_counts(
     ):
         fates[:] = [each]
         assert code("--against", str(old), *options) == expected, (each, options)
+    fates[:], blind = [], True
+    for options in ((), ("--fail-if", "new"), ("--fail-if", "still-there")):
+        assert code("--against", str(old), *options) == 1, "nothing is known of what failed"
     with pytest.raises(UsageError, match="--against says where these are"):
         code("--fail-if", "new")
     with pytest.raises(UsageError, match="one of new, still-there is expected"):

@@ -70,6 +70,23 @@ def test_of_a_variation_file_no_more_sets_are_run_than_asked_for(tmp_path: Path)
     assert found.sampled == {"many.xosc": 6, "again/many.xosc": 4}
 
 
+def test_files_are_checked_with_the_roads_and_catalogues_that_they_are_run_with(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "mine", tmp_path / "elsewhere"
+    standard.export(SCENARIOS / "simple_cut_in.xosc", "1.3", Folder(folder))
+    elsewhere.mkdir()
+    for part in ("roads", "catalogs/vehicles"):
+        (folder / part).rename(elsewhere / Path(part).name)
+    run = RunSettings(timestep=0.1, road_path=(str(elsewhere / "roads"),), catalog_path=(str(elsewhere),))
+
+    def problems(run: RunSettings) -> list[str]:
+        settings = LoopSettings(run, processes=1, rounds=0)
+        out = tmp_path / f"out{len(run.road_path)}"
+        return run_loop(folder, out, settings, partial(progress_bar, quiet=True), lambda *_: None).checked.problems
+
+    assert problems(run) == []
+    assert any("there is no file" in each for each in problems(RunSettings()))
+
+
 def test_scenarios_alone_are_enough(tmp_path: Path) -> None:
     scenario(tmp_path, stop=1.0)
     assert Inputs.of(tmp_path).recordings == []

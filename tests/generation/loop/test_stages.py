@@ -39,11 +39,11 @@ FINDINGS: list[tuple[Finding, str]] = [
     (
         Searched(
             round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway", prior=Prior(40, own=True),
-            parameters=[Range("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, collisions=5, distinct=4, new=3,
-            cases=[CASE], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
+            parameters=[Range("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, run_error="no lane",
+            collisions=5, distinct=4, new=3, cases=[CASE], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
         ),
-        "highway cut in: 20 runs, 5 collisions, 4 of them unlike each other (3 new), 1 edge case written; "
-        "density of 40 manoeuvres of these recordings",
+        "highway cut in: 20 runs (1 with errors, mostly: no lane), 5 collisions, 4 of them unlike each other (3 new), 1 edge "
+        "case written; density of 40 manoeuvres of these recordings",
     ),
     (
         Searched(round=1, target="x", title="x", scenario="x", prior=Prior(40, own=False), error="no box"),

@@ -9,7 +9,7 @@ import numpy as np
 from generation.declared import Ask
 from generation.logical.library import SCENARIOS
 from generation.loop.stages.findings import Refused
-from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_input, of_inputs, of_scenario
+from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_inputs, of_scenario
 from generation.pipeline import LEAST
 from generation.search.space import Space
 from recognition.maneuvers.units import OWN, Samples
@@ -65,14 +65,15 @@ def test_a_scenario_whose_manoeuvre_is_not_known_says_so(tmp_path: Path) -> None
 
 def test_options_say_what_to_search_of_the_scenarios_that_declare_what_they_name() -> None:
     ask = Ask(free=("CutIn_Gap_m=2..40", "Nowhere=1..2"), pinned={"Ego_Speed_mps": "30"})
-    target = of_input(SCENARIOS / "simple_cut_in.xosc", None, ask)
+    simple, named = ({path: path.stem} for path in (SCENARIOS / "simple_cut_in.xosc", SCENARIOS / "cut_in_highway.xosc"))
+    (target,) = of_inputs(simple, None, ask)
     assert isinstance(target, Target) and target.asked is not None
     assert list(target.asked.marginals) == ["CutIn_Gap_m"]
     assert target.prior.manoeuvres == 0
-    (refused,) = [of_input(SCENARIOS / "simple_cut_in.xosc", None, Ask())]
+    (refused,) = of_inputs(simple, None, Ask())
     assert isinstance(refused, Refused) and "--kind" in refused.reason
-    named = of_input(SCENARIOS / "cut_in_highway.xosc", None, Ask())
-    assert isinstance(named, Target) and named.asked is None
+    (target,) = of_inputs(named, None, Ask())
+    assert isinstance(target, Target) and target.asked is None
 
 
 def test_a_scenario_is_searched_by_its_variation_files_where_nothing_else_says_what_is_likely(tmp_path: Path) -> None:
@@ -83,3 +84,22 @@ def test_a_scenario_is_searched_by_its_variation_files_where_nothing_else_says_w
     assert found["template"] == Refused("template", "its variation files are searched in its place: near, far")
     assert isinstance(found["alone"], Refused) and "nothing says which values are likely" in found["alone"].reason
     assert all(isinstance(found[path.stem], Target) for path in files)
+
+
+def test_variation_files_and_a_scenario_of_which_none_is_searched_do_not_name_each_other(tmp_path: Path) -> None:
+    template = scenario(tmp_path, "template", stop=1.0)
+    single = distribution(tmp_path, "single", {"Gap": (10, 10, 1)}, of="template")
+    names = {path: path.stem for path in (template, single)}
+
+    def reasons(ask: Ask) -> dict[str, str]:
+        return {each.title: each.reason for each in of_inputs(names, None, ask) if isinstance(each, Refused)}
+
+    one_value = "it gives each parameter one value, which leaves nothing to search"
+    assert reasons(Ask())["single"] == f"{one_value}, and its scenario template is not searched either"
+    assert "--density uniform" in reasons(Ask())["template"], "one of them says what can be done"
+    names[distribution(tmp_path, "range", {"Gap": (10, 60, 10)}, of="template")] = "range"
+    assert reasons(Ask()) == {
+        "template": "its variation file is searched in its place: range", "single": f"{one_value}; in its place: range"
+    }  # fmt: skip
+    del names[template], names[tmp_path / "range.xosc"]
+    assert reasons(Ask()) == {"single": f"{one_value}: search template.xosc itself"}
