@@ -82,6 +82,33 @@ def write_highd(
     return write_csv(folder / f"{name}_tracks.csv", highd_rows(cars, rate) if rows is None else rows)
 
 
+def ind_rows(track: int, x: float, y: float, vx: float, vy: float, *, first: int = 0, n: int = 20, **other: object) -> list:
+    """Rows of NN_tracks.csv of inD: a participant with a constant velocity, 10 frames a second."""
+    return [
+        {
+            "recordingId": 0, "trackId": track, "frame": first + k, "trackLifetime": k, "xCenter": x + 0.1 * vx * k,
+            "yCenter": y + 0.1 * vy * k, "heading": math.degrees(math.atan2(vy, vx)) % 360.0, "width": 2.0, "length": 4.0,
+            "xVelocity": vx, "yVelocity": vy, "xAcceleration": 0.0, "yAcceleration": 0.0, **other,
+        }
+        for k in range(n)
+    ]  # fmt: skip
+
+
+def write_ind(
+    folder: Path, rows: Sequence[Mapping[str, object]], kinds: Mapping[int, str] | None = None, **recording: object
+) -> Path:
+    """Write the three files of a recording of inD in Aachen; the path of its track file. Tracks without a kind are cars."""
+    meta: dict[object, dict[str, object]] = {}
+    for row in rows:
+        own = {"trackId": row["trackId"], "initialFrame": row["frame"], "width": row["width"], "length": row["length"]}
+        kind = (kinds or {}).get(int(str(row["trackId"])), "car")
+        meta.setdefault(row["trackId"], {"recordingId": 0, **own, "class": kind})["finalFrame"] = row["frame"]
+    write_csv(folder / "00_tracksMeta.csv", list(meta.values()))
+    place = {"latLocation": 50.78, "lonLocation": 6.13, "xUtmOrigin": 297631.3187, "yUtmOrigin": 5629917.3465}
+    write_csv(folder / "00_recordingMeta.csv", [{"recordingId": 0, "locationId": 1, "frameRate": 10.0, **place, **recording}])
+    return write_csv(folder / "00_tracks.csv", rows)
+
+
 def interaction_rows(track: object, x: float, y: float, vx: float, vy: float, h: float, n: int = 20, **other: object) -> list:
     """Rows of a vehicle with a constant velocity."""
     return [

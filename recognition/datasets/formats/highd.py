@@ -18,22 +18,19 @@ from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.highway import Highway
 from recognition.datasets.smoothing.smoothing import smoothed
 from recognition.datasets.source import Report, Source
+from recognition.datasets.tables.companions import beside, is_tracks, matched, number, other_sizes, recording_of
 from recognition.datasets.tables.constants import changes, check_sizes
 from recognition.datasets.tables.rows import Clock, Rows, in_order
-from recognition.datasets.tables.table import Table, column_names, read_table
+from recognition.datasets.tables.table import Table, read_table
 from recognition.datasets.tables.tracks import Columns, columns_of, cut
 from recognition.datasets.tables.values import GREATEST, Kind
 from runner.recording import Recording
-from schemas.errors import InvalidFile, Unsupported
 from xodr.array_types import FloatArray, IntArray
 from xodr.reader import load
 
 FORMAT = "highD"
 TITLE = "highD"
 BY_CONTENT = False
-_ENDING = "_tracks.csv"
-_LATER = "xCenter"
-"""Column of the tracks of later data sets, which highD's do not have"""
 _TRACKS: dict[str, Kind] = {
     "frame": "whole", "id": "whole", "x": "number", "y": "number", "width": "number", "height": "number",
     "xVelocity": "number", "yVelocity": "number", "xAcceleration": "number", "yAcceleration": "number", "laneId": "whole",
@@ -42,13 +39,9 @@ _VEHICLES: dict[str, Kind] = {
     "id": "whole", "width": "number", "height": "number", "class": "text", "drivingDirection": "whole",
     "initialFrame": "whole", "finalFrame": "whole",
 }  # fmt: skip
-_RECORDING: dict[str, Kind] = {
-    "frameRate": "number", "speedLimit": "number", "upperLaneMarkings": "text", "lowerLaneMarkings": "text",
-}  # fmt: skip
+_RECORDING: dict[str, Kind] = {"speedLimit": "number", "upperLaneMarkings": "text", "lowerLaneMarkings": "text"}
 _SIZES = ("width", "height")
 _CATEGORIES = {"car": "car", "truck": "truck"}
-_ROUNDED = 0.011
-"""Sizes of one vehicle in two files differ by no more, m, where both are rounded to centimetres."""
 _UPPER, _LOWER = 1, 2
 _NO_LIMIT = -1.0
 _STEADY = 5.0
@@ -60,35 +53,24 @@ _FARTHEST = 10_000.0
 
 
 def claims(path: Path) -> bool:
-    """Whether a file is the track file of a recording; without its recordingMeta it is one if it is numbered."""
-    number = path.name.removesuffix(_ENDING)
-    return number != path.name and (number.isdecimal() or _meta(path, "recordingMeta").is_file())
+    """Whether a file is the track file of a recording."""
+    return is_tracks(path, centred=False)
 
 
 def sources(path: Path, roads: Path) -> list[Source]:
     """The recording of a track file; its road is written into the folder `roads` when it is loaded."""
-    name = path.name.removesuffix(_ENDING)
-    return [Source(f"{path.parent.name}/{name}", name, FORMAT, path, partial(_read, path, roads))]
-
-
-def _meta(path: Path, kind: str) -> Path:
-    return path.with_name(f"{path.name.removesuffix(_ENDING)}_{kind}.csv")
+    return [Source(f"{path.parent.name}/{number(path)}", number(path), FORMAT, path, partial(_read, path, roads))]
 
 
 def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
-    _refuse_others(path)
-    recording = read_table(_meta(path, "recordingMeta"), _RECORDING)
-    if len(recording) > 1:
-        raise recording.fault(1, "frameRate", "a second recording is described here, one is expected")
+    recording = recording_of(path, _RECORDING)
     rate = float(recording["frameRate"][0])
-    if rate < 1.0:
-        raise recording.fault(0, "frameRate", f"{rate:g} frames a second are too few")
-    vehicles = read_table(_meta(path, "tracksMeta"), _VEHICLES)
+    vehicles = read_table(beside(path, "tracksMeta"), _VEHICLES)
     table = read_table(path, _TRACKS)
     rows = in_order(table, table["id"], Clock("frame", table["frame"], rate, 1.0 / rate, zero=1))
     check_sizes(table, _SIZES)
     check_sizes(vehicles, _SIZES)
-    index = _matched(table, rows, vehicles)
+    index = matched(table, rows, vehicles, "id")
     who = [_participant(vehicles, row) for row in index.tolist()]
     columns = _columns(table, rows, who, vehicles["drivingDirection"][index])
     far = np.abs(columns["x"] - np.median(columns["x"]))
@@ -96,27 +78,12 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
         raise table.fault(int(rows.order[far.argmax()]), "x", f"the vehicle is {far.max():.0f} m away from the others")
     names = [one.name for one in who]
     report = rows.report(names)
-    report.remarks += changes(table, rows, names, _SIZES) + _other_sizes(table, rows, vehicles, index)
+    report.remarks += changes(table, rows, names, _SIZES) + other_sizes(table, rows, vehicles, index, _SIZES)
     rows, who, columns = smoothed(rows, who, columns, report)
     highway = _highway(recording, columns["x"])
     columns |= highway.places(columns["x"], columns["y"])
-    network = load(highway.write(f"highD_{path.name.removesuffix(_ENDING)}", roads))
+    network = load(highway.write(f"highD_{number(path)}", roads))
     return Recording(cut(rows, who, columns), 1.0 / rate, network), report
-
-
-def _refuse_others(path: Path) -> None:
-    """Refuse a recording that lacks a file, and those of later data sets, whose files have the same names.
-
-    Raises:
-        InvalidFile, Unsupported: it is one of these.
-    """
-    if _LATER in column_names(path):
-        raise Unsupported(
-            "this is the layout of inD, rounD, exiD and uniD, which is not read: of this family only highD is", path=path
-        )
-    for kind in ("recordingMeta", "tracksMeta"):
-        if not (meta := _meta(path, kind)).is_file():
-            raise InvalidFile(f"there is no {meta.name} beside it: a recording of highD has three files", path=path)
 
 
 def _columns(table: Table, rows: Rows, who: list[Participant], direction: IntArray) -> Columns:
@@ -135,34 +102,6 @@ def _heading(vx: FloatArray, vy: FloatArray, ahead: FloatArray) -> FloatArray:
     return np.arctan2(vy, ahead * onwards)
 
 
-def _matched(table: Table, rows: Rows, vehicles: Table) -> IntArray:
-    """Row of tracksMeta for each track.
-
-    Raises:
-        InvalidFile: the two files do not tell of the same vehicles, first and last frames, so one of them is incomplete.
-    """
-    order = np.argsort(vehicles["id"], kind="stable")
-    ids = vehicles["id"][order]
-    twice = np.flatnonzero(np.diff(ids) == 0)
-    if len(twice):
-        raise vehicles.fault(int(order[twice[0] + 1]), "id", f"vehicle {ids[twice[0]]} is there twice")
-    unknown = np.flatnonzero(~np.isin(rows.keys, ids))
-    if len(unknown):
-        row = int(rows.order[rows.starts[unknown[0]]])
-        raise table.fault(row, "id", f"vehicle {rows.keys[unknown[0]]} is not in {vehicles.path.name}")
-    absent = np.flatnonzero(~np.isin(ids, rows.keys))
-    if len(absent):
-        raise vehicles.fault(int(order[absent[0]]), "id", f"vehicle {ids[absent[0]]} is not in {table.path.name}")
-    frames = table["frame"][rows.order]
-    for name, ends in (("initialFrame", rows.starts[:-1]), ("finalFrame", rows.starts[1:] - 1)):
-        other = np.flatnonzero(frames[ends] != vehicles[name][order])
-        if len(other):
-            there = f"{table.path.name} has {frames[ends[other[0]]]}"
-            row = int(order[other[0]])
-            raise vehicles.fault(row, name, f"{vehicles[name][row]} of vehicle {ids[other[0]]}, but {there}")
-    return order
-
-
 def _participant(vehicles: Table, row: int) -> Participant:
     kind = vehicles["class"][row]
     category = _CATEGORIES.get(kind.strip().lower())
@@ -171,15 +110,6 @@ def _participant(vehicles: Table, row: int) -> Participant:
     if vehicles["drivingDirection"][row] not in (_UPPER, _LOWER):
         raise vehicles.fault(row, "drivingDirection", f"{vehicles['drivingDirection'][row]} is neither {_UPPER} nor {_LOWER}")
     return participant(str(vehicles["id"][row]), category, float(vehicles["width"][row]), float(vehicles["height"][row]))
-
-
-def _other_sizes(table: Table, rows: Rows, vehicles: Table, index: IntArray) -> list[str]:
-    """A remark where the first rows of tracks have other sizes than tracksMeta, whose sizes count."""
-    differ = np.any([np.abs(table[side][rows.heads] - vehicles[side][index]) > _ROUNDED for side in _SIZES], axis=0)
-    if not differ.any():
-        return []
-    first = rows.keys[int(differ.argmax())]
-    return [f"{differ.sum()} vehicles ({first} first) have another size in {vehicles.path.name}: that one counts"]
 
 
 def _highway(recording: Table, x: FloatArray) -> Highway:

@@ -19,6 +19,7 @@ from schemas.errors import InvalidFile, Unsupported
 from tests.recognition.traffic import (
     Car,
     commonroad,
+    ind_rows,
     interaction_rows,
     metric_rows,
     ngsim_rows,
@@ -27,6 +28,7 @@ from tests.recognition.traffic import (
     write_archive,
     write_csv,
     write_highd,
+    write_ind,
     write_parquet,
 )
 
@@ -67,6 +69,10 @@ def _highd(folder: Path) -> None:
     write_highd(folder, [Car(1, 100.0, 21.0, 30.0), Car(2, 300.0, 13.0, -25.0, kind="Truck", first=3)])
 
 
+def _ind(folder: Path) -> None:
+    write_ind(folder, ind_rows(1, 0.0, 0.0, 5.0, 0.0, n=5) + ind_rows(2, 0.0, 9.0, 0.0, 1.5, first=3, n=5), {2: "pedestrian"})
+
+
 def _interaction(folder: Path) -> None:
     write_csv(
         folder / "s" / "vehicle_tracks_000.csv", [row for k in (1, 2) for row in interaction_rows(k, 0, 9 * k, 5, 0, 0, n=5)]
@@ -86,6 +92,7 @@ def _scenario() -> str:
 
 EXAMPLES = {
     "highD": Example(_highd, {"_tracks.csv": csv_rows, "Meta.csv": nothing}),
+    "inD": Example(_ind, {"_tracks.csv": csv_rows, "Meta.csv": nothing}),
     "INTERACTION": Example(_interaction, {"tracks_000.csv": csv_rows, "meta_data.csv": nothing}),
     "cases": Example(_cases, {".csv": csv_rows}),
     "CommonRoad": Example(lambda folder: (folder / "A_B-1_1_T-1.xml").write_text(_scenario()), {".xml": states}),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import schemas
 from recognition import datasets
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.errors import InvalidFile, UsageError
 from tests.recognition.traffic import Car, highd_rows, read, write_csv, write_highd
 
 EAST = Car(1, 100.0, 21.0, 30.0, lane=6)
@@ -192,7 +192,7 @@ def broken(tmp_path: Path, **changes: object) -> Path:
         ("frame", "5", "5 of track 1 is there twice"),
         ("id", "9" * 30, "9{30} is too large"),
         ("id", str(2**62), f"{2**62} is too large"),
-        ("id", "7", "vehicle 7 is not in 01_tracksMeta.csv"),
+        ("id", "7", "track 7 is not in 01_tracksMeta.csv"),
     ],
 )
 def test_bad_value_is_refused_with_line_and_column(tmp_path: Path, column: str, value: str, complaint: str) -> None:
@@ -208,12 +208,12 @@ def test_file_cut_within_a_line_is_refused(tmp_path: Path) -> None:
 
 
 def test_file_cut_between_lines_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidFile, match=r"tracksMeta.csv:2: column finalFrame: 10 of vehicle 1, but 01_tracks.csv has 7"):
+    with pytest.raises(InvalidFile, match=r"tracksMeta.csv:2: column finalFrame: 10 of track 1, but 01_tracks.csv has 7"):
         read(write_highd(tmp_path, [EAST], rows=highd_rows([EAST])[:7]))
 
 
 def test_vehicle_without_rows_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidFile, match=r"tracksMeta.csv:3: column id: vehicle 2 is not in 01_tracks.csv"):
+    with pytest.raises(InvalidFile, match=r"tracksMeta.csv:3: column id: track 2 is not in 01_tracks.csv"):
         read(write_highd(tmp_path, [EAST, WEST], rows=highd_rows([EAST])))
 
 
@@ -301,10 +301,4 @@ def test_recording_that_lacks_a_file_is_refused(tmp_path: Path, kind: str) -> No
     path = write_highd(tmp_path, [EAST])
     (tmp_path / f"01_{kind}.csv").unlink()
     with pytest.raises(InvalidFile, match=f"there is no 01_{kind}.csv beside it"):
-        read(path)
-
-
-def test_later_data_sets_of_the_family_are_refused_by_name(tmp_path: Path) -> None:
-    path = write_csv(tmp_path / "00_tracks.csv", [{"recordingId": 0, "trackId": 1, "frame": 0, "xCenter": 1.0, "yCenter": 2.0}])
-    with pytest.raises(Unsupported, match="the layout of inD, rounD"):
         read(path)

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import pytest
 
 from recognition import datasets
-from recognition.datasets.formats import highd, interaction, ngsim
+from recognition.datasets.formats import highd, ind, interaction, ngsim
 from schemas.errors import InvalidFile
 from tests.recognition.traffic import (
     RECTANGLE,
     Car,
     commonroad,
+    ind_rows,
     interaction_rows,
     metric_rows,
     ngsim_rows,
@@ -22,6 +23,7 @@ from tests.recognition.traffic import (
     read,
     write_csv,
     write_highd,
+    write_ind,
 )
 
 PEDESTRIAN = {"agent_type": "pedestrian/bicycle", "length": None, "width": None}
@@ -40,6 +42,10 @@ def _highd(folder: Path) -> None:
     write_highd(folder, [Car(1, 100.0, 21.0, 30.0), Car(2, 300.0, 13.0, -25.0, kind="Truck", first=3)])
 
 
+def _ind(folder: Path) -> None:
+    write_ind(folder, ind_rows(1, 0, 0, 5, 0) + ind_rows(2, 0, 9, 5, 0, first=3))
+
+
 def _public(folder: Path) -> None:
     rows = ngsim_rows(1, 0, 0, 50, n=9) + ngsim_rows(2, 0, 9, 40, n=9)
     write_csv(folder / "t.csv", [{key.lower(): value for key, value in row.items()} for row in rows])
@@ -49,7 +55,10 @@ PUBLIC = tuple(name for name in (*ngsim._PUBLIC, *ngsim._PUBLIC_MORE) if name !=
 EXAMPLES = {
     "highD": Example(_highd, "01_tracks.csv", tuple(highd._TRACKS), ("width", "height")),
     "highD, vehicles": Example(_highd, "01_tracksMeta.csv", tuple(highd._VEHICLES), ("width", "height")),
-    "highD, recording": Example(_highd, "01_recordingMeta.csv", tuple(highd._RECORDING), ("frameRate",)),
+    "highD, recording": Example(_highd, "01_recordingMeta.csv", ("frameRate", *highd._RECORDING), ("frameRate",)),
+    "inD": Example(_ind, "00_tracks.csv", tuple(name for name in ind._TRACKS if name not in ind._SIZES)),
+    "inD, participants": Example(_ind, "00_tracksMeta.csv", tuple(ind._PARTICIPANTS), ("width", "length")),
+    "inD, recording": Example(_ind, "00_recordingMeta.csv", ("frameRate", *ind._PLACE), ("frameRate",)),
     "INTERACTION": Example(
         lambda folder: write_csv(folder / "s_train.csv", interaction_rows(1, 0, 9, 5, 0, 0) + interaction_rows(2, 0, 0, 5, 0, 0)),
         "s_train.csv",
@@ -121,7 +130,7 @@ def test_highd_sizes_that_differ_between_files_are_told(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace("2,4.0,2.0", "2,12.0,2.5"))
     recording, report = read(tmp_path)
     assert recording.tracks["2"].box.length == 12.0
-    assert "1 vehicles (2 first) have another size in 01_tracksMeta.csv: that one counts" in report.remarks
+    assert "1 tracks (2 first) have another size in 01_tracksMeta.csv: that one counts" in report.remarks
 
 
 @pytest.mark.parametrize(("rate", "limit", "element"), [(0.0, -1.0, "frameRate"), (25.0, 0.0, "speedLimit")])
