@@ -21,7 +21,7 @@ from lxml import etree
 
 from schemas.errors import ToolchainError, nearest
 from schemas.remarks import Remark, Remarks
-from schemas.storage import Stamp, in_any_case, search_path, stamp
+from schemas.storage import Stamp, above, in_any_case, search_path, stamp
 from schemas.values import quoted
 
 ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
@@ -286,9 +286,7 @@ def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:
         yield spelt
     name = os.path.basename(os.path.normpath(path))
     yield from (place / name for place in (scenario.parent, *sorted(scenario.parent.iterdir())))
-    if path.is_relative_to(scenario.parent):
-        below = [part for part in path.relative_to(scenario.parent).parts if part != ".."]
-        yield from (above.joinpath(*below) for above in Path(os.path.abspath(scenario)).parents)
+    yield from above(path, scenario)
 
 
 @lru_cache(maxsize=256)

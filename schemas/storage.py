@@ -64,6 +64,13 @@ def in_any_case(path: Path) -> Path | None:
     return found
 
 
+def above(path: Path, file: Path) -> Iterator[Path]:
+    """Where a path that a file names relative to its folder leads from that folder and those above, without the steps upwards."""
+    if path.is_relative_to(file.parent):
+        below = [part for part in path.relative_to(file.parent).parts if part != ".."]
+        yield from (folder.joinpath(*below) for folder in Path(os.path.abspath(file)).parents)
+
+
 _ENDING = 2.0
 """Time (s) that the workers of a process that was killed have to notice it and to end"""
 

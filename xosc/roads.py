@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from schemas.checks.roads import VARIABLE, asked_for, candidates, first
 from schemas.remarks import Remark
-from schemas.storage import in_any_case, search_path
+from schemas.storage import above, in_any_case, search_path
 from xosc.node import Node
 
 RULE = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference"
@@ -36,8 +36,8 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
     """The road network that a LogicFile names.
 
     A file that is not there is looked for by its name, with and without the ending .xodr: in the folders that were asked for,
-    then where it should be, in other case, in the folder of the scenario and all folders above that, and in the folders that
-    were asked for in other case.
+    then where it should be, in other case, in the folder of the scenario and all folders above that, there by its relative path
+    too, and in the folders that were asked for in other case.
 
     Args:
         logic: the element LogicFile, its attributes literals.
@@ -54,13 +54,14 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         return RoadFile(found, None)
     scenario = Path(os.path.abspath(logic.path)).parent
     alike = in_any_case(named)
-    found = alike if alike and os.path.isfile(alike) else first((named.parent, scenario, *scenario.parents), named.name)
+    places = (named.parent, scenario, *scenario.parents, *(place.parent for place in above(named, logic.path)))
+    found = alike if alike and os.path.isfile(alike) else first(places, named.name)
     if found is None:
         spelt = map(in_any_case, candidates(search_path(folders, VARIABLE), named.name))
         found = next((file for file in spelt if file and os.path.isfile(file)), None)
     if found is None:
         raise logic.invalid(
             f"the road network {named} does not exist: put it there, name its folder with --road-path (or in {VARIABLE}), "
-            "or have one made by xosc-run --road auto"
+            "or have one made by --road auto"
         )
     return RoadFile(found, logic.remark(RULE, f"the road network {named} does not exist; {found} is taken"))

@@ -46,6 +46,17 @@ def test_it_is_found_by_its_name_beside_the_scenario_and_above(named: str, place
     assert str(found.path) in found.remark.message
 
 
+@pytest.mark.parametrize("named", ["../maps/Town01.xodr", "maps/Town01"])
+def test_it_is_found_by_its_path_from_the_folders_above(named: str, tmp_path: Path) -> None:
+    there = road(tmp_path / "maps" / "Town01.xodr")
+    road(tmp_path / "elsewhere" / "Town01.xodr")
+    found = find_roads(logic(tmp_path / "scenarios" / "test_track", named))
+    assert found.path == there
+    assert found.remark is not None and str(there) in found.remark.message
+    with pytest.raises(InvalidFile):
+        find_roads(logic(tmp_path / "scenarios" / "test_track", str(tmp_path / "absent" / "maps" / "Town01.xodr")))
+
+
 def test_a_file_without_an_ending_is_found_too(tmp_path: Path) -> None:
     there = road(tmp_path / "Town01")
     assert find_roads(logic(tmp_path / "a", "Town01.xodr")).path == there
