@@ -18,7 +18,7 @@ from generation.loop.loop import run_loop
 from generation.loop.messages import closing
 from generation.loop.page import PAGE, write
 from generation.loop.settings import LoopSettings
-from generation.loop.stages.findings import LoopResult
+from generation.loop.stages.findings import Against, Checked, Compared, KnownFailure, LoopResult, Ran, Recognised
 from generation.report.regression import Fate
 from runner.settings import RunSettings
 from runner.sut import Control, Observation, Participant
@@ -59,9 +59,16 @@ def old(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_the_same_version_has_all_failures_still(folder: Path, old: Path, tmp_path: Path) -> None:
-    found = looped(folder, tmp_path / "again", WEAK, old).against
+def compared(folder: Path, of: Path, copy: Path, against: Path) -> Against:
+    """A loop of the weak system, done before, held against another one."""
+    shutil.copytree(of, copy)
+    found = looped(folder, copy, WEAK, against).against
     assert found is not None
+    return found
+
+
+def test_the_same_version_has_all_failures_still(folder: Path, old: Path, tmp_path: Path) -> None:
+    found = compared(folder, old, tmp_path / "again", old)
     assert (found.folder, found.sut) == ("loop_1", WEAK)
     assert {each.title for each in found.compared} == set(NAMES)
     assert found.counts[Fate.STILL_THERE] > 0
@@ -107,7 +114,7 @@ def test_what_only_one_loop_searches_is_new_or_unknown(folder: Path, less: Path,
     assert found[NAMES[1]].reason == "this loop does not search it"
     assert set(found[NAMES[1]].counts) <= {Fate.UNKNOWN}
     assert found[NAMES[1]].counts.fails(Fate.STILL_THERE) == bool(found[NAMES[1]].before), "nothing good is assumed"
-    more = {each.title: each for each in looped(folder, tmp_path / "more", WEAK, out).against.compared}  # type: ignore[union-attr]
+    more = {each.title: each for each in compared(folder, old, tmp_path / "more", out).compared}
     assert not more[NAMES[1]].reason and not more[NAMES[1]].before
     assert more[NAMES[1]].counts[Fate.NEW] == len(more[NAMES[1]].new)
 
@@ -158,8 +165,6 @@ def test_exit_codes_say_whether_a_failure_counts(
     blind = False
 
     def run(*_: object) -> LoopResult:
-        from generation.loop.stages.findings import Against, Checked, Compared, KnownFailure, Ran, Recognised
-
         known = [KnownFailure({}, each) for each in fates]
         against = Against("loop_1", WEAK, [Compared(target="a", title="a", before=known, blind=blind)])
         settings = json.loads((old / "loop.json").read_text())
