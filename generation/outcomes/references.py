@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,8 @@ CAREFUL = "r157-cc"
 JUDGES = (CAREFUL, "fsm")
 """A failure is preventable where one of these drivers survives the same case (METHOD.md §6)."""
 FULL_BRAKING = "generation.outcomes.full_braking:FullBraking"
-"""Full braking from the instant at which the manoeuvre begins: what this hits, no braking avoids"""
+"""Full braking from the instant at which the manoeuvre begins: what this hits, no braking from then on avoids"""
+NEVER_BRAKED = "nobody changes speed or lane before the contact, so that full braking never begins"
 REFERENCES: Mapping[str, str] = {
     **{name: name for name in (*JUDGES, "aeb", "idm", "rss", "r157-reg")},
     "full braking": FULL_BRAKING,
@@ -55,10 +57,25 @@ def matrix(theta: FloatArray, drivers: Drivers, twin: Drivers | None = None) -> 
         twin: plays points with the system of a name; None for none.
     """
     judged = {name: drivers(theta, REFERENCES[name]) for name in JUDGES}
-    others = [name for name in REFERENCES if name not in JUDGES]
+    others = {name: sut for name, sut in REFERENCES.items() if name not in JUDGES}
     if twin is None or not len(theta) or not all(_same(judged[name], twin(theta, REFERENCES[name])) for name in JUDGES):
-        return Matrix(judged | {name: drivers(theta, REFERENCES[name]) for name in others})
-    return Matrix(judged | {name: twin(theta, REFERENCES[name]) for name in others}, len(JUDGES) * len(theta))
+        return Matrix(judged | {name: _driven(theta, sut, drivers) for name, sut in others.items()})
+    return Matrix(judged | {name: _driven(theta, sut, twin) for name, sut in others.items()}, len(JUDGES) * len(theta))
+
+
+def _driven(theta: FloatArray, sut: str, drivers: Drivers) -> Outcomes:
+    """Outcomes of a driver; where full braking never begins, its collision says nothing of what braking can do, and counts as a
+    run that failed: it is the same as that of what the scenario scripts alone."""
+    found = drivers(theta, sut)
+    rows = np.flatnonzero(found.executed & found.collision)
+    if sut != FULL_BRAKING or not rows.size:
+        return found
+    hit, scripted = found.take(rows), drivers(theta[rows], "none")
+    same = np.isclose(hit.conflict, scripted.conflict) & np.isclose(hit.impact_speed, scripted.impact_speed)
+    never = np.zeros(len(theta), bool)
+    never[rows] = scripted.executed & scripted.collision & same
+    status, error = np.where(never, "error", found.status), np.where(never, NEVER_BRAKED, found.error)
+    return replace(found, status=status, error=error, collision=found.collision & ~never)
 
 
 def _same(one: Outcomes, other: Outcomes) -> bool:

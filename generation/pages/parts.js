@@ -20,8 +20,11 @@ const files = (each, name) =>
   );
 
 /** A table in a region of its own that scrolls; columns are [title, class]. */
+/** A name that may break after each underscore, as names of parameters have no blanks. */
+const breakable = name => name.split(/(?<=_)/).flatMap(part => [part, el("wbr", null)]);
+
 function table(label, columns, rows) {
-  const head = el("tr", null, ...columns.map(([title, kind]) => el("th", { scope: "col", class: kind }, title)));
+  const head = el("tr", null, ...columns.map(([title, kind]) => el("th", { scope: "col", class: kind }, ...breakable(title))));
   return el(
     "div",
     { class: "wide", tabindex: 0, role: "region", "aria-label": label },

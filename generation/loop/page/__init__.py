@@ -143,7 +143,7 @@ def _against(found: Against | None) -> Json | None:
 def _run(run: Run, name: str) -> Json:
     """The run of a scenario of the user's."""
     measures = {key: run.measures.get(key) for key in _MEASURES}
-    outcome = {"name": run.name, "state": run.state, "message": run.message, "end": run.end}
+    outcome = {"name": run.name, "state": run.state, "status": run.status, "message": run.message, "end": run.end}
     return {**outcome, "file": name, "measures": measures, "play": run.replay}
 
 

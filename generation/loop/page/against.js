@@ -21,7 +21,12 @@ function against() {
     "section",
     { class: "panel" },
     el("h2", null, `Against ${found.sut} (${found.folder})`),
-    el("p", null, ...counted(found.counts), blind ? badge("error", `${many(blind, "search", "searches")} without a run that succeeded`) : null),
+    el(
+      "p",
+      null,
+      ...counted(found.counts),
+      blind ? badge("error", `nothing known of ${many(blind, "search", "searches")}`) : null,
+    ),
     el(
       "p",
       { class: "muted" },
@@ -34,6 +39,7 @@ function against() {
 }
 
 function compared(each) {
+  const { unknown } = each.counts;
   const now = new Map(cases.map(found => [found.files.scenario, found]));
   const rows = [
     ...each.before.map(({ values, fate }) => failure(fate, "–", values)),
@@ -52,7 +58,7 @@ function compared(each) {
       null,
       el("h3", null, each.title),
       " ",
-      ...(each.blind ? [badge("error", each.counts.unknown ? `${each.counts.unknown} unknown` : "not known"), " "] : counted(each.counts)),
+      ...(each.blind ? [badge("error", unknown ? `${unknown} unknown` : "not known"), " "] : counted(each.counts)),
       el("span", { class: "muted" }, each.reason),
     ),
     rows.length ? table(each.title, columns, rows) : el("p", { class: "muted" }, each.reason ? NOTHING_KNOWN : NEITHER_FAILS),

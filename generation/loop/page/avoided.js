@@ -4,7 +4,8 @@ function avoided() {
   const titled = done.flatMap(search => search.cases.map(each => ({ ...each, title: search.title }))),
     found = titled.filter(each => each.avoidable);
   const shown = found.filter(each => each.preview),
-    collisions = cases.filter(each => each.verdict === "collision").length;
+    collisions = cases.filter(each => each.verdict === "collision").length,
+    others = collisions > found.length ? "; r157-cc or fsm survives each of them" : "";
   const told = found.length
     ? `${many(found.length, "collision")} that a careful driver would have avoided`
     : collisions
@@ -38,8 +39,7 @@ function avoided() {
       "p",
       { class: "muted" },
       `System under test: ${data.settings.sut}. The careful driver is the competent and careful human of UN R157. ` +
-        `Of ${many(collisions, "collision")} written as edge cases it avoids ${found.length}` +
-        `${collisions > found.length ? "; r157-cc or fsm survives each of them" : ""}.` +
+        (collisions ? `Of ${many(collisions, "collision")} written as edge cases it avoids ${found.length}${others}.` : "") +
         (shown.length ? " Click one to see it whole." : ""),
     ),
     previews.length ? playing(previews) : null,

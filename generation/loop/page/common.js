@@ -13,7 +13,7 @@ const cases = done.flatMap(search => search.cases),
   total = (searches, key) => sum(searches.map(search => search[key]));
 
 const VERDICTS = { collision: ["failed", "collision"], violation: ["unknown", "RSS violated"] };
-const CAREFUL = { avoids: "avoids a collision", collides: "collides too", unknown: "unknown: the run failed" };
+const CAREFUL = { avoids: "no collision either", collides: "collides too", unknown: "unknown: the run failed" };
 const REPORTS = {
   played: () => "replays of recorded scenarios",
   cases: ({ round }) => `runs of edge cases, round ${round}`,

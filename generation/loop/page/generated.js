@@ -42,7 +42,8 @@ function searched(search) {
     ["parameters", null],
   ];
   const told =
-    `${many(search.calls, "run")}${search.failed_runs ? ` (${search.failed_runs} with errors)` : ""}, ${many(search.collisions, "collision")}, ${search.new} new and unlike each other; ` +
+    `${many(search.calls, "run")}${search.failed_runs ? ` (${search.failed_runs} with errors)` : ""}, ` +
+    `${many(search.collisions, "collision")}, ${search.new} new and unlike each other; ` +
     `density of ${priorOf(search.prior)}`;
   return el(
     "details",

@@ -18,7 +18,7 @@ function own() {
       el("td", null, play(run.play, run.name)),
       el("td", null, run.name),
       el("td", null, badge(run.state, run.state)),
-      el("td", { class: "muted" }, run.message || "–"),
+      el("td", { class: "muted" }, run.message || (run.status === "timeout" ? "no stop trigger until the time limit" : "–")),
       number(run.end),
       number(run.measures.min_ttc),
       number(run.measures.min_distance),

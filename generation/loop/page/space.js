@@ -43,28 +43,39 @@ function space() {
         room = (high - low) * 0.03;
       return [low - room, high + room];
     };
-    const us = range(u),
-      vs = range(v),
+    const alone = parameters.length === 1, // then each kind of point has a row
+      few = sum(searches.map(search => search.tried.length)) < 60,
+      us = range(u),
+      vs = alone ? [0, 4] : range(v),
       at = (value, [from, to], [low, high]) => from + ((value - low) / (high - low)) * (to - from);
-    const dot = (theta, shape) => {
-      const place = [at(theta[u], xs, us), at(theta[v], ys, vs)];
+    const dot = (theta, row, shape) => {
+      const place = [at(theta[u], xs, us), at(alone ? row : theta[v], ys, vs)];
       ctx.beginPath();
       shape(...place);
       return place;
     };
     ctx.clearRect(0, 0, width, height);
-    axes(ctx, xs, ys, us, vs, height, { across: parameters[u].name, up: parameters[v].name });
+    axes(ctx, xs, ys, us, vs, height, { across: parameters[u].name, up: alone ? "" : parameters[v].name });
+    forY.style.display = alone ? "none" : "";
+    if (alone) {
+      ctx.clearRect(0, 0, xs[0] - 1, height);
+      ctx.font = "11px system-ui, sans-serif";
+      ctx.textAlign = "right";
+      [prior.manoeuvres ? "recorded" : "stated", "runs", "cases"].forEach((text, i) =>
+        ctx.fillText(text, xs[0] - 4, at(i + 1, ys, vs) + 4),
+      );
+    }
     ctx.fillStyle = colour("accent");
-    ctx.globalAlpha = 0.3;
+    ctx.globalAlpha = few ? 0.8 : 0.3;
     for (const search of searches)
       for (const theta of search.tried) {
-        dot(theta, (a, b) => ctx.arc(a, b, 1.8, 0, 7));
+        dot(theta, 2, (a, b) => ctx.arc(a, b, few ? 3 : 1.8, 0, 7));
         ctx.fill();
       }
     ctx.globalAlpha = 0.8;
     ctx.strokeStyle = colour("muted");
     for (const theta of real) {
-      dot(theta, (a, b) => ctx.arc(a, b, 3, 0, 7));
+      dot(theta, 1, (a, b) => ctx.arc(a, b, 3, 0, 7));
       ctx.stroke();
     }
     ctx.globalAlpha = 1;
@@ -73,6 +84,7 @@ function space() {
         ctx.fillStyle = roundColour(search.round);
         const [a, b] = dot(
           parameters.map(({ name }) => each.theta[name]),
+          3,
           (p, q) => ctx.rect(p - 4.5, q - 4.5, 9, 9),
         );
         ctx.fill();
@@ -81,7 +93,7 @@ function space() {
     );
     ring.textContent = prior.manoeuvres ? "recorded" : "stated";
     const words =
-      `${parameters[v].name} over ${parameters[u].name}: ` +
+      `${alone ? "" : `${parameters[v].name} over `}${parameters[u].name}: ` +
       `${prior.manoeuvres ? many(real.length, "recorded manoeuvre") : `${many(real.length, "draw")} of what is stated`}, ` +
       `${many(sum(searches.map(search => search.tried.length)), "run")} of the search, ${many(places.length, "edge case")}`;
     canvas.setAttribute("aria-label", words);

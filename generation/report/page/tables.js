@@ -118,9 +118,9 @@ function drivers() {
   return panel(
     "Reference drivers by case",
     note(
-      `✓ survives, ✕ collides, ? the run failed. A case is preventable where ${data.judges.join(" or ")} survives; ` +
-        "full braking from the manoeuvre's start is the bound of what braking can do " +
-        "(where nobody changes speed or lane, it never brakes). ",
+      `✓ survives, ✕ collides, ? not known. A case is preventable where ${data.judges.join(" or ")} survives; ` +
+        "full braking from the instant on at which anyone changes speed or lane is the bound of what braking can do; it is not " +
+        "known where nobody does before the contact, as with a target that stands. ",
       data.agreed ? `The others are played on the twin, which gives all ${data.agreed} verdicts of these two as runs do. ` : "",
       "Numbers are those of the sets in ",
       el("a", { href: link(data.file) }, data.file),

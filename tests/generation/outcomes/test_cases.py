@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.outcomes import Episodes, Outcomes
-from generation.outcomes.references import JUDGES, REFERENCES, matrix, remembering, survivors
+from generation.outcomes.references import FULL_BRAKING, JUDGES, NEVER_BRAKED, REFERENCES, matrix, remembering, survivors
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from xodr.array_types import FloatArray
@@ -105,7 +105,19 @@ def test_a_twin_that_differs_on_a_judge_plays_nobody() -> None:
         return drivers(theta, sut)
 
     found = matrix(np.array([[9.0, 7.0, 0.0]]), running, lambda theta, sut: outcomes([sut != "r157-cc"] * len(theta)))
-    assert (sorted(ran), found.agreed) == (sorted(REFERENCES.values()), 0)
+    assert (sorted(ran), found.agreed) == (sorted([*REFERENCES.values(), "none"]), 0)
+
+
+def test_full_braking_that_never_begins_is_no_bound() -> None:
+    def driving(theta: FloatArray, sut: str) -> Outcomes:
+        impact = np.where(theta[:, 0] < 5.0, 10.0, 4.0) if sut == FULL_BRAKING else np.full(len(theta), 10.0)
+        return Outcomes.of(len(theta), collision=[True] * len(theta), impact_speed=impact)
+
+    found = matrix(np.array([[1.0, 0.0, 0.0], [9.0, 0.0, 0.0]]), driving).drivers
+    assert found["full braking"].executed.tolist() == [False, True]
+    assert found["full braking"].error.tolist() == [NEVER_BRAKED, ""]
+    assert found["full braking"].collision.tolist() == [False, True]
+    assert found["aeb"].executed.all()
 
 
 def test_no_case_is_run_twice_with_the_same_driver() -> None:
