@@ -21,10 +21,13 @@ class Attention(nn.Module):
         self.mixed = nn.Linear(dim, 3 * dim)
         self.out = nn.Linear(dim, dim)
 
-    def forward(self, tokens: Tensor, there: Tensor | None = None) -> Tensor:
-        """What each token takes in from the others, or from those (n, tokens) that are there."""
-        parts = self.mixed(self.norm(tokens)).unflatten(-1, (3, self.heads, -1))
-        query, key, value = (part.transpose(-3, -2) for part in parts.unbind(-3))
+    def forward(self, tokens: Tensor, there: Tensor | None = None, count: int | None = None) -> Tensor:
+        """What each token, or each of the first `count`, takes in from the others, or from those (n, tokens) that are there."""
+        normed, dim = self.norm(tokens), tokens.shape[-1]
+        weights, biases = self.mixed.weight.split((dim, 2 * dim)), self.mixed.bias.split((dim, 2 * dim))
+        query = F.linear(normed[..., :count, :], weights[0], biases[0])
+        key, value = F.linear(normed, weights[1], biases[1]).chunk(2, dim=-1)
+        query, key, value = (part.unflatten(-1, (self.heads, -1)).transpose(-3, -2) for part in (query, key, value))
         mask = None if there is None else there[..., None, None, :]
         return self.out(F.scaled_dot_product_attention(query, key, value, mask).transpose(-3, -2).flatten(-2))
 
@@ -38,8 +41,9 @@ class Block(nn.Module):
         self.attention = Attention(dim, heads)
         self.layers = nn.Sequential(nn.LayerNorm(dim), nn.Linear(dim, _WIDER * dim), nn.GELU(), nn.Linear(_WIDER * dim, dim))
 
-    def forward(self, tokens: Tensor, there: Tensor | None = None) -> Tensor:
-        """Tokens that have taken in the others, or those (n, frames, places) that are there."""
-        seen = None if there is None else there.flatten(1)
-        tokens = tokens + self.attention(tokens.flatten(1, 2), seen).view_as(tokens)
+    def forward(self, tokens: Tensor, there: Tensor | None = None, count: int | None = None) -> Tensor:
+        """Tokens that have taken in the others, or those (n, frames, places) that are there; of the first `count` frames alone."""
+        seen, wanted = None if there is None else there.flatten(1), tokens[:, :count]
+        attended = self.attention(tokens.flatten(1, 2), seen, wanted.shape[1] * wanted.shape[2])
+        tokens = wanted + attended.view_as(wanted)
         return tokens + self.layers(tokens)

@@ -52,10 +52,11 @@ class TokenEncoder(Encoder):
         """
         self.require_shape(values)
         embedded, there = self.embedded(values)
-        for block in self.blocks:
+        *blocks, last = self.blocks
+        for block in blocks:
             embedded = block(embedded, there)
-        weight = there.unsqueeze(-1).float()
-        ego = (embedded[:, :1] * weight[:, :1]).sum(dim=(1, 2)) / weight[:, :1].sum(dim=(1, 2)).clamp(min=1.0)
+        weight = there[:, :1].unsqueeze(-1).float()
+        ego = (last(embedded, there, 1) * weight).sum(dim=(1, 2)) / weight.sum(dim=(1, 2)).clamp(min=1.0)
         return self.norm(ego.float())
 
     def embedded(self, values: Tensor) -> tuple[Tensor, Tensor]:
