@@ -42,7 +42,7 @@ class Block(nn.Module):
         self.layers = nn.Sequential(nn.LayerNorm(dim), nn.Linear(dim, _WIDER * dim), nn.GELU(), nn.Linear(_WIDER * dim, dim))
 
     def forward(self, tokens: Tensor, there: Tensor | None = None, count: int | None = None) -> Tensor:
-        """Tokens that have taken in the others, or those (n, frames, places) that are there; of the first `count` frames alone."""
+        """Tokens that have taken in the others, or those (n, frames, places) that are there; of the first `count` frames."""
         seen, wanted = None if there is None else there.flatten(1), tokens[:, :count]
         attended = self.attention(tokens.flatten(1, 2), seen, wanted.shape[1] * wanted.shape[2])
         tokens = wanted + attended.view_as(wanted)

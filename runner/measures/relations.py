@@ -82,10 +82,10 @@ class Motion:
             drift[0] = drift[1]
         return drift
 
-    def at(self, rows: IntArray) -> Motion:
+    def at(self, rows: IntArray | BoolArray) -> Motion:
         """The same at some of its instants."""
-        values = np.array(self.box)
-        box = self.box if values.ndim == 1 else BoundingBox(*values[:, rows])
+        sizes: tuple[Any, ...] = self.box
+        box = self.box if np.ndim(sizes[0]) == 0 else BoundingBox(*(values[rows] for values in sizes))
         some = replace(self, box=box, **{name: getattr(self, name)[rows] for name in _ROWS})
         cos, sin = self.facing
         some.__dict__["facing"] = cos[rows], sin[rows]  # not worked out again: rows are taken of rows
@@ -207,29 +207,27 @@ def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatA
 
 def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
     """Where other participants are as the ego sees them, at the instants at which both are there, on the same level."""
-    everyone, who = joined(others)
-    rows, theirs = _common(ego.time, everyone.time, who)
-    a, b = ego.at(rows), everyone.at(theirs)
+    a, b, rows, theirs, who = common(ego, others)
     seen = seen_by(a, b)
     distance = _distance(a, b, seen)
     level = vertical_gap(a, b) <= _STEEPEST * distance
     if not level.all():
-        rows, theirs, distance = rows[level], theirs[level], distance[level]
-        a, b, seen = ego.at(rows), everyone.at(theirs), Sight(*(values[level] for values in seen))
+        rows, theirs, who, distance = rows[level], theirs[level], who[level], distance[level]
+        a, b, seen = a.at(level), b.at(level), Sight(*(values[level] for values in seen))
     view = _in_ego_frame(a, b, seen)
     same = np.equal(a.road, b.road).astype(bool) & np.not_equal(a.road, np.array(None, object)).astype(bool)
     if same.any():
         side, drift = (np.concatenate([getattr(other, name) for other in others])[theirs] for name in ("side", "drift"))
         on_road = _on_road((a, ego.side[rows], ego.drift[rows]), (b, side, drift))
         view = View(*(np.where(same, one, another) for one, another in zip(on_road, view, strict=True)))
-    return Relations(rows, who[theirs], distance, view)
+    return Relations(rows, who, distance, view)
 
 
-def common(ego: Motion, others: Sequence[Motion]) -> tuple[Motion, Motion, IntArray, IntArray]:
-    """The ego and all others at the instants at which both are there; the rows of the ego, and which other each is of."""
+def common(ego: Motion, others: Sequence[Motion]) -> tuple[Motion, Motion, IntArray, IntArray, IntArray]:
+    """The ego and all others at the instants at which both are there; the rows of both, and whose each is."""
     everyone, who = joined(others)
     rows, theirs = _common(ego.time, everyone.time, who)
-    return ego.at(rows), everyone.at(theirs), rows, who[theirs]
+    return ego.at(rows), everyone if len(theirs) == len(who) else everyone.at(theirs), rows, theirs, who[theirs]
 
 
 def _common(time: FloatArray, theirs: FloatArray, who: IntArray) -> tuple[IntArray, IntArray]:

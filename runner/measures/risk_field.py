@@ -13,13 +13,13 @@ Transportation Research Part C 118, 2020. The field there is of one future insta
 Frame: the ego's, x ahead and y to the left. In bends others are foretold to go straight on.
 
 The greatest of a run is asked for more often than the whole: where boxes are z standard deviations apart, they overlap with at
-most exp(−z²/2), so that most instants can't be it (`greatest`): first by the least z that they could have, then by their own.
+most exp(−z²/2), so that most instants can't be it, by the least z that they could have (`greatest`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -55,6 +55,8 @@ class FieldParameters:
 
 _erfc = np.frompyfunc(math.erfc, 1, 1)
 """Complementary error function; few instants are asked for, and SciPy's would take longer to import than a run"""
+_TOGETHER = 6
+"""Look-ahead times that have one rough bound"""
 _SLACK = 1e-6
 """Of logarithms and distances (m) that are compared: more than they are rounded by"""
 
@@ -99,11 +101,10 @@ def greatest(ego: Motion, others: Sequence[Motion], parameters: FieldParameters 
     """
     found: list[Extreme] = []
     for block in blocks(others):
-        a, b, _, who = common(ego, block)
+        a, b, _, _, who = common(ego, block)
         if not who.size:
             continue
-        rows = _candidates(a, b, _roughly, parameters)
-        rows = rows[_candidates(a.at(rows), b.at(rows), _closely, parameters)]
+        rows = _candidates(a, b, parameters)
         field = risk_field(a.at(rows), b.at(rows), parameters)
         tops = [(int(values.argmax()), values) for values in field]
         here = [Extreme(float(values[row]), float(a.time[rows[row]]), block[who[rows[row]]].name) for row, values in tops]
@@ -135,13 +136,13 @@ def _approach(ego: Motion, other: Motion) -> _Approach:
     return _Approach((x, y), (other.speed * cos - ego.speed, other.speed * sin), half)
 
 
-def _candidates(ego: Motion, other: Motion, bounded: _Bounded, parameters: FieldParameters) -> IntArray:
+def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntArray:
     """Rows among which those with the greatest probability and the greatest risk are.
 
     What the rows with the greatest bounds reach, others have to reach by theirs.
     """
     approach = _approach(ego, other)
-    bound = bounded(approach, parameters)
+    bound = _roughly(approach, parameters)
     with np.errstate(divide="ignore"):
         bounds = np.stack([bound, np.log(approach.energy(parameters)) + bound])
         best = bounds.argmax(axis=1)
@@ -149,24 +150,20 @@ def _candidates(ego: Motion, other: Motion, bounded: _Bounded, parameters: Field
     return np.flatnonzero((bounds >= reached[:, None] - _SLACK).any(axis=0))
 
 
-_Bounded = Callable[[_Approach, FieldParameters], FloatArray]
-"""Logarithms of what the probabilities (n,) of a collision are at most"""
-
-
 def _roughly(approach: _Approach, parameters: FieldParameters) -> FloatArray:
-    """A bound (n,) of those of all look-ahead times: as if one came as near as it can, and then at the last of them."""
-    last, bound = parameters.times[-1], np.zeros(len(approach.place[0]))
+    """Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most, which few sums give.
+
+    Times are taken some together: as if one came as near as it comes between them, and then at the last of them.
+    """
+    ends = parameters.times[::-_TOGETHER][::-1]
+    bounds = np.zeros((len(ends), len(approach.place[0])))
     for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
-        distance = np.maximum(np.abs(place) - np.abs(velocity) * last - half, 0.0)
-        bound -= 0.5 * (distance / max(0.5 * last * last * deviation, math.ulp(1.0))) ** 2
+        there = place + velocity * np.append(0.0, ends)[:, None]
+        low, high = np.minimum(there[1:], there[:-1]), np.maximum(there[1:], there[:-1])
+        distance = np.maximum(np.maximum(low, -high) - half, 0.0)
+        bounds -= 0.5 * (distance / np.maximum(0.5 * ends * ends * deviation, math.ulp(1.0))[:, None]) ** 2
+    bound: FloatArray = bounds.max(axis=0)
     return bound
-
-
-def _closely(approach: _Approach, parameters: FieldParameters) -> FloatArray:
-    """The greatest of the bounds (n,) of all look-ahead times; of any overlap where the boxes may touch already."""
-    bound = _bounds(approach, parameters).max(axis=0)
-    meets = [np.abs(place) <= half + _SLACK for place, half in zip(approach.place, approach.half, strict=True)]
-    return np.where(meets[0] & meets[1], 0.0, bound)
 
 
 def _bounds(approach: _Approach, parameters: FieldParameters) -> FloatArray:

@@ -116,8 +116,8 @@ class SceneCutter:
         if track.name not in self._vertices:
             self._vertices[track.name] = vertices(track.columns, self.scope.tolerance)
         found = self._vertices[track.name]
-        inner = found[(found > rows[0]) & (found < rows[-1])]
-        return Part(name, track, np.unique([rows[0], *inner, rows[-1]]))
+        first, last = np.searchsorted(found, [rows[0] + 1, rows[-1]])
+        return Part(name, track, np.concatenate([rows[:1], found[first:last], rows[1:][-1:]]))
 
 
 def _between(time: FloatArray, start: float, end: float) -> IntArray:
