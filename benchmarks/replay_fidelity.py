@@ -12,6 +12,7 @@ import argparse
 import tempfile
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
 from schemas.commands.files import expand
+from schemas.commands.options import progress_bar
 from xodr.array_types import FloatArray
 
 _PHYSICS = 9.5
@@ -45,7 +47,7 @@ def measure(path: Path, world: str, limit: float) -> None:
     settings = stages.CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        made = pipeline.build([path], out, settings, pipeline.ByRules(), lambda sources, _: sources)
+        made = pipeline.build([path], out, settings, pipeline.ByRules(), partial(progress_bar, quiet=True))
         print(f"{sum(made.classes.values())} scenes of vehicles, {len(made.exclusions)} vehicles without: {dict(made.passages)}")
         for name, error in made.failures.items():
             print(f"{name} was not read: {error}")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from generation.loop.inputs import Inputs, played
-from generation.loop.settings import Bar, LoopSettings
+from generation.loop.settings import LoopSettings
 from generation.loop.stages.findings import (
     Against,
     Checked,
@@ -39,6 +39,7 @@ from runner.batch.jobs import Job, Outcome, jobs_of
 from runner.settings import RunSettings
 from schemas import check_many
 from schemas.commands.files import files_in
+from schemas.commands.options import Bar
 from schemas.errors import UsageError
 from schemas.storage import alone, digest
 from xodr.array_types import FloatArray

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,9 +11,6 @@ from generation.outcomes.cases import Choice
 from generation.pipeline import SearchSettings
 from generation.search.method import DEFAULT as METHOD
 from runner.settings import RunSettings
-
-Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
-"""Shows progress: takes a description and the number of steps, gives a function to call with how many more steps are done."""
 
 
 @dataclass(frozen=True)

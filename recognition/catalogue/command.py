@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
+from schemas.commands.options import Verbose, Version, interruptible, out_folder, progress_bar
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from recognition.catalogue.pipeline import Item, Progress, Recogniser, Summary
+    from recognition.catalogue.pipeline import Recogniser, Summary
     from recognition.catalogue.stages import CatalogueSettings
     from xosc.versions import Version as Standard
 
@@ -68,7 +68,7 @@ def catalogue(
     if keep_model and not isinstance(recogniser, ByModel):
         raise UsageError("--keep-model is for a model that labels; rules learn nothing")
     with interruptible(NAME):
-        summary = build(paths, out, settings, recogniser, _progress(quiet), Workers(jobs, ray))
+        summary = build(paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray))
         if keep_model and isinstance(recogniser, ByModel):
             recogniser.keep(keep_model)
         _print_note(note, quiet)
@@ -94,7 +94,7 @@ def label(
 
     settings, (recogniser, note) = _settings("events", signalised, "1.3"), _recogniser(labels, model)
     with interruptible(NAME):
-        labelled = label_runs(folder, settings, recogniser, _progress(quiet), in_place=in_place)
+        labelled = label_runs(folder, settings, recogniser, partial(progress_bar, quiet=quiet), in_place=in_place)
         _print_note(note, quiet)
         if not quiet:
             for name, found in labelled.findings.items():
@@ -139,21 +139,6 @@ def _recogniser(labels: str, model: Path | None) -> tuple[Recogniser, str]:
 def _print_note(note: str, quiet: bool) -> None:
     if note and not quiet:
         print(f"{NAME}: {note}", file=sys.stderr)
-
-
-def _progress(quiet: bool) -> Progress:
-    """A bar on standard error, where that is a terminal."""
-
-    def plain(items: Sequence[Item], doing: str) -> Iterable[Item]:
-        return items
-
-    def bar(items: Sequence[Item], doing: str) -> Iterable[Item]:
-        from rich.console import Console
-        from rich.progress import track
-
-        return track(items, doing, total=len(items), console=Console(stderr=True), transient=True)
-
-    return plain if quiet or not sys.stderr.isatty() else bar
 
 
 def _report(summary: Summary, verbose: bool, quiet: bool) -> int:

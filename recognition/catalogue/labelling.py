@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import xosc
 from recognition import datasets
-from recognition.catalogue.pipeline import Progress, Recogniser
+from recognition.catalogue.pipeline import Recogniser
 from recognition.catalogue.recognisers import findings
 from recognition.catalogue.recognisers.findings import Finding, Moment
 from recognition.catalogue.stages import CatalogueSettings, looked
@@ -22,6 +22,9 @@ from schemas.storage import digest
 from xosc import tags
 from xosc.document import to_bytes
 from xosc.tags import Tag
+
+if TYPE_CHECKING:
+    from schemas.commands.options import Bar
 
 LABELS = "labels.json"
 """File in the folder of the runs with what was found in each, and the digests of the files written"""
@@ -39,7 +42,7 @@ class Labelled(NamedTuple):
 
 
 def label_runs(
-    folder: Path, settings: CatalogueSettings, recogniser: Recogniser, progress: Progress, *, in_place: bool = False
+    folder: Path, settings: CatalogueSettings, recogniser: Recogniser, bar: Bar, *, in_place: bool = False
 ) -> Labelled:
     """Label the runs in a folder and annotate their scenarios.
 
@@ -53,8 +56,9 @@ def label_runs(
     sources = [source for source in datasets.open(folder).sources if source.format == runs.FORMAT]
     if not sources:
         raise InvalidFile("there are no results of xosc-run --out here", path=folder)
-    for source in progress(sources, "recognising"):
-        recogniser.look(source.name, *looked(source, settings.rules))
+    with bar("recognising", len(sources)) as advance:
+        for source in sources:
+            recogniser.look(source.name, *looked(source, settings.rules), advance)
     found = {source.name: findings.joined(recogniser.moments(source.name), settings.gap) for source in sources}
     by_scenario: dict[Path, list[Source]] = {}
     for source in sources:

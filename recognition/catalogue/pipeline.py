@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from recognition.catalogue import stages
 from recognition.catalogue.beside import Workers, results
@@ -22,10 +22,17 @@ from recognition.sites import Site
 from runner.recording import Recording
 from schemas.errors import ToolchainError, UsageError
 
+if TYPE_CHECKING:
+    from schemas.commands.options import Bar
+
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
 """The model that comes with the package"""
 _SHELF = ".recordings"
 """Folder for what was read, in that of the catalogue, until this is finished"""
+
+
+Advance = Callable[[float], None]
+"""Called with the share of some work that is done, after each part of it; they add up to 1."""
 
 
 class Recogniser(Protocol):
@@ -36,7 +43,7 @@ class Recogniser(Protocol):
         """Whose labels sort the moments: `RULES` or `MODEL`."""
         ...
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
+    def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Advance) -> None:
         """Take in a recording and the events that rules have found in it."""
         ...
 
@@ -53,9 +60,10 @@ class ByRules:
     def __init__(self) -> None:
         self._events: dict[str, list[Event]] = {}
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
+    def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Advance) -> None:
         """Keep the events."""
         self._events[name] = events
+        advance(1.0)
 
     def moments(self, name: str) -> list[Moment]:
         """One for each event."""
@@ -80,17 +88,10 @@ class Summary(NamedTuple):
     failures: dict[str, ToolchainError]
 
 
-Item = TypeVar("Item")
 _EPISODES = 25
 """Scenarios of a recording that are written at a time"""
-
-
-class Progress(Protocol):
-    """Shows how far work is."""
-
-    def __call__(self, items: Sequence[Item], doing: str, /) -> Iterable[Item]:
-        """Goes through items while showing how far it is, under a word for what is being done."""
-        ...
+_READ = 0.5
+"""How far a recording is recognised, for those who wait, when it has been read"""
 
 
 def build(
@@ -98,7 +99,7 @@ def build(
     out: Path,
     settings: CatalogueSettings,
     recogniser: Recogniser,
-    progress: Progress,
+    bar: Bar,
     workers: Workers = Workers(),  # noqa: B008 - immutable
 ) -> Summary:
     """Make a catalogue of the recordings in files and folders, with the same bytes whoever works.
@@ -107,6 +108,7 @@ def build(
     an interruption are not read again by the next call.
 
     Args:
+        bar: shows how many recordings are recognised, and how many scenarios are written.
         workers: who reads, labels and writes the recordings.
 
     Raises:
@@ -118,8 +120,8 @@ def build(
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
     work = _Work(tuple(paths), out, settings, recogniser, workers)
-    work.read(sources, progress)
-    work.write([source for source in sources if source.name in work.seen], progress)
+    work.read(sources, bar)
+    work.write([source for source in sources if source.name in work.seen], bar)
     return work.close()
 
 
@@ -156,24 +158,30 @@ class _Work:
         self._shelf = Shelf(out / _SHELF)
         self._failures: dict[str, ToolchainError] = {}
 
-    def read(self, sources: Sequence[Source], progress: Progress) -> None:
+    def read(self, sources: Sequence[Source], bar: Bar) -> None:
         """Read and label the recordings, and have the recogniser look at them in their order."""
         found = results(partial(stages.read, self._settings), [self._place(one) for one in sources], self._workers)
-        for source, seen in zip(progress(sources, "recognising"), found, strict=True):
-            if isinstance(seen, ToolchainError):
-                self._failures[source.name] = seen
-                continue
-            self._recogniser.look(source.name, self._shelf.get(source).recording, seen.ground.site, seen.events)
-            self.seen[source.name] = seen
+        with bar("recognising", len(sources)) as advance:
+            for source, seen in zip(sources, found, strict=True):
+                if isinstance(seen, ToolchainError):
+                    self._failures[source.name] = seen
+                    advance(1.0)
+                    continue
+                advance(_READ)
+                recording, events = self._shelf.get(source).recording, seen.events
+                self._recogniser.look(source.name, recording, seen.ground.site, events, _part(advance, 1.0 - _READ))
+                self.seen[source.name] = seen
 
-    def write(self, sources: Sequence[Source], progress: Progress) -> None:
+    def write(self, sources: Sequence[Source], bar: Bar) -> None:
         """Write the scenarios of the recordings."""
         work = partial(stages.write, self._out, self._settings, self._recogniser.sorted_by)
         blocks = [block for source in sources for block in self._blocks(source)]
-        for block, one in zip(progress(blocks, "writing"), results(work, blocks, self._workers), strict=True):
-            self._catalogue.take(one.written)
-            if one.error is not None:
-                self._failures[block.ground.place.name] = one.error
+        with bar("writing", sum(len(block.episodes) for block in blocks)) as advance:
+            for block, one in zip(blocks, results(work, blocks, self._workers), strict=True):
+                self._catalogue.take(one.written)
+                if one.error is not None:
+                    self._failures[block.ground.place.name] = one.error
+                advance(len(block.episodes))
 
     def close(self) -> Summary:
         """Finish the catalogue."""
@@ -202,3 +210,8 @@ class _Work:
         episodes = stages.episodes(self._settings, seen, self._recogniser.moments(source.name))
         for start in range(0, len(episodes), _EPISODES):
             yield Block(seen.ground, road, episodes[start : start + _EPISODES])
+
+
+def _part(advance: Advance, share: float) -> Advance:
+    """For work that is a share of other work."""
+    return lambda done: advance(share * done)

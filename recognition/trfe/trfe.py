@@ -61,7 +61,7 @@ class TRFE:
     Attributes:
         buffer: unknown samples that wait.
         unseen_sites: at sites that it was not trained on, the share of the rules' events that it gives the rules' class, and the
-            share to which it gives another one, on the worst site that was measured; None where none was.
+            share to which it gives another one or none, on the worst site that was measured; None where none was.
         least: the least `Recognition.share` that a class needs; with less, a sample is taken for `BACKGROUND`. Other classes need
             none.
     """

@@ -7,7 +7,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -20,8 +20,11 @@ from schemas.extras import missing
 from schemas.packages import version
 from schemas.storage import writing
 
+Bar = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
+"""Shows progress: takes a description and the number of steps, gives a function to call with how many more of them are done."""
 INTERRUPTED, PIPE_CLOSED = 130, 141
 """Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
+_DIGITS = 6
 
 
 def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> typer.Typer:
@@ -155,8 +158,8 @@ def interruptible(name: str, hint: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """A bar on standard error, where that is a terminal; yields a function to advance it by a number of finished items."""
+def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """A bar on standard error, where that is a terminal; yields a function to advance it by finished items, or shares of one."""
     if quiet or not sys.stderr.isatty():
         yield lambda count: None
         return
@@ -165,8 +168,14 @@ def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[int]
 
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(doing, total=total)
-        yield lambda count: bar.advance(task, count)
+        task, done = bar.add_task(doing, total=total), 0.0
+
+        def advance(count: float) -> None:
+            nonlocal done
+            done += count
+            bar.update(task, completed=round(done, _DIGITS))  # shares of an item add up to it
+
+        yield advance
 
 
 def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from generation.loop.settings import Bar
 from generation.loop.stages.findings import Measured, Recognised
-from recognition.catalogue.pipeline import ByRules, Item, build
+from recognition.catalogue.pipeline import ByRules, build
 from recognition.catalogue.stages import CatalogueSettings
 from recognition.catalogue.writing.index import rows_of
 from recognition.datasets import Source, cache_roads
 from recognition.maneuvers.units import Samples, extract_from
+from schemas.commands.options import Bar
 from schemas.errors import ToolchainError
 
 MODEL = "model"
@@ -28,20 +28,13 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
         model: folder of the model; None for the rules alone.
         keep: folder for the model as it is afterwards; None to forget it.
     """
-
-    def along(items: Sequence[Item], doing: str) -> Iterable[Item]:
-        with bar(doing, len(items)) as advance:
-            for item in items:
-                yield item
-                advance(1)
-
     if model is None:
-        summary = build(paths, folder, CatalogueSettings(), ByRules(), along)
+        summary = build(paths, folder, CatalogueSettings(), ByRules(), bar)
     else:
         from recognition.catalogue.recognisers.model import load
 
         recogniser = load(model)
-        summary = build(paths, folder, CatalogueSettings(), recogniser, along)
+        summary = build(paths, folder, CatalogueSettings(), recogniser, bar)
         if keep is not None:
             recogniser.keep(keep, waiting=False)  # so that what runs show is not clustered with the unknown of these recordings
     return Recognised(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -56,7 +56,7 @@ class ByModel:
         """Whose labels sort the moments."""
         return MODEL if self._sorts else RULES
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[Event]) -> None:
+    def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Callable[[float], None]) -> None:
         """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
         candidates = [*map(by_rules, events), *self._regular(recording, events)]
         inside = visible(recording, [(moment.ego, moment.time) for moment in candidates], self._view)
@@ -65,6 +65,9 @@ class ByModel:
         places = [(moment.ego, moment.time) for moment in moments]
         for number, inputs in enumerate(_ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN))):
             self._take(inputs, moments[number * _DRAWN :])
+            advance(len(inputs) / len(moments))
+        if not moments:
+            advance(1.0)
 
     def moments(self, name: str) -> list[Moment]:
         """The moments of a recording, as what they are known to be once all recordings were looked at."""

@@ -9,14 +9,14 @@ from typing import NamedTuple
 from schemas.errors import InvalidFile, reason
 
 AGREE, WRONG = 0.75, 0.10
-"""Least share of rules' events that a model gives the rules' class, and greatest share to which it gives another known one"""
+"""Least share of rules' events that a model gives the rules' class, and greatest share that gets another one or none"""
 _WEIGHTS, _ABOUT, _FIELD = "model.safetensors", "about", "unseen_sites"
 
 
 class UnseenSites(NamedTuple):
     """How a model labels rules' events on sites that it was not trained on, the worst site of those measured.
 
-    agree: share with the rules' class. wrong: share with another known class; the rest is unknown to it.
+    agree: share with the rules' class. wrong: share that is taken for another known class or for nothing; the rest is unknown.
     """
 
     agree: float
@@ -28,7 +28,7 @@ class UnseenSites(NamedTuple):
         return self.agree >= AGREE and self.wrong <= WRONG
 
     def __str__(self) -> str:
-        return f"{self.agree:.0%} agree and {self.wrong:.0%} are wrong"
+        return f"{self.agree:.0%} get their class from the model and {self.wrong:.0%} another one or none"
 
 
 def unseen_sites(folder: Path) -> UnseenSites | None:
@@ -55,7 +55,7 @@ def unseen_sites(folder: Path) -> UnseenSites | None:
 
 def objection(stated: UnseenSites | None) -> str | None:
     """Why a model with such a statement must not sort a catalogue; None where it may."""
-    needed = f"at least {AGREE:.0%} agree and at most {WRONG:.0%} wrong"
+    needed = f"at least {AGREE:.0%} and at most {WRONG:.0%} are required"
     if stated is None:
-        return f"the model does not state how it labels sites not seen ({needed} are required)"
-    return None if stated.sufficient else f"on sites not seen, {stated} of the model's labels ({needed} are required)"
+        return f"the model does not state how many of the rules' events on sites not seen get their class, or another ({needed})"
+    return None if stated.sufficient else f"of the rules' events on sites not seen, {stated} ({needed})"

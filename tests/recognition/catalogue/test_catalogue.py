@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from functools import partial
 from pathlib import Path
 from shutil import copytree
 
@@ -25,6 +26,7 @@ from recognition.datasets import open as open_recordings
 from runner.recording import Recording
 from schemas import check_many
 from schemas.commands.files import expand
+from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition import motorway
 from tests.recognition.traffic import interaction_rows, write_csv
@@ -32,7 +34,7 @@ from xosc import tags
 
 
 def build(recordings: Path, out: Path, **settings: object) -> Summary:
-    return pipeline.build([recordings], out, CatalogueSettings(**settings), ByRules(), lambda sources, _: sources)
+    return pipeline.build([recordings], out, CatalogueSettings(**settings), ByRules(), partial(progress_bar, quiet=True))
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -196,7 +198,7 @@ def test_a_bad_recording_is_reported_and_the_others_go_on(recordings: Path, tmp_
 
 def test_recordings_of_one_name_are_refused(recordings: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"has a recording called .* too"):
-        pipeline.build([recordings, recordings], tmp_path, CatalogueSettings(), ByRules(), lambda sources, _: sources)
+        pipeline.build([recordings, recordings], tmp_path, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True))
 
 
 # scenes of vehicles -------------------------------------------------------------------------

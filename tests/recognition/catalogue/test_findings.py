@@ -100,7 +100,9 @@ def look(folder: Path, oracle: Oracle, *, sorts: bool = True) -> ByModel:
         Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
     ]
     recogniser = ByModel(oracle, sorts=sorts, stride=1.0)
-    recogniser.look("01", recording, site_at(Path(recording.network.path)), events)
+    shares: list[float] = []
+    recogniser.look("01", recording, site_at(Path(recording.network.path)), events, shares.append)
+    assert sum(shares) == pytest.approx(1.0)
     return recogniser
 
 
@@ -152,8 +154,8 @@ def stating(folder: Path, unseen: object) -> Path:
     ("unseen", "why"),
     [
         (None, "does not state"),
-        ({"agree": 0.74, "wrong": 0.1}, "74% agree and 10% are wrong"),
-        ({"agree": 0.8, "wrong": 0.11}, "80% agree and 11% are wrong"),
+        ({"agree": 0.74, "wrong": 0.1}, "74% get their class from the model and 10% another one or none"),
+        ({"agree": 0.8, "wrong": 0.11}, "80% get their class from the model and 11% another one or none"),
         ({"agree": 0.75, "wrong": 0.1}, None),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 from shutil import copytree
 
@@ -17,6 +18,7 @@ from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.settings import RunSettings
 from schemas import check
+from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile
 from xosc import tags
 
@@ -40,7 +42,7 @@ def run(scenario: Path, out: Path, *names: str) -> Path:
 
 
 def label(runs: Path, *, in_place: bool = False) -> Labelled:
-    return label_runs(runs, CatalogueSettings(), ByRules(), lambda sources, _: sources, in_place=in_place)
+    return label_runs(runs, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True), in_place=in_place)
 
 
 def held(path: Path) -> dict[str | None, str | None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,14 @@ from recognition.labels import Rules
 from recognition.study import fidelity
 from schemas import check_many
 from schemas.commands.files import expand
+from schemas.commands.options import progress_bar
 
 TRACKS = "taf_bw/recorded_trackfiles"
 SETTINGS = CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
 
 
 def build(path: Path, out: Path) -> Summary:
-    return pipeline.build([path], out, SETTINGS, ByRules(), lambda sources, _: sources)
+    return pipeline.build([path], out, SETTINGS, ByRules(), partial(progress_bar, quiet=True))
 
 
 def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(recordings: Path, tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from recognition.catalogue.beside import Workers
 from recognition.catalogue.pipeline import ByRules, Summary, build
 from recognition.catalogue.stages import CatalogueSettings, opened
 from recognition.datasets import Source
+from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile
 from tests.recognition import motorway
 
@@ -26,7 +29,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def made(recordings: Path, out: Path, workers: Workers) -> Summary:
-    return build([recordings], out, CatalogueSettings(), ByRules(), lambda sources, _: sources, workers)
+    return build([recordings], out, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True), workers)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -43,18 +46,21 @@ def test_several_make_the_same_bytes_as_one(recordings: Path, tmp_path: Path) ->
 
 @pytest.mark.parametrize("scenes", ["events", "vehicles"])
 def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[tuple[str, int]] = []
+    shown: list[tuple[str, int, list[float]]] = []
 
-    def seen(items: Sequence[object], doing: str) -> Sequence[object]:
-        shown.append((doing, len(items)))
-        return items
+    @contextmanager
+    def seen(doing: str, count: int) -> Iterator[Callable[[float], None]]:
+        shown.append((doing, count, []))
+        yield shown[-1][2].append
 
     whole = build([recordings / "01"], tmp_path / "whole", CatalogueSettings(scenes=scenes), ByRules(), seen, Workers())
     monkeypatch.setattr("recognition.catalogue.pipeline._EPISODES", 2)
     build([recordings / "01"], tmp_path / "parts", CatalogueSettings(scenes=scenes), ByRules(), seen, Workers(2))
     assert content(tmp_path / "whole") == content(tmp_path / "parts")
-    assert shown == [("recognising", 1), ("writing", 1), ("recognising", 1), ("writing", -(-whole.classes.total() // 2))]
-    assert shown[-1][1] > 2
+    written = whole.classes.total()
+    assert [(doing, count) for doing, count, _ in shown] == 2 * [("recognising", 1), ("writing", written)]
+    assert [sum(steps) for _, _, steps in shown] == 2 * [1, written], "what is shown adds up"
+    assert len(shown[-1][2]) == -(-written // 2) > 2 and max(shown[0][2]) < 1, "one recording is shown in parts"
 
 
 def test_what_was_read_before_an_interruption_is_not_read_again(
@@ -67,9 +73,12 @@ def test_what_was_read_before_an_interruption_is_not_read_again(
         read.append(source.name)
         return load(source)
 
-    def interrupted(sources: Sequence[Source], doing: str) -> Iterable[Source]:
-        yield sources[0]
-        raise KeyboardInterrupt
+    @contextmanager
+    def interrupted(doing: str, count: int) -> Iterator[Callable[[float], None]]:
+        def stop(done: float) -> None:
+            raise KeyboardInterrupt
+
+        yield stop
 
     monkeypatch.setattr(Source, "load", counted)
     with pytest.raises(KeyboardInterrupt):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tarfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
 from recognition.maneuvers.parameters import PARAMETERS
 from recognition.maneuvers.units import CUT_IN, CUT_OUT, LANE_CHANGE, Samples, extract
+from schemas.commands.options import progress_bar
 from tests.recognition.motorway import write_motorway
 
 DEMO = Path(__file__).parents[3] / "generation" / "loop" / "demo"
@@ -43,7 +45,7 @@ def compared(paths: Sequence[Path], folder: Path) -> tuple[int, list[str]]:
     """How many lane changes near another vehicle a catalogue of recordings varies, and those that no unit agrees with."""
     out = folder / "catalogue"
     settings = CatalogueSettings(config=CatalogueConfig(Scope(reach=0.0)))  # replays of those around are not looked at
-    build(paths, out, settings, LaneChanges(), lambda sources, _: sources)
+    build(paths, out, settings, LaneChanges(), partial(progress_bar, quiet=True))
     units = Samples.joined([extract(path, folder / "roads") for path in paths])
     kinds, count, apart = {label.title: kind for label, kind in KINDS.items()}, 0, []
     for row in rows_of(out):
