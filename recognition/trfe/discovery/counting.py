@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from sklearn.cluster import KMeans
 
@@ -29,13 +31,26 @@ def likely_count(features: Features, most: int, seed: int) -> int:
     """
     random = np.random.default_rng(seed)
     halves = [np.array_split(random.permutation(len(features)), 2) for _ in range(_DIVISIONS)]
-    counts = range(2, min(most, len(np.unique(features, axis=0)) // 4) + 1)
-    strengths = [np.mean([_strength(features[one], features[other], count, seed) for one, other in halves]) for count in counts]
+    bends = _bends(features, max(min(most, len(np.unique(features, axis=0)) // 4) - 1, 0), seed)
     found, best = 1, -np.inf
-    for count, strength, bend in zip(counts, strengths, _bends(features, len(counts), seed), strict=True):
-        if strength >= _STABLE and strength * bend > best:
-            found, best = count, strength * bend
+    for index in np.argsort(-bends, kind="stable").tolist():
+        count, bend = index + 2, bends[index]
+        if max(bend, _STABLE * bend) > best:  # strengths are from 0.65 to 1: no other can win
+            strength = _stable_strength(features, halves, count, seed)
+            if strength is not None and strength * bend > best:
+                found, best = count, strength * bend
     return found
+
+
+def _stable_strength(features: Features, halves: Sequence[Sequence[IntArray]], count: int, seed: int) -> float | None:
+    """The mean strength of a number of clusters over divisions; None as soon as it can't become that of a stable one."""
+    strengths: list[float] = []
+    for one, other in halves:
+        strengths.append(_strength(features[one], features[other], count, seed))
+        if sum(strengths) + len(halves) - len(strengths) < _STABLE * len(halves):
+            return None
+    mean = float(np.mean(strengths))
+    return mean if mean >= _STABLE else None
 
 
 def _bends(features: Features, counts: int, seed: int) -> FloatArray:
