@@ -23,13 +23,14 @@ from recognition.encoder.grids import GridEncoder
 from recognition.grids import Grid
 from recognition.study.strategies import average_linkage
 from recognition.trfe.config import Config
+from recognition.trfe.discovery.clustering import Clustering
 from recognition.trfe.steps import Steps
 from recognition.trfe.storage import load, save
 from recognition.trfe.trfe import TRFE
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.clouds import clouds
 
-CONFIG = Config(trees=40, delta=0.03)
+CONFIG = Config(trees=40, delta=0.03, clustering=Clustering(epochs=5, ramp=5))
 
 
 @pytest.fixture(scope="module")

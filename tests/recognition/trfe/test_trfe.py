@@ -13,6 +13,7 @@ import pytest
 from recognition.study.ablations import VARIANTS
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.buffer import Buffer
+from recognition.trfe.discovery.clustering import Clustering
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
 from recognition.trfe.samples import BACKGROUND, Features
 from recognition.trfe.screening import EvtJoint
@@ -25,7 +26,7 @@ from xodr.array_types import IntArray
 
 KNOWN, NEW = [1, 2, 3, 4], [11, 12, 13]
 APART = 6.0
-CONFIG = Config(trees=80, delta=0.05)
+CONFIG = Config(trees=80, delta=0.05, clustering=Clustering(epochs=60, ramp=30))
 
 
 def model() -> TRFE:
