@@ -14,7 +14,7 @@ from recognition.trfe.screening.evt import EvtScreening
 from recognition.trfe.steps import Steps
 from recognition.trfe.trfe import TRFE
 
-CHAINED = ("trfe", "no-ucs", "nvp", "no-oc")
+CHAINED = ("trfe", "no-ucs", "nvp", "no-oc", "k-means")
 """Variants that are also followed through all rounds on their own discoveries."""
 CAPACITIES = (125, 250, 500, 1000)
 """Values of W for its sensitivity; `w125` and so on are variants too."""
@@ -53,6 +53,7 @@ VARIANTS: dict[str, Variant] = {
     "no-ucs": Variant("No-UCS", Config(delta=DELTA), model=strategies.Unscreened),
     "nvp": Variant("with NVP", Config(preprocessing=SIFTED)),
     "no-oc": Variant("No-OC", steps=Steps(cluster=strategies.average_linkage)),
+    "k-means": Variant("k-means in place of heads", steps=Steps(cluster=strategies.k_means)),
     "strict": Variant(
         "margins of the publication",
         Config(preprocessing=replace(SIFTED, margin=1.0), promotion=Promotion(relative_cohesion=0.85, margin=1.0)),

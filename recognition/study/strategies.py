@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from sklearn.cluster import AgglomerativeClustering
+from sklearn.cluster import AgglomerativeClustering, KMeans
 
 from recognition.trfe.config import Config
 from recognition.trfe.discovery.clusterer import Task, fixed_pairs, likely_clusters, trained_clusters
@@ -75,6 +75,12 @@ def all_candidates(task: Task, config: Config) -> IntArray:
     """TRFE's clustering with all candidates offered; those that are not needed die out."""
     most = config.clustering.candidates
     return trained_clusters(task, config, fixed_pairs(task, config), lambda features, _: random_head(features, most))
+
+
+def k_means(task: Task, config: Config) -> IntArray:
+    """k-means along TRFE's axes with TRFE's number of clusters: where its heads begin."""
+    count = likely_clusters(task, config)
+    return np.asarray(KMeans(count, n_init=5, random_state=config.seed).fit_predict(task.samples), dtype=np.int64)
 
 
 def given_count(count: int, task: Task, config: Config) -> IntArray:

@@ -10,18 +10,19 @@ from recognition.study import kinds, metrics
 from recognition.study.baselines.clustering.kmeans import KMeansFeatures
 from recognition.study.experiments.open_set import MAP_ONLY, ONLY_ENCODED, ONLY_TUNED, seen_by
 from recognition.study.protocol.trials import Trial
-from recognition.study.strategies import average_linkage, given_count
+from recognition.study.strategies import average_linkage, given_count, k_means
 from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import discover
 from recognition.trfe.steps import Steps
 from xodr.array_types import IntArray
 
-GIVEN_K, COUNTED, LINKAGE = "trfe-given-k", "trfe-counted", "rfap-linkage"
+GIVEN_K, COUNTED, LINKAGE, K_MEANS = "trfe-given-k", "trfe-counted", "rfap-linkage", "trfe-k-means"
 ENCODED_GIVEN_K, ALL_FEATURES = "encoded-given-k", "all-features"
 OWN = {
     "trfe": "**TRFE**",
     GIVEN_K: "TRFE, given K",
     COUNTED: "TRFE, K of held-out classes",
+    K_MEANS: "TRFE, k-means in place of heads",
     ONLY_ENCODED: "TRFE, encoders' features",
     ENCODED_GIVEN_K: "TRFE, encoders' features, given K",
     ALL_FEATURES: "TRFE, encoders' features with equal weights, given K",
@@ -55,6 +56,8 @@ def _own(name: str, trial: Trial) -> IntArray:
     new, steps = trial.appearing, Steps()
     if name == LINKAGE:
         steps = replace(steps, cluster=average_linkage)
+    elif name == K_MEANS:
+        steps = replace(steps, cluster=k_means)
     elif name not in ("trfe", ONLY_ENCODED):
         count = trial.pool.likely_classes if name == COUNTED else len(trial.round.new)
         steps = replace(steps, cluster=partial(given_count, count))
