@@ -9,7 +9,7 @@ import pytest
 import xosc
 from runner.exports import TARGETS
 from runner.exports.exporting import export_documents
-from tests.runner.files import at_time, place, scenario, speed_action, story
+from tests.runner.files import at_time, car, place, scenario, speed_action, story
 from tests.runner.test_exports_geometry import CLOSE, distance, exported
 from tests.xosc.scenario_runner_grammar import stops_at
 from xosc.exports.folder import Folder
@@ -109,13 +109,51 @@ def test_a_lane_change_to_the_own_lane_is_left_out_for_carla(tmp_path: Path) -> 
     assert not list(xosc.load(copy).root.iter("LaneChangeAction")) and distance(path, copy) < 1e-6
 
 
+def after_the_first(path: Path, time: float, delay: float, kind: str = "Event") -> Path:
+    """The scenario, in which what has begun at a time begins at the end of the first event (or what it is part of)."""
+    first = next(xosc.load(path).node.iter(kind)).get("name")
+    ended = f"""<ConditionGroup><Condition name="after" delay="{delay}" conditionEdge="none"><ByValueCondition>
+        <StoryboardElementStateCondition storyboardElementType="{kind.lower()}" storyboardElementRef="{first}"
+        state="endTransition"/></ByValueCondition></Condition></ConditionGroup>"""
+    path.write_text(path.read_text("utf-8").replace(at_time(time), ended), "utf-8")
+    return path
+
+
+@pytest.mark.parametrize("target", ["1.0", "carla"])
+@pytest.mark.parametrize("delay", [0.0, 0.5])
+def test_what_waits_for_a_steady_state_that_ends_earlier_waits_longer(target: str, delay: float, tmp_path: Path) -> None:
+    final = '<AbsoluteSpeed value="6"><TargetTimeSteadyState time="2"/></AbsoluteSpeed>'
+    stories = story("Lead", [(1.0, synchronise(final)), (2.5, BRAKE)])
+    path = after_the_first(scenario(tmp_path, init=STARTS, stories=stories, stop=17.0), 2.5, delay)
+    copy, _ = exported(path, target, tmp_path / "out")
+    assert distance(path, copy) < 0.01
+
+
+def test_what_waits_for_more_than_a_steady_state_is_refused(tmp_path: Path) -> None:
+    final = '<AbsoluteSpeed value="6"><TargetTimeSteadyState time="2"/></AbsoluteSpeed>'
+    stories = story("Lead", [(1.0, synchronise(final)), (2.5, BRAKE)])
+    path = after_the_first(scenario(tmp_path, init=STARTS, stories=stories), 2.5, 0.0, "Maneuver")
+    assert "would end 2 s earlier, but for its other actions" in refusal(path, "1.0", tmp_path / "out")
+
+
+@pytest.mark.parametrize("how", ['distance="20" coordinateSystem="road"', 'timeGap="1.5"'])
+def test_distances_among_others_than_the_ego_are_ways_for_carla(how: str, tmp_path: Path) -> None:
+    keep = f"""<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="NAME" freespace="false" continuous="true"
+        displacement="trailingReferencedEntity" {how}/></LongitudinalAction></PrivateAction>"""
+    init = place("Ego", 20, 10) + place("Lead", 60, 8, lane=-2) + place("Third", 30, 8, lane=-2)
+    cars = [car(name) for name in ("Ego", "Lead", "Third")]
+    kept = story("Third", [(1.0, keep.replace("NAME", "Lead")), (6.0, speed_action(7))]).replace('"story"', '"kept"')
+    path = scenario(tmp_path, entities=cars, init=init, stories=story("Lead", [(3.0, BRAKE)]) + kept, stop=9.0)
+    copy, remarks = exported(path, "carla", tmp_path / "out")
+    assert any("LongitudinalDistanceAction: written as the way that Third takes" in remark for remark in remarks)
+    assert stops_at(xosc.load(copy).root) == [] and distance(path, copy) < CLOSE
+    path.write_text(path.read_text("utf-8").replace('entityRef="Lead" freespace', 'entityRef="Ego" freespace'), "utf-8")
+    assert "LongitudinalDistanceAction" in refusal(path, "carla", tmp_path / "refused")
+
+
 def test_delays_of_what_others_do_are_times_for_carla(tmp_path: Path) -> None:
-    path = scenario(tmp_path, stories=story("Lead", [(1.0, BRAKE), (2.5, speed_action(9))]), stop=10.0)
-    after = """<ConditionGroup><Condition name="after" delay="1.5" conditionEdge="none"><ByValueCondition>
-        <StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="{}" state="endTransition"/>
-        </ByValueCondition></Condition></ConditionGroup>"""
-    first = next(xosc.load(path).node.iter("Event")).get("name")
-    path.write_text(path.read_text("utf-8").replace(at_time(2.5), after.format(first)), "utf-8")
+    stories = story("Lead", [(1.0, BRAKE), (2.5, speed_action(9))])
+    path = after_the_first(scenario(tmp_path, stories=stories, stop=10.0), 2.5, 1.5)
     copy, remarks = exported(path, "carla", tmp_path / "out")
     assert any("at which it holds in a run" in remark for remark in remarks)
     assert {each.get("delay") for each in xosc.load(copy).root.iter("Condition")} == {"0"}

@@ -15,7 +15,7 @@ from xosc.exports.carla.beginning import begin
 from xosc.exports.carla.changes import change
 from xosc.exports.carla.delays import no_delays
 from xosc.exports.carla.dialect import IGNORED, REFUSED
-from xosc.exports.carla.driven import profiles, teleports, trajectories
+from xosc.exports.carla.driven import kept_distances, profiles, teleports, trajectories
 from xosc.exports.carla.lane_changes import change_lanes
 from xosc.exports.carla.routes import routes
 from xosc.exports.carla.town import settle
@@ -88,7 +88,8 @@ def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str
         *in_world(scenario, geometry, _is_read_otherwise),
     )
     draft.note(*routes(scenario, geometry), *begin(scenario, known))
-    draft.note(*profiles(scenario, geometry), *trajectories(scenario, geometry), *teleports(scenario, geometry))
+    draft.note(*profiles(scenario, geometry), *kept_distances(scenario, geometry))
+    draft.note(*trajectories(scenario, geometry), *teleports(scenario, geometry))
     times(scenario)
     return {**starts(scenario.node), **known}
 

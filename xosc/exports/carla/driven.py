@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from schemas.errors import Unsupported
 from xosc.dialects.carla import is_for_carla
 from xosc.document import Document
+from xosc.ego import EGO_NAME
 from xosc.exports.carla.ways import follow, starts_with_scenario
 from xosc.exports.on_roads.geometry import Geometry, Place
 from xosc.exports.on_roads.shapes import world_position
@@ -23,6 +24,7 @@ _MOVING = ("RelativeLanePosition", "RelativeRoadPosition", "RelativeObjectPositi
 _ENDS = ("LateralAction", "RoutingAction", "TeleportAction", "SynchronizeAction")
 """Actions that end the way of one who follows a trajectory."""
 _KINDS = ("LongitudinalAction", "LateralAction", "RoutingAction")
+_DISTANCE = "LongitudinalDistanceAction"
 _APART = 0.5
 """m between two vertices at least, where times don't count."""
 _JUMP = 2.0
@@ -50,15 +52,47 @@ def profiles(document: Document, geometry: Geometry) -> Iterator[str]:
             yield from _as_driven(action, geometry, timed=True)
 
 
+def kept_distances(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say distances that 1.0 has no word for, kept among others than the ego, by ways and times, in place; remarks."""
+    scenario = document.node
+    for action in [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(_DISTANCE)]:
+        begin, doing = _begin(action, geometry), actors(action)
+        newer = action.has("timeGap") or action.get("coordinateSystem", "entity") != "entity"
+        others = len(doing) == 1 and not any(map(EGO_NAME.fullmatch, (doing[0], action.get("entityRef"))))
+        if begin is None or not newer or not others:
+            continue
+        end = geometry.ends(action)
+        until = min(_led(doing[0], begin, scenario, geometry, ("LongitudinalAction", *_ENDS)), math.inf if end is None else end)
+        yield from _written(action, doing[0], geometry.driven(doing[0], begin, until), timed=True)
+
+
+def _begin(action: Node, geometry: Geometry) -> float | None:
+    """When (s) an action begins in a run; None where it doesn't."""
+    first = starts_with_scenario(action) or any(True for _ in action.element.iterancestors("Init"))
+    return 0.0 if first else geometry.begins(action)
+
+
+def _led(entity: str, since: float, scenario: Node, geometry: Geometry, kinds: Sequence[str]) -> float:
+    """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity where none does."""
+    others = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*kinds)]
+    later = (geometry.begins(each) for each in others if entity in actors(each))
+    return min((time for time in later if time is not None and time > since), default=math.inf)
+
+
 def _as_driven(action: Node, geometry: Geometry, *, timed: bool) -> Iterator[str]:
     """Say an action of one actor by its way from the action's begin to its end, where it begins in a run; the remark."""
     begin, end, doing = geometry.begins(action), geometry.ends(action), actors(action)
     if begin is None or len(doing) != 1:
         return
-    places, where = _from_its_start(geometry.driven(doing[0], begin, end if end is not None else math.inf)), action.where
+    yield from _written(action, doing[0], geometry.driven(doing[0], begin, end if end is not None else math.inf), timed=timed)
+
+
+def _written(action: Node, entity: str, driven: Sequence[Place], *, timed: bool) -> Iterator[str]:
+    """Say an action by the way of its actor, where there is one; the remark."""
+    places, where = _from_its_start(driven), action.where
     if len(places) > 1:
         _replace(action, places if timed else _apart(places), timed=timed)
-        yield f"{where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test"
+        yield f"{where}: {action.tag}: written as the way that {entity} takes in a run without a system under test"
 
 
 def teleports(document: Document, geometry: Geometry) -> Iterator[str]:
@@ -80,15 +114,11 @@ def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsuppo
     Raises:
         Unsupported: `refusal`, as it does not begin in the run, jumps, or something waits for its end.
     """
-    first = starts_with_scenario(action) or any(True for _ in action.element.iterancestors("Init"))
-    begin, doing = 0.0 if first else geometry.begins(action), actors(action)
+    begin, doing = _begin(action, geometry), actors(action)
     jumps = any(each.get("dynamicsShape", "") == "step" for each in action.children())
     if begin is None or len(doing) != 1 or jumps or _is_awaited(action, scenario):
         raise refusal
-    others = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*_ENDS)]
-    later = (geometry.begins(each) for each in others if doing[0] in actors(each))
-    until = min((time for time in later if time is not None and time > begin), default=math.inf)
-    places = _apart(geometry.driven(doing[0], begin, until))
+    places = _apart(geometry.driven(doing[0], begin, _led(doing[0], begin, scenario, geometry, _ENDS)))
     if len(places) < 2:
         raise refusal
     where = action.where

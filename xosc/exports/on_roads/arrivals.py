@@ -1,7 +1,8 @@
 """Synchronised arrivals for versions without steady states and tolerances: both targets are moved back by them.
 
 Who holds the final speed v for a distance d before its target has it where it is d before the target, d/v before the master
-arrives. The master is v' · d/v away from its own target then, where v' is its speed when the action begins.
+arrives. The master is v' · d/v away from its own target then, where v' is its speed when the action begins. What waits for
+the end of the action waits for d/v longer.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from xosc.node import Node
 
 _STEADY = ("TargetDistanceSteadyState", "TargetTimeSteadyState")
 _TOLERANCES = ("targetTolerance", "targetToleranceMaster")
+_ENDED = ("endTransition", "completeState")
 _UNKNOWN = "the version has no steady states, and where the master is when this one begins is known only when it runs"
 
 
@@ -37,10 +39,29 @@ def earlier(document: Document, geometry: Geometry) -> Iterator[str]:
             speed.text = None
             for child in list(speed):
                 speed.remove(child)
+            _wait(action, time, document.node)
         yield (
             f"{action.where}: SynchronizeAction: its targets are written {way + own:g} m and, for the master, "
             f"{master_way + masters:g} m earlier, where the steady state or the tolerance begins"
         )
+
+
+def _wait(action: Node, time: float, scenario: Node) -> None:
+    """Have conditions that wait for the end of an action wait for a time (s) longer, by which it now ends earlier, in place.
+
+    Raises:
+        Unsupported: what they wait for has other actions too.
+    """
+    around = {(each.tag.lower(), each.get("name")): each for each in action.element.iterancestors() if each.get("name")}
+    for condition in scenario.iter("Condition") if time else ():
+        for state in condition.iter("StoryboardElementStateCondition"):
+            name = state.get("storyboardElementRef").split("::")[-1]
+            awaited = around.get((state.get("storyboardElementType").lower(), name))
+            if awaited is None or state.get("state") not in _ENDED:
+                continue
+            if len(list(awaited.iter("Action"))) > 1:
+                raise state.unsupported(f"what it waits for would end {time:g} s earlier, but for its other actions")
+            condition.element.set("delay", repr(condition.float("delay", 0.0) + time))
 
 
 def _held(action: Node, steady: Node, geometry: Geometry) -> tuple[float, float]:
