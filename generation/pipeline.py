@@ -13,7 +13,7 @@ from generation.density.gate import Gate, measured
 from generation.density.marginals import Marginal
 from generation.density.model import DEFAULT, JUDGE, UNIFORM
 from generation.density.prior import Prior
-from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, estimate
+from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.rates import driving
 from generation.outcomes.cases import Cases, Choice, choose
 from generation.outcomes.evaluator import Evaluate, Evaluator
@@ -208,9 +208,9 @@ def _estimate(
 ) -> Estimate:
     """How often the system fails."""
     assert problem.prior is not None
-    failures = episodes.theta[episodes.outcomes.collision]
+    known = Known(episodes.theta, episodes.outcomes.collision)
     chosen = EstimateSettings(min(RUNS, settings.budget), settings.seed)
-    found = estimate(problem.prior, run, drivers, failures, problem.twin, chosen)
+    found = estimate(problem.prior, run, drivers, known, problem.twin, chosen)
     return found._replace(driving=driving(recorded, problem.space, problem.prior))
 
 

@@ -1,8 +1,10 @@
-"""The proposal of importance sampling: where the system fails, with a share of what traffic does."""
+"""The proposals of importance sampling: where the system fails, with a share of what traffic does."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +16,8 @@ _COUNTED = 20_000
 """Draws that say which share of the kernels is possible"""
 _WIDER, _WIDE = 1.5, 0.3
 """How much wider the second kernel around each failure is than the first, and its share"""
+_UNSURE = 0.3
+"""Share of the kernels that is around points which may fail"""
 
 
 class Proposal:
@@ -26,20 +30,27 @@ class Proposal:
 
     Args:
         prior: p.
-        failures: points (n, d) at which the system fails, n above the number of parameters that are no nuisances.
         defensive: a.
+        failures: points (n, d) at which the system fails, n above the number of parameters that are no nuisances.
+        others: points (m, d) at which it may fail, fewer than these numbers where there are none; they have `_UNSURE` of k.
 
     Raises:
         UsageError: the failures are too few for a density, or all the same in a parameter.
     """
 
-    def __init__(self, prior: Prior, failures: FloatArray, defensive: float) -> None:
-        self._prior, self._defensive = prior, defensive
+    def __init__(self, prior: Prior, defensive: float, failures: FloatArray, others: FloatArray | None = None) -> None:
+        self._prior, self.defensive = prior, defensive
         self._columns = prior.columns(prior.searched)
-        rows = failures[:, self._columns]
+        unsure = 0.0 if others is None else _UNSURE
+        self._kernels = self._around_each(1.0 - unsure, failures)
+        if others is not None:
+            self._kernels += self._around_each(unsure, others)
+
+    def _around_each(self, share: float, theta: FloatArray) -> tuple[tuple[float, KDE], ...]:
+        rows = theta[:, self._columns]
         narrow = KDE().fit(rows)
         wide = KDE(_WIDER * narrow.bandwidth / scott(*rows.shape)).fit(rows)
-        self._kernels = (1.0 - _WIDE, narrow), (_WIDE, wide)
+        return (share * (1.0 - _WIDE), narrow), (share * _WIDE, wide)
 
     def _around(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d) of the kernels, with nuisances as recorded; some are not possible."""
@@ -62,7 +73,7 @@ class Proposal:
         Raises:
             UsageError: nearly nothing around the failures is possible.
         """
-        common = round(self._defensive * n)
+        common = round(self.defensive * n)
         around = until_possible(self._around, self._prior.possible, n - common, generator)
         return generator.permutation(np.concatenate([self._prior.sample(common, generator), around]))
 
@@ -70,7 +81,42 @@ class Proposal:
         """p/q of possible points (n, d): (n,)."""
         log_p = self._prior.log_density(theta)
         rows = theta[:, self._columns]
-        log_k = np.logaddexp(*(np.log(share) + kernel.log_density(rows) for share, kernel in self._kernels)) - self._log_share
-        log_q = np.logaddexp(np.log(self._defensive) + log_p, np.log1p(-self._defensive) + log_k)
+        kernels = [np.log(share) + kernel.log_density(rows) for share, kernel in self._kernels]
+        log_k = np.logaddexp.reduce(kernels) - self._log_share
+        log_q = np.logaddexp(np.log(self.defensive) + log_p, np.log1p(-self.defensive) + log_k)
         found: FloatArray = np.exp(log_p - log_q)
         return found
+
+
+class Stage(NamedTuple):
+    """So many draws of a proposal; of the prior where it is None."""
+
+    number: int
+    proposal: Proposal | None
+
+
+class Stages:
+    """What several stages have drawn from together, q = Σ n_t/n q_t: each draw counts as one of all of them.
+
+    A stage that looked where hardly anything fails then spoils nothing. As later proposals follow earlier draws, the estimate is
+    consistent, and not exactly unbiased.
+    E. Veach, L. J. Guibas, Optimally combining sampling techniques for Monte Carlo rendering, 1995; J.-M. Cornuet et al.,
+    Adaptive multiple importance sampling, Scandinavian Journal of Statistics 39, 2012.
+    """
+
+    def __init__(self, stages: Sequence[Stage]) -> None:
+        total = max(sum(each.number for each in stages), 1)
+        self._shares = [(each.number / total, each.proposal) for each in stages]
+
+    def weights(self, theta: FloatArray) -> FloatArray:
+        """p/q of possible points (n, d): (n,)."""
+        ratio = np.zeros(len(theta))
+        for share, proposal in self._shares:
+            ratio += share if proposal is None else share / proposal.weights(theta)
+        return 1.0 / ratio
+
+    @property
+    def greatest(self) -> float:
+        """Weight that none exceeds."""
+        defensive = sum(share if each is None else share * each.defensive for share, each in self._shares)
+        return 1.0 / defensive if defensive else 1.0

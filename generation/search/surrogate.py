@@ -52,13 +52,13 @@ class Surrogate:
             return np.arange(len(x))
         if self._forest is None or len(self) >= self._grown + ROUND:
             self._grow()
-        return np.argsort(-self._forest.predict(_features(x)), kind="stable")
+        return np.argsort(-self._forest.predict(differences(x)), kind="stable")
 
     def _grow(self) -> None:
         outcomes = joined(self._outcomes)
         scores = np.where(outcomes.collision & outcomes.executed, 1.0, _NEAR * nearness(outcomes))
         forest = self._ensemble.ExtraTreesRegressor(_TREES, random_state=0)
-        self._forest, self._grown = forest.fit(_features(np.concatenate(self._x)), scores), len(self)
+        self._forest, self._grown = forest.fit(differences(np.concatenate(self._x)), scores), len(self)
 
     def alike(self, x: FloatArray) -> Outcomes:
         """What the run most like each of the points (n, k) gave; nothing happens in them while there are no runs."""
@@ -67,7 +67,7 @@ class Surrogate:
         return joined(self._outcomes).take(np.argmin(cdist(x, np.concatenate(self._x)), axis=1))
 
 
-def _features(x: FloatArray) -> FloatArray:
+def differences(x: FloatArray) -> FloatArray:
     """Coordinates (n, k) and the differences of each two: a tree splits by one value, a failure depends on relative speeds."""
     one, other = np.triu_indices(x.shape[1], 1)
     return np.hstack([x, x[:, one] - x[:, other]])

@@ -28,7 +28,7 @@ def command(
 ) -> None:
     """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all on the twin; needs openturns."""
     from generation.density.recorded_prior import RecordedPrior
-    from generation.estimation.estimate import FAILURE, EstimateSettings, estimate
+    from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
     from generation.study.crosscheck import openturns, subset_simulation
     from generation.study.failures.problem import posed
     from generation.study.truth import crude
@@ -41,6 +41,6 @@ def command(
         for seed in range(repeats):
             print(f"OpenTURNS, subset simulation, seed {seed}: {subset_simulation(prior, twin, seed)}", flush=True)
         for seed in range(repeats):
-            found = estimate(prior, twin, twin, prior.theta[:0], twin, EstimateSettings(seed=seed, controlled=False))
+            found = estimate(prior, twin, twin, Known.nothing(prior), twin, EstimateSettings(seed=seed, controlled=False))
             print(f"ours, {found.runs} runs, seed {seed}: {found.probabilities[FAILURE]}", flush=True)
         print(f"crude Monte Carlo: {crude(prior, twin, truth)}", flush=True)

@@ -21,6 +21,9 @@ def command(
     repeats: Annotated[int, typer.Option(min=1, metavar="N", help="Estimates, each with a seed of its own.")] = 20,
     truth: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of the prior that say what is true.")] = 100_000,
     runs: Annotated[int, typer.Option(min=30, metavar="N", help="Runs of each estimate, played on the twin.")] = 600,
+    without_twin: Annotated[
+        bool, typer.Option("--without-twin", help="Estimate after a search of as many runs, as where a scenario has no twin.")
+    ] = False,
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
     kind: Kind = None,
@@ -29,9 +32,9 @@ def command(
     _version: Version = False,
 ) -> None:
     """Repeat the estimate with the twin in the place of SUMO, without control, and compare it with crude Monte Carlo there."""
-    from generation.estimation.estimate import FAILURE, EstimateSettings, estimate
+    from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
     from generation.study.failures.problem import posed
-    from generation.study.truth import crude
+    from generation.study.truth import crude, searched
 
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
         prior, twin = posing.problem.prior, posing.problem.twin
@@ -41,7 +44,9 @@ def command(
         print(f"crude Monte Carlo on the twin: {true}", flush=True)
         share, covered, variations = true.collisions / true.runs, 0, []
         for seed in range(repeats):
-            found = estimate(prior, twin, twin, prior.theta[:0], twin, EstimateSettings(runs, seed, False)).probabilities[FAILURE]
+            known = searched(posing.problem, runs, seed) if without_twin else Known.nothing(prior)
+            plays, settings = None if without_twin else twin, EstimateSettings(runs, seed, False)
+            found = estimate(prior, twin, twin, known, plays, settings).probabilities[FAILURE]
             low, high = found.interval
             covered += low <= share <= high
             variations.append(found.variation)

@@ -7,14 +7,14 @@ import pytest
 
 from generation.density.declared_prior import DeclaredPrior
 from generation.density.marginals import uniform
-from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, estimate
-from generation.estimation.proposal import Proposal
+from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, Known, estimate
+from generation.estimation.proposal import Proposal, Stage, Stages
 from generation.outcomes.outcomes import Outcomes
 from xodr.array_types import FloatArray
 
 EDGE, TRUTH = 0.04, 0.04**2
 PRIOR = DeclaredPrior({"a": uniform(0.0, 1.0), "b": uniform(-1.0, 0.0)}, None)
-NONE = np.empty((0, 2))
+NONE = Known.nothing(PRIOR)
 
 
 def failing(theta: FloatArray, sut: str | None = None) -> Outcomes:
@@ -38,7 +38,7 @@ def misled(theta: FloatArray, sut: str | None = None) -> Outcomes:
 def test_weights_of_draws_have_the_mean_1() -> None:
     generator = np.random.default_rng(0)
     known = PRIOR.sample(40_000, generator)
-    proposal = Proposal(PRIOR, known[failing(known).collision], 0.2)
+    proposal = Proposal(PRIOR, 0.2, known[failing(known).collision])
     theta = proposal.sample(20_000, generator)
     weights = proposal.weights(theta)
     assert PRIOR.possible(theta).all()
@@ -59,13 +59,39 @@ def test_intervals_cover_the_truth(controlled: bool) -> None:
     assert variation < (0.07 if controlled else 0.12)
 
 
-def test_known_failures_make_the_proposal_without_a_twin() -> None:
-    generator = np.random.default_rng(5)
-    corner = np.stack([generator.uniform(0, EDGE, 60), generator.uniform(-EDGE, 0, 60)], axis=1)
-    found = estimate(PRIOR, failing, failing, corner, None, EstimateSettings(400))
+def searched(seed: int) -> Known:
+    """Runs of a search: evenly spread over twice the corner, and a few elsewhere."""
+    generator = np.random.default_rng(seed)
+    corner = np.stack([generator.uniform(0, 2 * EDGE, 200), generator.uniform(-2 * EDGE, 0, 200)], axis=1)
+    theta = np.concatenate([corner, PRIOR.sample(60, generator)])
+    return Known(theta, failing(theta).collision)
+
+
+def test_runs_of_before_make_the_proposal_without_a_twin() -> None:
+    found = [estimate(PRIOR, failing, failing, searched(seed), None, EstimateSettings(300, seed)) for seed in range(8)]
+    chances = [each.probabilities[FAILURE] for each in found]
+    assert sum(each.interval[0] <= TRUTH <= each.interval[1] for each in chances) >= 7
+    assert np.mean([each.variation for each in chances]) < 0.15
+    assert all(each.known > searched(seed).failing.sum() for seed, each in enumerate(found)), "the first stage's are known too"
+
+
+def test_failures_alone_make_the_proposal_where_no_run_is_known_to_pass() -> None:
+    theta, fails = searched(5)
+    found = estimate(PRIOR, failing, failing, Known(theta[fails], fails[fails]), None, EstimateSettings(400))
     low, high = found.probabilities[FAILURE].interval
     assert low <= TRUTH <= high
-    assert found.known == 60
+
+
+def test_draws_of_several_stages_have_weights_of_the_mean_1() -> None:
+    generator = np.random.default_rng(0)
+    known = PRIOR.sample(40_000, generator)
+    proposal = Proposal(PRIOR, 0.2, known[failing(known).collision], known[failing(known / 2).collision])
+    stages = Stages([Stage(5_000, None), Stage(15_000, proposal)])
+    theta = np.concatenate([PRIOR.sample(5_000, generator), proposal.sample(15_000, generator)])
+    weights = stages.weights(theta)
+    assert stages.greatest == pytest.approx(1 / (0.25 + 0.75 * 0.2))
+    assert weights.max() <= stages.greatest + 1e-9
+    assert weights.mean() == pytest.approx(1.0, abs=4 * weights.std() / np.sqrt(20_000))
 
 
 def test_too_few_failures_leave_draws_of_the_prior() -> None:
