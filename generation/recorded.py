@@ -273,7 +273,7 @@ def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, Int
     found = {}
     for number, actor in enumerate(actors):
         beside = _BESIDE * number
-        blocks = np.array_split(order, max(1, len(order) // max(1, 2 * beside)))
+        blocks = np.array_split(order, max(1, len(order) // (2 * beside))) if beside else [order]
         found[actor] = np.empty(len(speeds), np.int64)
         found[actor][order] = np.concatenate([np.roll(each, -beside) for each in blocks])
     return found
