@@ -46,7 +46,7 @@ def drawn(truth: IntArray) -> np.ndarray:
 
 
 @cache
-def pool(each: int = 100) -> tuple[Pool, IntArray]:
+def pool(each: int = 60) -> tuple[Pool, IntArray]:
     unknown, truth = clouds([6, 7, 8], each, seed=1, apart=8.0)
     return Pool(unknown, drawn(truth), *clouds([1, 2], each, seed=2, apart=8.0), classes=3), truth
 
@@ -58,7 +58,7 @@ def test_classes_that_lie_apart_become_clusters(method: type[ClusteringMethod]) 
 
 
 @pytest.mark.parametrize(
-    ("method", "each"), [(IterativeEuclidean, 30), (IterativeAutoNovel, 30), (STAEKMeans, 100), (ChanceClusters, 100)]
+    ("method", "each"), [(IterativeEuclidean, 30), (IterativeAutoNovel, 30), (STAEKMeans, 30), (ChanceClusters, 30)]
 )
 def test_same_seed_gives_the_same_clusters(method: type[ClusteringMethod], each: int) -> None:
     samples, _ = pool(each)

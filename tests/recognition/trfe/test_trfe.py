@@ -191,7 +191,7 @@ def test_delta_is_chosen_where_classes_allow_it() -> None:
 
 
 def test_delta_stays_when_classes_are_added() -> None:
-    growing = fitted(replace(CONFIG, delta=None, trees=40))
+    growing = fitted(replace(CONFIG, delta=None, trees=20))
     before = growing.known.screening
     samples, truth = stream()
     growing.observe(samples, np.arange(len(truth)))
