@@ -60,7 +60,8 @@ def test_classes_that_lie_apart_become_clusters(method: type[ClusteringMethod]) 
 @pytest.mark.parametrize(
     ("method", "each"), [(IterativeEuclidean, 30), (IterativeAutoNovel, 30), (STAEKMeans, 30), (ChanceClusters, 30)]
 )
-def test_same_seed_gives_the_same_clusters(method: type[ClusteringMethod], each: int) -> None:
+def test_same_seed_gives_the_same_clusters(method: type[ClusteringMethod], each: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recognition.study.baselines.clustering.stae._STEPS", 40)
     samples, _ = pool(each)
     assert np.array_equal(method(seed=3).cluster(samples), method(seed=3).cluster(samples))
 
