@@ -24,6 +24,15 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     return int(ended.value.code or 0)
 
 
+@pytest.fixture(scope="module")
+def old(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a search leaves."""
+    folder = tmp_path_factory.mktemp("searched") / "old"
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        assert call(monkeypatch, CUT_IN, "--out", folder, *QUICK, "--violations", "-q") == 0
+    return folder
+
+
 def test_a_scenario_becomes_edge_cases(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,11 +83,10 @@ def test_a_scenario_of_no_known_kind_says_what_could_be_searched(
 
 
 def test_a_version_of_which_no_run_succeeds_does_not_pass(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    old: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "old", *QUICK, "--violations", "-q") == 0
     broken = ("--sut", f"{Broken.__module__}:{Broken.__name__}")
-    against = ("--against", tmp_path / "old", "--fail-if", "new")
+    against = ("--against", old, "--fail-if", "new")
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "new", *QUICK, *broken, *against) == 1
     assert ", 0 new\n" in capsys.readouterr().out
     page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
@@ -95,12 +103,11 @@ class Broken:
         return Control()
 
 
-def test_the_same_call_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("a", "b"):
-        assert call(monkeypatch, CUT_IN, "--out", tmp_path / name, *QUICK, "--violations", "-q") == 0
+def test_the_same_call_gives_the_same_bytes(old: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path, *QUICK, "--violations", "-q") == 0
     one, other = (
-        {path.relative_to(tmp_path / name): path.read_bytes() for path in sorted((tmp_path / name).rglob("*")) if path.is_file()}
-        for name in ("a", "b")
+        {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+        for folder in (old, tmp_path)
     )
     assert one == other
 
