@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import singledispatch
 
 from generation.loop.stages.findings import (
@@ -15,6 +15,7 @@ from generation.loop.stages.findings import (
     Prior,
     Ran,
     Recognised,
+    Refused,
     Searched,
 )
 from generation.loop.stages.finished import Stage
@@ -32,12 +33,12 @@ def closing(found: LoopResult) -> Iterator[str]:
     """A whole loop, in lines."""
     cases = [case for each in found.rounds for search in each.searches for case in search.cases]
     collisions = sum(case.verdict is CaseVerdict.COLLISION for case in cases)
-    reasons: dict[str, list[str]] = {}
-    for refused in found.refused:
-        reasons.setdefault(refused.reason, []).append(refused.title)
-    yield from (f"not searched: {', '.join(titles)}: {reason}" for reason, titles in reasons.items())
+    yield from _refused(found.refused)
     avoidable = sum(case.avoidable for case in cases)
-    yield f"{many(len(cases), 'edge case')}, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
+    if not any(each.searches for each in found.rounds):
+        yield "nothing was searched"
+    else:
+        yield f"{many(len(cases), 'edge case')}, {collisions} of them collisions, of which a careful driver avoids {avoidable}"
     if found.against is not None:
         blind = sum(each.blind for each in found.against.compared)
         unknown = f", nothing is known of {many(blind, 'search', 'searches')}" if blind else ""
@@ -45,6 +46,17 @@ def closing(found: LoopResult) -> Iterator[str]:
         for each in found.against.compared:
             told = "not known" if each.blind else str(each.counts)
             yield f"  {each.title}: {told}" + (f" ({each.reason})" if each.reason else "")
+
+
+def _refused(refused: Iterable[Refused]) -> Iterator[str]:
+    """What is not searched, a line for each kind of reason: what differs in it from one to the next is told of the first."""
+    kinds: dict[str, list[Refused]] = {}
+    for each in refused:
+        kinds.setdefault(each.reason.partition(": ")[0], []).append(each)
+    for alike in kinds.values():
+        same = all(each.reason == alike[0].reason for each in alike)
+        which = "" if same else f" (that is of {alike[0].title}; the page has the others)"
+        yield f"not searched: {', '.join(each.title for each in alike)}: {alike[0].reason}{which}"
 
 
 def prior(of: Prior) -> str:

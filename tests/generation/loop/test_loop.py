@@ -135,6 +135,10 @@ def test_nothing_sticks_out_of_the_page(out: Path, browser: Browser, width: int,
     browser.settle()
     assert browser.run("document.documentElement.scrollWidth") <= width
     assert [address for address in browser.requests if not address.startswith("file:")] == []
+    browser.run("document.querySelectorAll('dt').forEach(each => { each.textContent = 'spline_based_trajectory_'.repeat(4); })")
+    assert browser.run("Math.min(...[...document.querySelectorAll('dd')].map(each => each.clientWidth))") > width / 3, (
+        "room is left"
+    )
 
 
 def test_the_page_begins_with_what_a_careful_driver_would_have_avoided(out: Path, browser: Browser) -> None:

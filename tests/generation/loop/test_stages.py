@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from generation.loop.messages import summary
+from generation.loop.messages import closing, summary
 from generation.loop.stages.findings import (
     CarefulDriver,
     CaseVerdict,
@@ -19,11 +19,13 @@ from generation.loop.stages.findings import (
     Finding,
     Labelled,
     LabelledScenario,
+    LoopResult,
     Measured,
     Prior,
     Ran,
     Range,
     Recognised,
+    Refused,
     Run,
     Searched,
 )
@@ -144,3 +146,13 @@ def test_a_damaged_stage_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "stages" / "count.json").write_text(text)
     with pytest.raises(InvalidFile, match=r"count\.json:.* remove it"):
         stages(tmp_path, []).once(COUNT, Searched, lambda: pytest.fail("it was done"))
+
+
+def test_reasons_of_one_kind_are_told_in_one_line() -> None:
+    refused = [Refused("a", "no values: try --free X"), Refused("b", "no road"), Refused("c", "no values: try --free Y")]
+    found = LoopResult({}, 0, Recognised(), [*refused, Refused("d", "no road")], [], Ran(), Ran(), Checked(files=1, problems=[]))
+    assert list(closing(found)) == [
+        "not searched: a, c: no values: try --free X (that is of a; the page has the others)",
+        "not searched: b, d: no road",
+        "nothing was searched",
+    ]
