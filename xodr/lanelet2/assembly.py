@@ -21,8 +21,8 @@ from xodr.lanelet2.signals import controllers, signals
 class Built(NamedTuple):
     """A road map made of lanelets.
 
-    lanelets: road id and lane id of each lanelet. Of a lanelet that was cut in two for a junction, that is its first part; the
-        second part has its id followed by "/2". parts: the lanelets, so cut. notes: what could not be kept as it was, one
+    lanelets: road id and lane id of each lanelet. Of a lanelet that was split, that is its first part; further parts have
+        its id followed by "/2", "/3". parts: the lanelets, so cut. notes: what could not be kept as it was, one
         sentence each.
     """
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from xodr.builders.elements import Connection, Junction
 from xodr.lanelet2.bundles import Joint, Layout
 from xodr.lanelet2.graph import Graph
-from xodr.lanelet2.lines.splitting import second
+from xodr.lanelet2.lines.splitting import parts_of
 
 
 def junction_ids(graph: Graph, plan: Layout) -> list[int]:
@@ -74,12 +74,14 @@ def junctions(plan: Layout, ids: list[int], priorities: Sequence[tuple[str, str]
 
 def _through(plan: Layout, name: str) -> list[int]:
     """The connecting roads that a lanelet is part of, else those that it leads to."""
-    parts = [plan.places[part] for part in (name, second(name)) if part in plan.places]
+    parts = [plan.places[part] for part in parts_of(name, plan.places)]
     inside = [number for number, _ in parts if plan.bundles[number].inside]
-    joint = plan.joint(parts[-1][0], True) if parts else None
-    if inside or joint is None:
+    if inside:
         return inside
-    return sorted({after[0] for before, after in joint.lanes if before == parts[-1] and plan.bundles[after[0]].inside})
+    joints = [(part, joint) for part in parts if (joint := plan.joint(part[0], True)) is not None]
+    return sorted(
+        {after[0] for part, joint in joints for before, after in joint.lanes if before == part and plan.bundles[after[0]].inside}
+    )
 
 
 def _junction(plan: Layout, identity: int, joints: list[Joint], priorities: list[tuple[int, int]]) -> Junction:

@@ -50,10 +50,14 @@ class LaneletMap:
     def lanelet(
         self, name: int, left: Line, right: Line, members: str = "", marks: Sequence[str] = ("", ""), **tags: str
     ) -> None:
-        """Add a lanelet with the id `name`. marks: type and subtype of the bounds, as in "line_thin dashed"."""
+        """Add a lanelet with the id `name`. marks: type and subtype of the bounds, as in "line_thin dashed".
+
+        Bounds of several ways are in `members`, and `left` or `right` is empty.
+        """
         bounds = "".join(
             f'<member type="way" role="{role}" ref="{self.way(line, mark)}"/>'
             for role, line, mark in (("left", left, marks[0]), ("right", right, marks[1]))
+            if len(line)
         )
         self.relation(name, bounds + members, type="lanelet", **tags)
 

@@ -34,6 +34,59 @@ def converted(made: LaneletMap, folder: Path) -> tuple[Conversion, xodr.RoadNetw
     return conversion, xodr.load(conversion.path)
 
 
+def beside_two(order: tuple[int, int] = (1, 0), turned: bool = False, apart: float = 0.0) -> LaneletMap:
+    """Lanelet 1, 100 m to the east, on its right 2 and then 3, with whose left bounds it shares its right one."""
+    made = LaneletMap()
+    halves = [straight((0.0, 0.0), (60.0, 0.0)), straight((60.0 + apart, 0.0), (100.0, 0.0))]
+    ways = [made.way(halves[index][::-1] if turned and index else halves[index]) for index in order]
+    made.lanelet(1, straight(*EAST, WIDTH), (), "".join(f'<member type="way" role="right" ref="{way}"/>' for way in ways))
+    for name, half in zip((2, 3), halves, strict=True):
+        made.lanelet(name, half, [(x, -WIDTH) for x, _ in half])
+    return made
+
+
+# bounds of several ways -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_ways_in_any_order_and_direction_make_one_bound(order: tuple[int, int], turned: bool, tmp_path: Path) -> None:
+    made = LaneletMap()
+    ways = [
+        made.way(line)
+        for line in (straight((0.0, 0.0), (60.0, 0.0)), straight((60.0, 0.0), (100.0, 0.0))[:: -1 if turned else 1])
+    ]
+    made.lanelet(
+        1, straight(*EAST, WIDTH), (), "".join(f'<member type="way" role="right" ref="{ways[index]}"/>' for index in order)
+    )
+    conversion, network = converted(made, tmp_path)
+    assert conversion.deviation < 1e-6
+    assert network.road("1").length == pytest.approx(100.0)
+    assert any("bounds of several ways are joined" in note and note.endswith("lanelets 1") for note in conversion.notes)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_a_lanelet_is_split_where_the_one_beside_it_ends(order: tuple[int, int], tmp_path: Path) -> None:
+    conversion, network = converted(beside_two(order), tmp_path)
+    assert [conversion.lanelets[name] for name in ("1", "1/2", "2", "3")] == [("1", -1), ("1", -1), ("1", -2), ("1", -2)]
+    assert network.road("1").length == pytest.approx(100.0)
+    assert conversion.deviation < 0.2
+    assert any(note == "lanelet 1 is split where 2 beside it ends" for note in conversion.notes)
+
+
+def test_ways_that_make_no_line_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidFile, match=r"its right bound, ways \d+ \d+, is not one line") as caught:
+        converted(beside_two(apart=1.0), tmp_path)
+    assert (caught.value.element, bool(caught.value.line)) == ("relation 1", True)
+
+
+def test_members_that_a_map_has_lost_are_left_out_with_a_note(tmp_path: Path) -> None:
+    made = two_lanes()
+    made.relation(7, '<member type="way" role="outer" ref="77"/>', type="multipolygon")
+    conversion, _ = converted(made, tmp_path)
+    assert "left out, since the map does not have them: way 77 (of 7)" in conversion.notes
+
+
 # kinds of lanelets ----------------------------------------------------------------------------------
 
 
@@ -272,7 +325,7 @@ def test_files_that_are_no_maps_are_refused(name: str, tmp_path: Path) -> None:
 
 
 WRONG = {
-    "bound missing": ('role="right"', 'role="rihgt"', "relation 1", "one way as its right bound"),
+    "bound missing": ('role="right"', 'role="rihgt"', "relation 1", "one way as its right bound, this one has none"),
     "way missing": ('role="left" ref="1000"', 'role="left" ref="77"', "member", "no way '77'"),
     "node missing": ('<nd ref="1"/>', '<nd ref="77"/>', "nd", "no node '77'"),
     "coordinate not finite": ('k="local_x" v="0.0"', 'k="local_x" v="nan"', "node 1", "local_x='nan'"),

@@ -33,7 +33,7 @@ def bounds_of(osm: Osm, relation: Relation, points: dict[str, tuple[float, float
     """The bounds of a lanelet; points: x and y of each node.
 
     Raises:
-        InvalidFile: it does not have one way on each side, with two nodes or more.
+        InvalidFile: it does not have one way on each side, or several that make one line, with two nodes or more.
     """
     left, right = _bound(osm, relation, "left"), _bound(osm, relation, "right")
     nodes = [left.nodes, right.nodes]
@@ -51,13 +51,31 @@ def bounds_of(osm: Osm, relation: Relation, points: dict[str, tuple[float, float
 
 
 def _bound(osm: Osm, relation: Relation, role: str) -> Way:
-    refs = relation.refs(role, "way")
-    if len(refs) != 1:
-        raise relation.invalid(f"a lanelet has one way as its {role} bound, not {len(refs)}")
-    way = osm.ways[refs[0]]
-    if len(way.nodes) < 2:
-        raise relation.invalid(f"its {role} bound, way {way.id}, has {len(way.nodes)} nodes, two or more are needed")
-    return way
+    ways = [osm.ways[ref] for ref in relation.refs(role, "way")]
+    if not ways:
+        raise relation.invalid(f"a lanelet has one way as its {role} bound, this one has none")
+    short = next((way for way in ways if len(way.nodes) < 2), None)
+    if short is not None:
+        raise relation.invalid(f"its {role} bound, way {short.id}, has {len(short.nodes)} nodes, two or more are needed")
+    line = _joined([way.nodes for way in ways])
+    if line is None:
+        raise relation.invalid(f"its {role} bound, ways {' '.join(way.id for way in ways)}, is not one line")
+    return Way(ways[0].id, line, ways[0].tags)
+
+
+def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
+    """One line of lines (nodes), in any order and direction, that share end nodes; None where they make no line."""
+    whole, *others = lines
+    while others:
+        ends = {whole[0], whole[-1]}
+        following = next((line for line in others if ends & {line[0], line[-1]}), None)
+        if following is None:
+            return None
+        others.remove(following)
+        if whole[-1] not in (following[0], following[-1]):
+            whole = whole[::-1]
+        whole += following[1:] if following[0] == whole[-1] else following[-2::-1]
+    return whole
 
 
 def linked(lanes: list[Lanelet], bounds: list[Bounds]) -> list[Lanelet]:

@@ -15,7 +15,7 @@ from xodr.lanelet2.bundles import Bundle, Layout, chained, joined
 from xodr.lanelet2.graph import Graph
 from xodr.lanelet2.lanelet import Lanelet, Points
 from xodr.lanelet2.lines.polylines import frame_at, lengths, middle
-from xodr.lanelet2.lines.splitting import second, split
+from xodr.lanelet2.lines.splitting import split
 
 _LONGEST_CROSSING = 60.0
 """Length up to which lanelets are taken to cross on the same level where they do nothing else, m."""
@@ -107,8 +107,8 @@ def _cut(graph: Graph, table: dict[str, Lanelet], row: Bundle, at_end: bool) -> 
     places = [s if not at_end else total - s for s in _crossed(graph, row.first, line)]
     part = max(places) + _PAST_CROSSING if places else min(_LONGEST_PART, total / 2)
     part = min(part, _LARGEST_SHARE * total)
-    split(table, lanelets, frame_at(line, total - part if at_end else part))
-    return {second(name) for name in row.first} if at_end else set(row.first)
+    seconds = split(table, lanelets, frame_at(line, total - part if at_end else part))
+    return set(seconds.values()) if at_end else set(row.first)
 
 
 def _crossed(graph: Graph, names: Iterable[str], line: Points) -> list[float]:

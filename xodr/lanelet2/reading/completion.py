@@ -14,7 +14,7 @@ import numpy as np
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points
 from xodr.lanelet2.lines.bounds import TOUCHING
 from xodr.lanelet2.lines.polylines import Frame, crossing, direction, frame_at, middle, resampled
-from xodr.lanelet2.lines.splitting import second, split
+from xodr.lanelet2.lines.splitting import row_of, split
 
 _WIDTHS = (2.0, 6.0)
 """Width that a lane may have that is only seen by its borders, m."""
@@ -87,13 +87,13 @@ def _led_into(table: dict[str, Lanelet]) -> list[str]:
         target = next((other for other in _lanes(table) if other is not lanelet and _ends_upon(lanelet, other)), None)
         if target is None:
             continue
-        row = _row(table, target)
+        row = row_of(table, target)
         line = middle(row[0].left, row[-1].right)
         x, y = (lanelet.left[-1] + lanelet.right[-1]) / 2
         heading = direction(middle(lanelet.left, lanelet.right), True)
-        split(table, row, frame_at(line, crossing(line, Frame(float(x), float(y), heading))[0]))
-        table[lanelet.id] = replace(lanelet, successors=(second(target.id),))
-        notes.append(f"lanelet {lanelet.id} ends upon {target.id}: it leads into that one's second part, {second(target.id)}")
+        rest = split(table, row, frame_at(line, crossing(line, Frame(float(x), float(y), heading))[0]))[target.id]
+        table[lanelet.id] = replace(lanelet, successors=(rest,))
+        notes.append(f"lanelet {lanelet.id} ends upon {target.id}: it leads into that one's second part, {rest}")
     return notes
 
 
@@ -111,18 +111,6 @@ def _is_upon(point: Points, line: Points) -> bool:
     curve = LineString(line)
     s = curve.project(Point(*point))
     return bool(_NEAR_END < s < curve.length - _NEAR_END and curve.distance(Point(*point)) <= _BESIDE)
-
-
-def _row(table: dict[str, Lanelet], lanelet: Lanelet) -> list[Lanelet]:
-    """A lanelet and its neighbours, from left to right."""
-    left_of = {one.beside_right.id: one.id for one in table.values() if one.beside_right}
-    first = lanelet.id
-    while first in left_of:
-        first = left_of[first]
-    row = [table[first]]
-    while (beside := row[-1].beside_right) is not None:
-        row.append(table[beside.id])
-    return row
 
 
 # ends that are not across ------------------------------------------------------------------------------

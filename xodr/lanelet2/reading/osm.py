@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -60,11 +60,12 @@ class Relation:
 
 
 class Osm(NamedTuple):
-    """The content of a file, by id."""
+    """The content of a file, by id. absent: members of relations that are not in the file, with the relation."""
 
     nodes: dict[str, Node]
     ways: dict[str, Way]
     relations: dict[str, Relation]
+    absent: list[str]
 
 
 def read(path: Path) -> Osm:
@@ -84,7 +85,7 @@ def read(path: Path) -> Osm:
 def _content(root: etree._Element) -> Osm:
     if root.tag != "osm":
         raise _invalid(root, "the root element of a Lanelet2 map is osm")
-    found = Osm({}, {}, {})
+    found = Osm({}, {}, {}, [])
     for element in root.iterchildren("node"):
         _put(found.nodes, element, _node(element))
     for element in root.iterchildren("way"):
@@ -95,8 +96,8 @@ def _content(root: etree._Element) -> Osm:
                 raise _invalid(nd, f"there is no node {ref!r}")
     for element in root.iterchildren("relation"):
         _put(found.relations, element, _relation(element))
-    for relation in found.relations.values():
-        _check_members(found, relation)
+    for name, relation in found.relations.items():
+        found.relations[name] = _with_present_members(found, relation)
     return found
 
 
@@ -149,13 +150,20 @@ def _relation(element: etree._Element) -> Relation:
     return Relation(_attribute(element, "id"), members, _tags(element), element)
 
 
-def _check_members(found: Osm, relation: Relation) -> None:
+def _with_present_members(found: Osm, relation: Relation) -> Relation:
+    """The relation without members that maps cut out of larger ones have lost; a lanelet can't be without its bounds."""
     tables: dict[str, Collection[str]] = {"node": found.nodes, "way": found.ways, "relation": found.relations}
+    present = []
     for element, member in zip(relation.element.iterchildren("member"), relation.members, strict=True):
         if member.type not in tables:
             raise _invalid(element, f"type={member.type!r} is not node, way or relation")
-        if member.ref not in tables[member.type]:
+        if member.ref in tables[member.type]:
+            present.append(member)
+        elif member.role in ("left", "right"):
             raise _invalid(element, f"there is no {member.type} {member.ref!r}")
+        else:
+            found.absent.append(f"{member.type} {member.ref} (of {relation.id})")
+    return replace(relation, members=tuple(present))
 
 
 def _tags(element: etree._Element) -> Tags:

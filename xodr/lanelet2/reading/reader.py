@@ -14,6 +14,7 @@ from schemas.errors import InvalidFile
 from xodr.builders.elements import Geo
 from xodr.lanelet2.lanelet import Lanelet, Points
 from xodr.lanelet2.lines.bounds import Bounds, bounds_of, linked
+from xodr.lanelet2.lines.joints import split_at_joints
 from xodr.lanelet2.reading.osm import Osm, Relation, read
 from xodr.lanelet2.reading.projection import Projection
 from xodr.lanelet2.reading.regulations import Regulations, regulations
@@ -77,7 +78,13 @@ def _lanelets(osm: Osm, projection: Projection) -> Lanelets:
             bounds.append(edges)
     if not lanes:
         raise InvalidFile("no lanelet of this map is a lane", line=1, element="osm")
-    return Lanelets(linked(lanes, bounds), crosswalks, rules.priorities, projection.geo, _notes(relations, rules))
+    joined = [relation.id for relation in relations if any(len(relation.refs(side, "way")) > 1 for side in ("left", "right"))]
+    lanes, splits = split_at_joints(linked(lanes, bounds), bounds, joined)
+    notes = [f"left out, since the map does not have them: {', '.join(osm.absent)}"] if osm.absent else []
+    notes += _notes(relations, rules)
+    if joined:
+        notes += [f"bounds of several ways are joined, with the marks of the first: lanelets {' '.join(joined)}", *splits]
+    return Lanelets(lanes, crosswalks, rules.priorities, projection.geo, notes)
 
 
 def _lane(relation: Relation, kind: Kind, bounds: Bounds, rules: Regulations) -> Lanelet:
