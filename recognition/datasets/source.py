@@ -17,11 +17,13 @@ class SiteRoad(NamedTuple):
 
     lights: roads in it that traffic lights are for.
     signalised: whether phases of lights were recorded, so that all junctions have some.
+    notes: what was assumed, changed or left out when the road was made, one sentence each.
     """
 
     path: Path
     lights: frozenset[str] = frozenset()
     signalised: bool = False
+    notes: tuple[str, ...] = ()
 
 
 class Gap(NamedTuple):

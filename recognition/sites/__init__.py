@@ -67,7 +67,7 @@ def site_at(
 
 
 def site_of(source: Source, recording: Recording, roads: Path) -> Site:
-    """The site of a recording.
+    """The site of a recording. What was assumed, changed or left out to make its road joins the remarks of the source's report.
 
     highD: the road that the recording brings along. Own runs: theirs. Others: `<site>.xodr` beside the tracks, else a road made
     of the site's Lanelet2 map, of the scenario's lanelets (CommonRoad), or of the lateral positions (NGSIM tables).
@@ -81,6 +81,8 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
         UsageError: the source has no information about its roads.
     """
     road = map_of(source, recording, roads)
+    if source.report is not None:
+        source.report.remarks += (note for note in road.notes if note not in source.report.remarks)
     network = recording.network or load(road.path)
     lights = frozenset(network.roads) if road.signalised else road.lights
     site = site_at(road.path, network, lights, roads, _driven(recording))

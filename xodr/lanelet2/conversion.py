@@ -14,6 +14,9 @@ from xodr.lanelet2.reading.completion import completed
 from xodr.lanelet2.reading.reader import read_lanelets
 from xodr.reader import load
 
+_ASTRAY = 0.5
+"""Lanes farther away than this from their lanelets are named, m."""
+
 
 class Conversion(NamedTuple):
     """What became of a Lanelet2 map.
@@ -50,4 +53,6 @@ def convert(osm: str | PathLike[str], origin: tuple[float, float] | None, target
     built = build(lanelets, source.stem, found.geo, found.priorities)
     written = replace(built.map, roads=with_crosswalks(built.map.roads, found.crosswalks)).write(target)
     away = deviation(built.parts, built.lanelets, load(written))
-    return Conversion(written, built.lanelets, [*found.notes, *added, *built.notes], max(away.values()))
+    astray = [f"{name} ({distance:.1f} m)" for name, distance in away.items() if distance > _ASTRAY]
+    notes = [f"lanes that are not everywhere where their lanelets are: {', '.join(astray)}"] if astray else []
+    return Conversion(written, built.lanelets, [*found.notes, *added, *built.notes, *notes], max(away.values()))

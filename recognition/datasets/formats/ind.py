@@ -19,7 +19,7 @@ import numpy as np
 from recognition.datasets.participants import Participant, participant
 from recognition.datasets.roads.files import converted
 from recognition.datasets.smoothing.smoothing import smoothed
-from recognition.datasets.source import Report, SiteRoad, Source
+from recognition.datasets.source import Report, Source
 from recognition.datasets.tables.companions import beside, is_tracks, matched, number, other_sizes, recording_of
 from recognition.datasets.tables.constants import categories, changes, check_sizes
 from recognition.datasets.tables.rows import Clock, in_order
@@ -70,7 +70,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
     recording = recording_of(path, _PLACE)
     location = int(recording["locationId"][0])
     lanelets, origin = _map(path, location), _origin(recording)
-    road = None if lanelets is None else lambda _, folder: SiteRoad(converted(lanelets, origin, folder))
+    road = None if lanelets is None else lambda _, folder: converted(lanelets, origin, folder)
     name, site = f"{path.parent.name}/{number(path)}", f"location{location}"
     return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, road)]
 

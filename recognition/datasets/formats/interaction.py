@@ -98,7 +98,7 @@ def _road(
     lanelets: Path | None, origin: tuple[float, float] | None, signalised: bool
 ) -> Callable[[Recording, Path], SiteRoad] | None:
     """Makes the road of the Lanelet2 map, if there is one. TAF-BW's maps have no lights, but files with their phases."""
-    return None if lanelets is None else lambda _, folder: SiteRoad(converted(lanelets, origin, folder), signalised=signalised)
+    return None if lanelets is None else lambda _, folder: converted(lanelets, origin, folder)._replace(signalised=signalised)
 
 
 def _map(path: Path, site: str) -> Path | None:

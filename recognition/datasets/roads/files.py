@@ -6,6 +6,7 @@ import tempfile
 from functools import lru_cache
 from pathlib import Path
 
+from recognition.datasets.source import SiteRoad
 from schemas.storage import digest, keep
 
 
@@ -15,7 +16,7 @@ def keep_road(content: bytes, site: str, folder: Path) -> Path:
     return keep(content, folder / f"{name}-{digest(content)}.xodr")
 
 
-def converted(osm: Path, origin: tuple[float, float] | None, folder: Path) -> Path:
+def converted(osm: Path, origin: tuple[float, float] | None, folder: Path) -> SiteRoad:
     """The road of a Lanelet2 map, made once for each content of the map.
 
     Args:
@@ -25,9 +26,10 @@ def converted(osm: Path, origin: tuple[float, float] | None, folder: Path) -> Pa
 
 
 @lru_cache(maxsize=64)
-def _converted(osm: Path, _version: int, origin: tuple[float, float] | None, folder: Path) -> Path:
+def _converted(osm: Path, _version: int, origin: tuple[float, float] | None, folder: Path) -> SiteRoad:
     from xodr.lanelet2 import convert
 
     target = folder / f"{osm.stem}-{digest(osm.read_bytes() + repr(origin).encode())}.xodr"
     with tempfile.TemporaryDirectory() as drafts:
-        return keep(convert(osm, origin, Path(drafts) / target.name).path.read_bytes(), target)
+        made = convert(osm, origin, Path(drafts) / target.name)
+        return SiteRoad(keep(made.path.read_bytes(), target), notes=tuple(f"{osm.name}: {note}" for note in made.notes))

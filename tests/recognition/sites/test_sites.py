@@ -15,6 +15,7 @@ from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.driving import STEP, ahead, sideways, track
 from tests.recognition.traffic import Car, commonroad, interaction_rows, obstacle, write_csv, write_highd
+from tests.xodr.lanelet2.lanelet_maps import two_lanes
 from xodr import builders
 
 
@@ -38,6 +39,15 @@ def test_a_road_beside_the_tracks_is_the_sites(tmp_path: Path) -> None:
     assert place.path == path
     assert (tmp_path / "roads" / "ring.roles.json").is_file()
     assert not path.with_suffix(".roles.json").exists()
+
+
+def test_what_was_done_to_make_the_road_joins_the_report(tmp_path: Path) -> None:
+    write_csv(tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 10.0, 1.75, 5.0, 0.0, 0.0))
+    two_lanes().write(tmp_path / "ring", "ring")
+    source, recording, roads = opened(tmp_path / "ring", tmp_path / "roads")
+    site_of(source, recording, roads)
+    site_of(source, recording, roads)
+    assert source.report.remarks.count("ring.osm: speed limits are the usual ones, since the map gives none: lanelets 1 2") == 1
 
 
 def test_a_recording_without_roads_is_refused(tmp_path: Path) -> None:

@@ -145,7 +145,7 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     )  # fmt: skip
     lit = [element.get("id") for element in root.iterchildren("lanelet") if element.find("trafficLightRef") is not None]
     lights = frozenset(built.lanelets[one][0] for one in lit if one in built.lanelets)
-    return SiteRoad(keep_road(built.map.to_xml(), site, folder), lights)
+    return SiteRoad(keep_road(built.map.to_xml(), site, folder), lights, notes=tuple(built.notes))
 
 
 def _tagged(root: etree._Element) -> str:
