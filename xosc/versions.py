@@ -135,6 +135,13 @@ def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: st
     return Rule(version, tag, up, down)
 
 
+def _left_out_if_empty(element: etree._Element) -> None:
+    """What says nothing, and later must say something."""
+    parent = element.getparent()
+    if parent is not None and not element.attrib and next(element.iterchildren(etree.Element), None) is None:
+        parent.remove(element)
+
+
 def _attribute(old: str, new: str) -> Change:
     """An attribute that got another name."""
 
@@ -345,6 +352,7 @@ RULES: tuple[Rule, ...] = (
     Rule(SAID_SINCE, "AccelerationCondition", down=_with_direction),
     # 1.3
     Rule((1, 3), "ControllerAction", up=_split_controller_action),
+    Rule((1, 3), "ObjectController", up=_left_out_if_empty),
     Rule((1, 3), "TrafficeSignalGroupState", up=_tag("TrafficSignalGroupState")),
     Rule((1, 3), "TrafficSignalGroupState", down=_tag("TrafficeSignalGroupState")),
     Rule((1, 3), "Catalog", up=lambda element: element.set("name", element.get("name", ""))),

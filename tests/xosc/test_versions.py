@@ -301,6 +301,12 @@ def test_a_catalogue_gets_the_name_that_later_versions_require(tmp_path: Path) -
     assert found.kind == "catalog" and found.root.find("Catalog").get("name") == ""
 
 
+def test_an_object_controller_that_says_nothing_is_left_out_where_it_must_say_something(tmp_path: Path) -> None:
+    car = inside('<CatalogReference catalogName="c" entryName="e"/><ObjectController/>')
+    found = document(scenario((1, 2), entities=car), tmp_path)
+    assert not list(convert(found, (1, 3)).root.iter("ObjectController")) and list(found.root.iter("ObjectController"))
+
+
 def test_distributions_came_with_1_1(tmp_path: Path) -> None:
     text = scenario((1, 1)).partition("<ParameterDeclarations>")[0]
     distribution = '<ScenarioFile filepath="a.xosc"/><Deterministic/>'
