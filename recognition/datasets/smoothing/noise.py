@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_coeffs
 
 from recognition.datasets.tables.rows import Rows
 from xodr.array_types import FloatArray
@@ -20,6 +19,8 @@ def deviation(rows: Rows, x: FloatArray, y: FloatArray) -> FloatArray:
     It counts errors that last for some rows, unlike differences from row to row, and is large where a track is bad for a while.
     Parts shorter than two seconds have the median of all rows.
     """
+    from scipy.signal import savgol_coeffs
+
     reach = max(2, round(_REACH / rows.step))
     window = 2 * reach + 1
     if len(rows) < window:
