@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, MODEL, RULES, UNKNOWN, WINDOW, Moment, by_rules
 from recognition.catalogue.recognisers.trust import objection, unseen_sites
@@ -63,9 +64,10 @@ class ByModel:
         moments = [moment for moment, usable in zip(candidates, inside, strict=True) if usable]
         self._ranges[name] = range(len(self._seen), len(self._seen) + len(moments))
         places = [(moment.ego, moment.time) for moment in moments]
-        for number, inputs in enumerate(_ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN))):
-            self._take(inputs, moments[number * _DRAWN :])
-            advance(len(inputs) / len(moments))
+        with threadpool_limits(1, "blas"):  # more threads only wait, for products this small and beside the encoders' threads
+            for number, inputs in enumerate(_ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN))):
+                self._take(inputs, moments[number * _DRAWN :])
+                advance(len(inputs) / len(moments))
         if not moments:
             advance(1.0)
 

@@ -75,6 +75,7 @@ class SceneCutter:
     def __init__(self, recording: Recording, scope: Scope) -> None:
         self.recording, self.scope = recording, scope
         self._vertices: dict[str, IntArray] = {}
+        self._numbers: dict[str, IntArray] = {}
         self._tracks = list(recording.tracks.values())
         self._first = np.array([track.columns["time"][0] for track in self._tracks])
         self._last = np.array([track.columns["time"][-1] for track in self._tracks])
@@ -96,20 +97,23 @@ class SceneCutter:
 
     def _others(self, ego: Track, mine: IntArray, start: float, end: float) -> Iterator[Track]:
         """Those who come near the ego, for two frames at least."""
-        frames = self._frames(ego, mine)
+        frames = self._frames(ego)[mine]
         for index in np.flatnonzero((self._first < end) & (self._last > start)):
             other = self._tracks[index]
             rows = _between(other.columns["time"], start, end)
             if other is ego or len(rows) < 2:
                 continue
-            its = self._frames(other, rows)
+            its = self._frames(other)[rows]
             own = np.minimum(np.searchsorted(frames, its), len(frames) - 1)
             dx, dy = (ego.columns[axis][mine[own]] - other.columns[axis][rows] for axis in ("x", "y"))
             if np.hypot(dx, dy).min(where=frames[own] == its, initial=np.inf) <= self.scope.reach:
                 yield other
 
-    def _frames(self, track: Track, rows: IntArray) -> IntArray:
-        return np.round(track.columns["time"][rows] / self.recording.timestep).astype(np.int64)
+    def _frames(self, track: Track) -> IntArray:
+        """Numbers of the frames of all rows of a track."""
+        if track.name not in self._numbers:
+            self._numbers[track.name] = np.round(track.columns["time"] / self.recording.timestep).astype(np.int64)
+        return self._numbers[track.name]
 
     def _part(self, name: str, track: Track, rows: IntArray) -> Part:
         """A participant with the vertices of its track within the scene, and its first and last row there."""
