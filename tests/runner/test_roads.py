@@ -111,6 +111,8 @@ def test_roads_are_made_for_scenarios_that_name_none(tmp_path: Path, command: Co
     path = without_roads(scenario(tmp_path, stories=story("Ego", [(0.5, speed_action(10))])))
     with pytest.raises(InvalidFile, match="let --road auto make straight roads"):
         runner.run(path, FAST)
+    refused = command("xosc-export", path, "--to", "carla", "--out", tmp_path / "none")
+    assert (refused.code, "scenario_runner plays on a map" in refused.err) == (4, True)
     expected = runner.run(path, FAST, road="auto")
     assert any("the scenario names no road network; straight ones are assumed" in remark for remark in expected.remarks)
     for target in ("1.1", "esmini", "carla"):

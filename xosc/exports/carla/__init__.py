@@ -18,7 +18,7 @@ from xosc.exports.carla.dialect import IGNORED, REFUSED
 from xosc.exports.carla.driven import kept_distances, profiles, teleports, trajectories
 from xosc.exports.carla.lane_changes import change_lanes
 from xosc.exports.carla.routes import routes
-from xosc.exports.carla.town import settle
+from xosc.exports.carla.town import need_map, settle
 from xosc.exports.carla.ways import steer, times
 from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.conversion import in_version
@@ -55,6 +55,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
     draft = Draft(folder, settings)
     for name, scenario in concrete_scenarios(source, settings):
         draft.note(*scenario.remarks)
+        need_map(scenario, settings.roads(scenario.node))
         if not settings.strict:
             draft.note(*omit(scenario, (1, 0)))
         if settings.locate:

@@ -11,23 +11,33 @@ from pathlib import Path
 from schemas.xml import parse
 from xosc.document import Document
 from xosc.node import Node
+from xosc.roads import RoadFile
 
 _BEFORE_THE_END = 0.01
 """How far (m) before the end of a road CARLA has its last place"""
+
+
+def need_map(document: Document, network: RoadFile | None) -> None:
+    """Refuse, before anything else, a scenario without roads.
+
+    Raises:
+        Unsupported: it has none.
+    """
+    if network is None:
+        raise (document.node.find("RoadNetwork") or document.node).unsupported(
+            "scenario_runner plays on a map, and this scenario names none: name one in RoadNetwork/LogicFile "
+            "(--road auto makes straight roads where positions name roads)"
+        )
 
 
 def settle(document: Document, network: Path | None) -> Iterator[str]:
     """Move positions at the end of a road, or beyond it, to the last place that CARLA has there; remarks on that.
 
     Raises:
-        Unsupported: CARLA can't make a map of the roads, or there are none.
+        Unsupported: CARLA can't make a map of the roads.
     """
     where = document.node.find("RoadNetwork") or document.node
-    if network is None:
-        raise where.unsupported(
-            "scenario_runner plays on a map, and this scenario names none: name one in RoadNetwork/LogicFile "
-            "(--road auto makes straight roads where positions name roads)"
-        )
+    assert network is not None, "need_map has been asked"
     roads = parse(network).getroot()
     if any(junction.get("type") == "direct" for junction in roads.iter("junction")):
         raise where.unsupported("CARLA stops at roads with direct junctions")
