@@ -46,6 +46,18 @@ def test_a_whole_document_has_no_remark(write) -> None:
     assert said(write(*WHOLE)) == []
 
 
+def test_an_object_without_mass_and_category_has_some_that_change_nothing(write) -> None:
+    box = '<BoundingBox><Center x="0" y="0" z="0"/><Dimensions width="1" length="1" height="1"/></BoundingBox>'
+    thing = f'<Entities><ScenarioObject name="o"><MiscObject name="m">{box}<Properties/></MiscObject></ScenarioObject></Entities>'
+    path = write(*WHOLE[:2], thing, WHOLE[3])
+    assert said(path) == [
+        "5: the attribute 'mass' is missing; '0' is assumed",
+        "5: the attribute 'miscObjectCategory' is missing; 'none' is assumed",
+    ]
+    path.write_bytes(to_bytes(load(path)))
+    assert [problem for problem in check(path) if "valid_schema" in problem.rule] == []
+
+
 @pytest.mark.parametrize(
     ("elements", "remark"),
     [
