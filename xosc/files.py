@@ -29,7 +29,7 @@ class Header:
     description: str
     author: str
     date: datetime
-    properties: Mapping[str, str] = field(default_factory=dict)
+    properties: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 def new_document(

@@ -283,3 +283,38 @@ def test_catalogues_of_trajectories_are_written_as_their_documents_would_be(vers
     document = m.catalog("c.xosc", HEADER, "TrajectoryCatalog", entries, version)
     assert is_valid(document)
     assert m.trajectory_catalog(HEADER, entries, version) == xosc.document.to_bytes(document)
+
+
+def _following(names: tuple[str, ...], speeds: tuple[m.Number, ...], version: tuple[int, int]) -> xosc.Document:
+    """A scenario in which some follow trajectories of a catalogue."""
+    follow = {name: m.follow_trajectory(m.reference("TrajectoryCatalog", name), "follow", domain="absolute") for name in names}
+    return m.scenario(
+        "s.xosc",
+        HEADER,
+        road="r.xodr",
+        entities={name: m.reference("VehicleCatalog", name) for name in names},
+        init={name: [m.speed(speed)] for name, speed in zip(names, speeds, strict=True)},
+        maneuvers=[
+            (name, m.maneuver("go", [m.event("go", [action], m.simulation_time(speed))]))
+            for (name, action), speed in zip(follow.items(), speeds, strict=True)
+        ],
+        version=version,
+    )
+
+
+TAGS = ("ScenarioObject", "Private", "ManeuverGroup")
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_forms_with_values_are_written_as_their_document_would_be(version: tuple[int, int]) -> None:
+    names, speeds = ("Ego", 'a "b" <c> & d\'e\n\tü', "{brace} %s"), (1.5, -1e-7, 1e17)
+    form = m.Form(_following(("$name",), ("$speed",), version), TAGS)
+    more = [form.filled({"name": name}, {"speed": speed}) for name, speed in zip(names[1:], speeds[1:], strict=True)]
+    content = m.extended(_following(names[:1], speeds[:1], version), more)
+    assert content == xosc.document.to_bytes(_following(names, speeds, version))
+
+
+def test_forms_refuse_what_is_no_number() -> None:
+    form = m.Form(_following(("$name",), ("$speed",), (1, 3)), TAGS)
+    with pytest.raises(UsageError, match="nan is not a finite number"):
+        form.filled({"name": "Ego"}, {"speed": math.nan})

@@ -31,6 +31,7 @@ from xosc.maneuvers.actions import (
 from xosc.maneuvers.base import Number
 from xosc.maneuvers.entities import controller, obstacle, parameter, pedestrian, reference, vehicle
 from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario, storyboard, trajectory_catalog
+from xosc.maneuvers.forms import Form, extended
 from xosc.maneuvers.triggers import (
     Condition,
     Conditions,
@@ -49,6 +50,7 @@ __all__ = [
     "Condition",
     "Conditions",
     "Dynamics",
+    "Form",
     "Header",
     "Number",
     "Reaction",
@@ -61,6 +63,7 @@ __all__ = [
     "distance",
     "element_state",
     "event",
+    "extended",
     "follow_path",
     "follow_trajectory",
     "keep_distance",

@@ -54,7 +54,7 @@ _VERTEX = """          <Vertex time="{}">
           </Vertex>
 """
 _BETWEEN = re.compile(r">\n *<")
-_ESCAPED = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+ESCAPED = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 
 class Polyline(sg.Trajectory):
@@ -73,7 +73,7 @@ class Polyline(sg.Trajectory):
             number(value)  # refuses it
         places = " ".join(f'{axis}="{{}}"' for axis in [*columns][1:])
         vertices = map(_VERTEX.replace("...", places).format, *values.tolist())
-        self.text = _TRAJECTORY.format(name=escape(name, _ESCAPED), vertices="".join(vertices))
+        self.text = _TRAJECTORY.format(name=escape(name, ESCAPED), vertices="".join(vertices))
 
     @property
     def dense(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from lxml import etree
@@ -102,10 +103,16 @@ def trajectory_catalog(header: Header, entries: Sequence[Polyline], version: Ver
     Args:
         entries: with names that differ.
     """
+    before, after = _around_trajectories(header, version)
+    return "".join([before, *(entry.text for entry in entries), after]).encode()
+
+
+@lru_cache(maxsize=32)
+def _around_trajectories(header: Header, version: Version) -> tuple[str, str]:
+    """What stands before and after the entries of a catalogue of polylines."""
     few = Polyline("few", dict.fromkeys("txy", (0.0, 1.0)))
-    around = to_bytes(catalog("", header, "TrajectoryCatalog", [few], version))
-    before, _, after = around.partition(few.text.encode())
-    return b"".join([before, *(entry.text.encode() for entry in entries), after])
+    before, _, after = to_bytes(catalog("", header, "TrajectoryCatalog", [few], version)).decode().partition(few.text)
+    return before, after
 
 
 def _catalogs(directories: Mapping[str, str]) -> Any:

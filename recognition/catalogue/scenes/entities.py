@@ -44,12 +44,12 @@ class Entry(NamedTuple):
 
 def entry(track: Track) -> Entry:
     """The entry for a participant. Its name has the dimensions (to 1 cm), so that entries of one name are alike."""
-    box = BoundingBox(*(round(value, 2) + 0.0 for value in track.box))
-    return _entry(track.kind, track.category, box)
+    return _entry(track.kind, track.category, track.box)
 
 
-@lru_cache(maxsize=1024)
-def _entry(group: str, category: str, box: BoundingBox) -> Entry:
+@lru_cache(maxsize=4096)
+def _entry(group: str, category: str, recorded: BoundingBox) -> Entry:
+    box = BoundingBox(*(round(value, 2) + 0.0 for value in recorded))
     kind = _KINDS[group]
     name = f"{category}_{box.length:.2f}x{box.width:.2f}x{box.height:.2f}"
     about = (box.x, box.y, round(box.z - box.height / 2, 2) + 0.0)

@@ -6,8 +6,10 @@ Times are those of the scenario from its start, so that an event that begins a s
 
 from __future__ import annotations
 
+from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,12 +18,15 @@ from recognition.catalogue.scenes.scenes import EGO, Part, Scene
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.files import Header
+from xosc.maneuvers import Number
 from xosc.versions import Version
 
 _EARLY = 1e-3
 """Times that are to be reached are passed this much (s) earlier: every version of the standard has `greaterThan`."""
 _DIGITS = 4
 """Decimals of positions and headings"""
+_OF_EACH = ("ScenarioObject", "Private", "ManeuverGroup")
+"""Elements of which a scenario has one for each participant"""
 
 
 def trajectories(scene: Scene) -> list[Any]:
@@ -35,10 +40,6 @@ def _trajectory(part: Part, start: float) -> Any:
     return maneuvers.trajectory(part.name, time, x, y, h=h)
 
 
-def _rounded(value: float) -> float:
-    return round(float(value), _DIGITS) + 0.0
-
-
 def scenario(
     path: Path,
     header: Header,
@@ -48,8 +49,10 @@ def scenario(
     entries: dict[str, Entry],
     catalogs: dict[str, str],
     version: Version,
-) -> Document:
-    """The scenario that replays a scene.
+) -> bytes:
+    """The content of the scenario that replays a scene.
+
+    The document of the ego alone has everything once; what it says of a participant is repeated as text for the others.
 
     Args:
         path: the file that it is to become.
@@ -59,54 +62,79 @@ def scenario(
         catalogs: folder of each kind of catalogue, relative to `path`; a catalogue is called like its kind.
         version: of the standard.
     """
-    later = [part for part in scene.parts if not _from_start(part, scene)]
+    ego, *others = (_participant(part, scene, entries[part.name]) for part in scene.parts)
+    alone = _document(path, header, ego, scene.end - scene.start, road=road, catalogs=catalogs, version=version)
+    more = [_form(each.appears, each.leaves, version).filled(each.names, each.numbers) for each in others]
+    return maneuvers.extended(alone, more)
+
+
+class _Participant(NamedTuple):
+    """What a replay says of a participant.
+
+    names: of itself, its catalogue and its entry there. numbers: where its trajectory begins and at what speed (m, rad, m/s), and
+    when it begins and ends, from the scene's start (s). appears: it is not there from the beginning. leaves: before the end.
+    """
+
+    names: dict[str, str]
+    numbers: dict[str, Number]
+    appears: bool
+    leaves: bool
+
+
+def _participant(part: Part, scene: Scene, entry: Entry) -> _Participant:
+    first, last = part.rows[0], part.rows[-1]
+    columns = part.track.columns
+    begins, ends = float(columns["time"][first]), float(columns["time"][last])
+    numbers: dict[str, Number] = {name: _rounded(columns[name][first]) for name in ("x", "y", "h", "speed")}
+    numbers |= {"begins": _rounded(begins - scene.start) - _EARLY, "ends": _rounded(ends - scene.start) - _EARLY}
+    names = {"name": part.name, "catalog": f"{entry.kind}Catalog", "entry": entry.name}
+    leaves = part.name != EGO and ends < scene.end - _EARLY
+    return _Participant(names, numbers, begins > scene.start + _EARLY, leaves)
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), _DIGITS) + 0.0
+
+
+@lru_cache
+def _form(appears: bool, leaves: bool, version: Version) -> maneuvers.Form:
+    """What a scenario of this version says of a participant that appears or leaves."""
+    names = {name: f"${name}" for name in ("name", "catalog", "entry")}
+    numbers: dict[str, Number] = {name: f"${name}" for name in ("x", "y", "h", "speed", "begins", "ends")}
+    header = Header("form", "", datetime(2000, 1, 1))
+    alone = _Participant(names, numbers, appears, leaves)
+    return maneuvers.Form(_document(Path(), header, alone, 0.0, road="", catalogs={}, version=version), _OF_EACH)
+
+
+def _document(
+    path: Path,
+    header: Header,
+    each: _Participant,
+    duration: float,
+    *,
+    road: str,
+    catalogs: dict[str, str],
+    version: Version,
+) -> Document:
+    """The scenario of one participant that ends after a duration (s); other arguments as in `scenario`."""
+    name, numbers = each.names["name"], each.numbers
+    place = maneuvers.world_position(numbers["x"], numbers["y"], h=numbers["h"])
+    speed = maneuvers.speed(numbers["speed"])
+    begins, ends = (maneuvers.simulation_time(numbers[when]) for when in ("begins", "ends"))
+    follow = maneuvers.follow_trajectory(maneuvers.reference("TrajectoryCatalog", name), "follow", domain="absolute")
+    events = [maneuvers.event("follow", [follow], begins, "parallel")]
+    if each.appears:
+        events.insert(0, maneuvers.event("appear", [maneuvers.add_entity(name, place), speed], begins, "parallel"))
+    if each.leaves:
+        events.append(maneuvers.event("leave", [maneuvers.delete_entity(name)], ends, "parallel"))
     return maneuvers.scenario(
         path,
         header,
         road=road,
-        entities={name: maneuvers.reference(f"{entry.kind}Catalog", entry.name) for name, entry in entries.items()},
-        init={part.name: _init(part) for part in scene.parts if part not in later},
-        maneuvers=[(part.name, maneuvers.maneuver("replay", _events(part, scene))) for part in scene.parts],
+        entities={name: maneuvers.reference(each.names["catalog"], each.names["entry"])},
+        init={} if each.appears else {name: [maneuvers.teleport(place), speed]},
+        maneuvers=[(name, maneuvers.maneuver("replay", events))],
         catalogs=catalogs,
-        stop=maneuvers.simulation_time(round(scene.end - scene.start, _DIGITS) - _EARLY),
+        stop=maneuvers.simulation_time(round(duration, _DIGITS) - _EARLY),
         version=version,
     )
-
-
-def _from_start(part: Part, scene: Scene) -> bool:
-    return part.time[0] <= scene.start + _EARLY
-
-
-def _place(part: Part) -> Any:
-    """Where a participant's trajectory begins."""
-    x, y, h = (_first(part, name) for name in ("x", "y", "h"))
-    return maneuvers.world_position(x, y, h=h)
-
-
-def _first(part: Part, name: str) -> float:
-    """The value that a participant's trajectory begins with."""
-    return _rounded(part.track.columns[name][part.rows[0]])
-
-
-def _init(part: Part) -> list[Any]:
-    return [maneuvers.teleport(_place(part)), _speed(part)]
-
-
-def _speed(part: Part) -> Any:
-    """The speed that its trajectory begins with."""
-    return maneuvers.speed(_first(part, "speed"))
-
-
-def _events(part: Part, scene: Scene) -> list[Any]:
-    begins, ends = (_rounded(time - scene.start) for time in part.track.columns["time"][part.rows[[0, -1]]])
-    start = maneuvers.simulation_time(begins - _EARLY)
-    follow = maneuvers.follow_trajectory(maneuvers.reference("TrajectoryCatalog", part.name), "follow", domain="absolute")
-    events = [maneuvers.event("follow", [follow], start, "parallel")]
-    if not _from_start(part, scene):
-        appear = [maneuvers.add_entity(part.name, _place(part)), _speed(part)]
-        events.insert(0, maneuvers.event("appear", appear, start, "parallel"))
-    if part.name != EGO and part.time[-1] < scene.end - _EARLY:
-        events.append(
-            maneuvers.event("leave", [maneuvers.delete_entity(part.name)], maneuvers.simulation_time(ends - _EARLY), "parallel")
-        )
-    return events

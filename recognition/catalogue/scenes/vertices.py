@@ -49,10 +49,11 @@ def needed(time: FloatArray, values: FloatArray) -> IntArray:
 def vertices(columns: Mapping[str, np.ndarray], tolerance: Tolerance) -> IntArray:
     """Rows of a track that its trajectory has vertices at, ends included, ascending."""
     time, last = columns["time"], len(columns["time"]) - 1
+    recorded = _Motion.of(columns)
     marks = np.arange(time[0], time[-1], _FIRST)
     chosen = np.unique(np.append(np.searchsorted(time, marks - 1e-6), last))
     while True:
-        bad = _off(columns, chosen, tolerance)
+        bad = _off(recorded, chosen, tolerance)
         split = np.add.reduceat(bad[:-1] | bad[1:], chosen[:-1]) > 0 if last > 0 else np.zeros(0, bool)
         split &= np.diff(chosen) > 1
         if not split.any():
@@ -60,15 +61,32 @@ def vertices(columns: Mapping[str, np.ndarray], tolerance: Tolerance) -> IntArra
         chosen = np.union1d(chosen, (chosen[:-1] + chosen[1:])[split] // 2)
 
 
-def _off(columns: Mapping[str, np.ndarray], chosen: IntArray, tolerance: Tolerance) -> BoolArray:
+class _Motion(NamedTuple):
+    """What was recorded of a track (n,) each: s; m; rad, without jumps; m/s and m/s² along its way, forward or back."""
+
+    time: FloatArray
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+
+    @classmethod
+    def of(cls, columns: Mapping[str, np.ndarray]) -> _Motion:
+        """From the columns of a track."""
+        time, x, y, h, speed, acceleration = (columns[name] for name in ("time", "x", "y", "h", "speed", "acceleration"))
+        sign = np.where(speed < 0.0, -1.0, 1.0)
+        return cls(time, x, y, np.unwrap(h), sign * speed, sign * acceleration)
+
+
+def _off(recorded: _Motion, chosen: IntArray, tolerance: Tolerance) -> BoolArray:
     """Rows at which a run by the chosen vertices is further than tolerated from the recording."""
-    time, x, y, speed, acceleration = (columns[name] for name in ("time", "x", "y", "speed", "acceleration"))
-    h, sign = np.unwrap(columns["h"]), np.where(speed < 0.0, -1.0, 1.0)
+    time, x, y, h, speed, acceleration = recorded
     dx, dy = np.diff(x[chosen]), np.diff(y[chosen])
     chord = np.hypot(dx, dy)
     stations = np.append(0.0, np.cumsum(chord))
     rests = np.isin(stations, stations[1:-1][dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0.0])
-    pieces, _ = quadratic(time[chosen], stations, abs(float(speed[chosen[0]])), rests)
+    pieces, _ = quadratic(time[chosen], stations, float(speed[0]), rests)
     if not len(pieces):
         return np.zeros(len(time), bool)
     piece = pieces[np.maximum(np.searchsorted(pieces[:, 0], time, side="right") - 1, 0)]
@@ -77,6 +95,6 @@ def _off(columns: Mapping[str, np.ndarray], chosen: IntArray, tolerance: Toleran
     driven = piece[:, 2] + past * piece[:, 3]
     away = np.hypot(np.interp(station, stations, x[chosen]) - x, np.interp(station, stations, y[chosen]) - y)
     turn = np.abs(np.interp(station, stations, h[chosen]) - h)
-    faster, harder = np.abs(driven - sign * speed), np.abs(piece[:, 3] - sign * acceleration)
+    faster, harder = np.abs(driven - speed), np.abs(piece[:, 3] - acceleration)
     wrong = (away > tolerance.place) | (turn > tolerance.heading)
     return wrong | (faster > tolerance.speed) | (harder > tolerance.acceleration)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from recognition.catalogue.scenes.scenes import EGO, Scene
+import numpy as np
+
+from recognition.catalogue.scenes.scenes import EGO, Part, Scene
 from recognition.labels.classes import Label
 from runner.measures.criticality import criticality
 from runner.measures.relations import Motion
@@ -57,15 +59,17 @@ def measures(scene: Scene) -> dict[str, float | None]:
 
     `collision_time` is when its box first touches another one, s from the scene's start: recorded sizes can be wrong.
     """
-    rows = [part.track.columns["time"] for part in scene.parts]
-    inside = [(time >= scene.start) & (time <= scene.end) for time in rows]
-    ego, *others = (
-        Motion.from_columns(part.name, part.track.box, {name: values[keep] for name, values in part.track.columns.items()})
-        for part, keep in zip(scene.parts, inside, strict=True)
-    )
+    ego, *others = (_motion(part, scene) for part in scene.parts)
     found = criticality(ego, others)
     extremes = {name: value["value"] if isinstance(value, dict) else value for name, value in found.summary.items()}
     return extremes | {"collision_time": found.impact.time - scene.start if found.impact is not None else None}
+
+
+def _motion(part: Part, scene: Scene) -> Motion:
+    """A participant within the scene."""
+    columns = part.track.columns
+    first, last = np.searchsorted(columns["time"], scene.start), np.searchsorted(columns["time"], scene.end, "right")
+    return Motion.from_columns(part.name, part.track.box, {name: values[first:last] for name, values in columns.items()})
 
 
 def tags(name: str, title: str, scene: Scene, facts: Mapping[str, Any]) -> list[Tag]:

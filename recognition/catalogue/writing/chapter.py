@@ -23,7 +23,7 @@ from recognition.sites import Site
 from runner.recording import Recording, Track
 from schemas.errors import Unsupported
 from xosc import maneuvers, tags
-from xosc.document import Document, to_bytes
+from xosc.document import to_bytes
 from xosc.files import Header
 from xosc.versions import Version
 
@@ -151,25 +151,25 @@ class Chapter:
         properties = tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
         header = Header(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, properties)
         row = facts | {
-            "file": self._put(self._replay(context, header)),
+            "file": self._put(episode, ".xosc", self._replay(context, header)),
             "maneuver": None,
             "no_maneuver": None,
             "road": context.road,
         }
         try:
-            row["maneuver"] = self._put(self._variation(context, header))
+            row["maneuver"] = self._put(episode, "_maneuver.xosc", self._variation(context, header))
         except Unsupported as reason:
             row["no_maneuver"] = reason.message
-        row["openlabel"] = f"{episode.folder}/{episode.name}.openlabel.json"
-        self._store.write(row["openlabel"], tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR))
+        row["openlabel"] = self._put(episode, ".openlabel.json", tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR))
         self._rows.append(row)
 
-    def _put(self, document: Document) -> str:
-        name = document.path.relative_to(self._store.root).as_posix()
-        self._store.write(name, to_bytes(document))
+    def _put(self, episode: Episode, ending: str, content: bytes) -> str:
+        """Write a file of an episode; its name in the catalogue."""
+        name = f"{episode.folder}/{episode.name}{ending}"
+        self._store.write(name, content)
         return name
 
-    def _replay(self, context: _Context, header: Header) -> Document:
+    def _replay(self, context: _Context, header: Header) -> bytes:
         episode, scene = context.episode, context.scene
         participants = {part.name: entry(part.track) for part in scene.parts}
         entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants.values()]
@@ -179,7 +179,7 @@ class Chapter:
         road, catalogs, version = f"../{context.road}", _directories(entries), self._config.version
         return replay.scenario(path, header, scene, road=road, entries=participants, catalogs=catalogs, version=version)
 
-    def _variation(self, context: _Context, header: Header) -> Document:
+    def _variation(self, context: _Context, header: Header) -> bytes:
         episode, network, finding = context.episode, context.material.site.network, context.episode.finding
         if finding is None or episode.passage is not None:
             raise Unsupported("this is the scene of a whole vehicle, not of one manoeuvre")
@@ -197,7 +197,7 @@ class Chapter:
         stage = variation.Stage(path, f"../{context.road}", _directories(entries))
         document = variation.scenario(stage, header, measured, network, other, followed, self._config.version)
         self._enter(entries)
-        return document
+        return to_bytes(document)
 
 
 def write_catalog(store: Store, place: Place, entries: dict[str, Any], version: Version) -> None:

@@ -46,8 +46,8 @@ def write(folder: Path, recording: Recording, scene: Scene, version: Version = (
     (folder / "road.xodr").write_bytes(Path(recording.network.path).read_bytes())
     path = folder / "scenario.xosc"
     catalogs = {kind: kind for kind in built}
-    document = replay.scenario(path, HEADER, scene, road="road.xodr", entries=entries, catalogs=catalogs, version=version)
-    xosc.write(document, path)
+    content = replay.scenario(path, HEADER, scene, road="road.xodr", entries=entries, catalogs=catalogs, version=version)
+    path.write_bytes(content)
     return path
 
 
