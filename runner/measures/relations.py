@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,26 +62,6 @@ class Motion:
         """Cosine and sine of the heading."""
         return np.cos(self.h), np.sin(self.h)
 
-    @cached_property
-    def side(self) -> FloatArray:
-        """+1 where it faces increasing s, −1 else: by its last movement, or its next one while it has not moved yet."""
-        change = np.sign(np.diff(self.s, prepend=self.s[:1])) * np.sign(self.speed)
-        change[1:][self.road[1:] != self.road[:-1]] = 0.0
-        known = np.flatnonzero(change)
-        if known.size == 0:
-            return np.ones_like(self.s)
-        return change[known[np.maximum(np.searchsorted(known, np.arange(len(change)), side="right") - 1, 0)]]
-
-    @cached_property
-    def drift(self) -> FloatArray:
-        """dt/dτ: lateral speed towards +t; 0 in the step in which the road changes."""
-        drift = np.zeros_like(self.t)
-        if len(self.t) > 1:
-            drift[1:] = np.diff(self.t) / np.maximum(np.diff(self.time), 1e-9)
-            drift[1:][self.road[1:] != self.road[:-1]] = 0.0
-            drift[0] = drift[1]
-        return drift
-
     def at(self, rows: IntArray | BoolArray) -> Motion:
         """The same at some of its instants."""
         sizes: tuple[Any, ...] = self.box
@@ -95,7 +75,8 @@ class Motion:
 _ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
 
 
-def joined(motions: Sequence[Motion]) -> tuple[Motion, IntArray]:
+@lru_cache(maxsize=1)  # several measures of one scene ask for it
+def joined(motions: tuple[Motion, ...]) -> tuple[Motion, IntArray]:
     """The rows of several participants, one participant after the other, and which one each row is of."""
     sizes = [len(each.time) for each in motions]
     boxes = BoundingBox(*np.repeat(np.array([each.box for each in motions], np.float64).T, sizes, axis=1))
@@ -103,12 +84,12 @@ def joined(motions: Sequence[Motion]) -> tuple[Motion, IntArray]:
     return Motion("", boxes, **columns), np.repeat(np.arange(len(motions)), sizes)
 
 
-def blocks(motions: Sequence[Motion]) -> Iterator[Sequence[Motion]]:
+def blocks(motions: Sequence[Motion]) -> Iterator[tuple[Motion, ...]]:
     """Participants in their order, as many at once as are to be looked at together."""
     ends = np.cumsum([len(each.time) for each in motions]) // _BLOCK
     for block in np.unique(ends):
         first, last = np.searchsorted(ends, [block, block + 1])
-        yield motions[first:last]
+        yield tuple(motions[first:last])
 
 
 class View(NamedTuple):
@@ -207,7 +188,8 @@ def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatA
 
 def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
     """Where other participants are as the ego sees them, at the instants at which both are there, on the same level."""
-    a, b, rows, theirs, who = common(ego, others)
+    everyone = tuple(others)
+    a, b, rows, theirs, who = common(ego, everyone)
     seen = seen_by(a, b)
     distance = _distance(a, b, seen)
     level = vertical_gap(a, b) <= _STEEPEST * distance
@@ -217,13 +199,14 @@ def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
     view = _in_ego_frame(a, b, seen)
     same = np.equal(a.road, b.road).astype(bool) & np.not_equal(a.road, np.array(None, object)).astype(bool)
     if same.any():
-        side, drift = (np.concatenate([getattr(other, name) for other in others])[theirs] for name in ("side", "drift"))
-        on_road = _on_road((a, ego.side[rows], ego.drift[rows]), (b, side, drift))
+        alone = np.zeros(len(ego.time), np.int64)
+        on_road = _on_road((a, *_along_road(ego, alone, rows)), (b, *_along_road(*joined(everyone), theirs)))
         view = View(*(np.where(same, one, another) for one, another in zip(on_road, view, strict=True)))
     return Relations(rows, who, distance, view)
 
 
-def common(ego: Motion, others: Sequence[Motion]) -> tuple[Motion, Motion, IntArray, IntArray, IntArray]:
+@lru_cache(maxsize=1)  # as `joined`
+def common(ego: Motion, others: tuple[Motion, ...]) -> tuple[Motion, Motion, IntArray, IntArray, IntArray]:
     """The ego and all others at the instants at which both are there; the rows of both, and whose each is."""
     everyone, who = joined(others)
     rows, theirs = _common(ego.time, everyone.time, who)
@@ -267,7 +250,32 @@ def _in_ego_frame(a: Motion, b: Motion, seen: Sight) -> View:
 
 
 _OnRoad = tuple[Motion, FloatArray, FloatArray]
-"""A participant at some instants, with `Motion.side` and `Motion.drift` there"""
+"""A participant at some instants, and how it moves along its road there (`_along_road`)"""
+
+
+def _along_road(motion: Motion, who: IntArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """How participants move along their roads, at some of their rows (n,).
+
+    Args:
+        motion, who: rows of one or several, and whose each is (`joined`).
+
+    Returns:
+        +1 where one faces increasing s, −1 else: by its last movement, or its next one while it has not moved yet. And dt/dτ, its
+        lateral speed towards +t, m/s; 0 in the step in which the road changes.
+    """
+    begins = np.diff(who, prepend=-1) != 0
+    jumps = begins.copy()
+    jumps[1:] |= motion.road[1:] != motion.road[:-1]
+    turns = np.where(jumps, 0.0, np.sign(np.diff(motion.s, prepend=0.0)) * np.sign(motion.speed))
+    known = np.concatenate([[-1], np.flatnonzero(turns), [len(who)]])
+    place = np.searchsorted(known, rows, side="right")
+    last, following = known[place - 1], np.minimum(known[place], len(who) - 1)
+    before, after = (last >= 0) & (who[last] == who[rows]), (turns[following] != 0.0) & (who[following] == who[rows])
+    side = np.where(before | after, turns[np.where(before, last, following)], 1.0)
+    drift = np.where(jumps, 0.0, np.diff(motion.t, prepend=0.0) / np.maximum(np.diff(motion.time, prepend=0.0), 1e-9))
+    first = np.flatnonzero(begins[:-1] & ~begins[1:])
+    drift[first] = drift[first + 1]
+    return side, drift[rows]
 
 
 def _on_road(ego: _OnRoad, other: _OnRoad) -> View:
