@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from recognition.study.agreement.command import agreement
+from recognition.study.places import places
 from recognition.study.protocol.command import protocol
 from recognition.study.sites import sites
 from schemas.commands.options import Version, guarded, new_app
@@ -22,6 +23,7 @@ def recognition_study(_version: Version = False) -> None:
 app.command("protocol")(protocol)
 app.command("agreement")(agreement)
 app.command("sites")(sites)
+app.command("places")(places)
 
 
 def main() -> None:
