@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 import zipfile
 from dataclasses import asdict, fields, is_dataclass
+from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -58,7 +60,6 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     Raises:
         UsageError: the model has not been fitted, has steps of a study, or the folder can't be written.
     """
-    import skops.io
     from safetensors import numpy as safetensors
 
     known = model.known
@@ -79,7 +80,7 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config), **stated})}
     with writing("the model", folder):
         keep(safetensors.save({name: np.asarray(value, order="C") for name, value in arrays.items()}, about), folder / _MODEL)
-        skops.io.dump(known.forest.trees, folder / _FOREST, compression=zipfile.ZIP_DEFLATED)
+        keep(known.forest.stored or _written(known.forest.trees), folder / _FOREST)
         for number, encoder in enumerate(model.encoders):
             from recognition.encoder import storage
 
@@ -93,10 +94,10 @@ def load(folder: Path) -> TRFE:
         InvalidFile: a file is missing, truncated, not such a model's, or not to be trusted.
     """
     config, unseen, arrays = _read_model(folder / _MODEL)
-    forest = _read_forest(folder / _FOREST)
+    forest, stored = _read_forest(folder / _FOREST)
     encoders = _read_encoders(folder)
     try:
-        model = TRFE(config, encoders, _known(config, arrays, forest))
+        model = TRFE(config, encoders, _known(config, arrays, forest, stored))
         model.unseen_sites = unseen
         model.least = _least(_part(arrays, "least"))
         width = model.known.fitted.features.shape[1]
@@ -146,11 +147,11 @@ def _part(arrays: Arrays, prefix: str) -> Arrays:
     return {name.removeprefix(f"{prefix}."): value for name, value in arrays.items() if name.startswith(f"{prefix}.")}
 
 
-def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier) -> Known:
+def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier, stored: bytes) -> Known:
     fitted, calibrating = (labelled(**_part(arrays, name)) for name in ("fitted", "calibrating"))
     prototypes = Prototypes(**_part(arrays, "prototypes"))
     screening = EvtJoint(seed=config.seed).restore(_part(arrays, "screening"))
-    voting = VotingForest(forest, Neighbours(**_part(arrays, "neighbours")))
+    voting = VotingForest(forest, Neighbours(**_part(arrays, "neighbours")), stored)
     classes = voting.classes
     for of in (fitted.labels, calibrating.labels, prototypes.classes, screening.classes):
         if not np.array_equal(np.unique(of), classes):
@@ -197,20 +198,31 @@ def _setting(name: str, kind: Any, value: Any) -> Any:
     raise ValueError(f"its setting {name} can't be {value!r}")
 
 
-def _read_forest(path: Path) -> RandomForestClassifier:
+def _written(forest: RandomForestClassifier) -> bytes:
     import skops.io
 
+    return skops.io.dumps(forest, compression=zipfile.ZIP_DEFLATED)
+
+
+def _read_forest(path: Path) -> tuple[RandomForestClassifier, bytes]:
+    """A forest, and the content of its file."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
-                raise ValueError("it is too large")
-        foreign = set(skops.io.get_untrusted_types(file=path)) - {_TREE}
-        if foreign:
-            raise ValueError(f"it holds types that are not trusted: {', '.join(sorted(foreign))}")
-        forest = skops.io.load(path, trusted=[_TREE])
-        _check_forest(forest)
+        content = path.read_bytes()
+        return _parsed(content), content
     except Exception as error:
         raise InvalidFile(f"this is no forest: {reason(error)}", path=path) from None
+
+
+@lru_cache(maxsize=1)
+def _parsed(content: bytes) -> RandomForestClassifier:
+    """The forest of a file; the last one is kept, as a loop reads the same model for each of its catalogues."""
+    import skops.io
+
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
+            raise ValueError("it is too large")
+    forest = skops.io.loads(content, trusted=[_TREE])  # looks through the types of all that is in it before it makes any of it
+    _check_forest(forest)
     return forest
 
 

@@ -36,10 +36,12 @@ class VotingForest(NamedTuple):
     Args:
         trees: fitted on features, or on features with distances beside them.
         neighbours: to which distances are measured; None where the trees see features alone.
+        stored: content of the file that the trees were read from; None for trees that no file has yet.
     """
 
     trees: RandomForestClassifier
     neighbours: Neighbours | None
+    stored: bytes | None = None
 
     @property
     def classes(self) -> IntArray:
