@@ -37,6 +37,8 @@ from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 
 EVENTS, VEHICLES = "events", "vehicles"
 _REFUSALS = (InvalidFile, Unsupported, UsageError)
+_LONG = 200
+"""Participants of a recording that takes so long to write that it is worth a search for garbage, in all that is loaded"""
 
 
 @dataclass(frozen=True)
@@ -169,11 +171,13 @@ def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) 
 @lru_cache(maxsize=1)
 def _material(ground: Ground, scope: Scope) -> Material:
     """A recording from the shelf, which is kept for its other blocks."""
-    gc.unfreeze()
-    gc.collect()
     source = ground.place.source
-    material = Material(source, Shelf(ground.place.shelf).get(source).recording, ground.site, scope)
-    gc.freeze()  # until the next recording no garbage is sought in it, nor in the roads
+    recording = Shelf(ground.place.shelf).get(source).recording
+    material = Material(source, recording, ground.site, scope)
+    if len(recording.tracks) >= _LONG:
+        gc.unfreeze()
+        gc.collect()
+        gc.freeze()  # until the next such recording no garbage is sought in it, nor in the roads
     return material
 
 
