@@ -18,11 +18,11 @@ _EXTRAS = {
     "skops": "recognition",
     "threadpoolctl": "recognition",
     "torch": "recognition",
-    "cma": "search",
-    "greenlet": "search",
-    "optuna": "search",
-    "pymoo": "search",
     "ribs": "search",
+    "cma": "study",
+    "greenlet": "study",
+    "optuna": "study",
+    "pymoo": "study",
 }
 """The extra that brings a library, by the name that it is imported by."""
 

@@ -18,7 +18,7 @@ def study() -> None:
 
 def main() -> None:
     """Entry point of the command."""
-    guarded(NAME, app, extra="search")
+    guarded(NAME, app, extra="study")
 
 
 if __name__ == "__main__":
