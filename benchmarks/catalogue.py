@@ -94,7 +94,7 @@ def in_parts(folder: Path, out: Path, labels: str) -> None:
     start = time.process_time()
     recogniser = ByRules() if labels == "rules" else load(SHIPPED)
     loading = time.process_time() - start
-    summary = build([folder], out, CatalogueSettings(), recogniser, functools.partial(progress_bar, quiet=True))
+    summary = build([folder], out, CatalogueSettings(), lambda: recogniser, functools.partial(progress_bar, quiet=True))
     whole, count = time.process_time() - start, sum(summary.classes.values())
     taken["writing"] -= taken["cutting scenes"] + taken["measuring scenes"]
     print(f"{count} scenarios: {whole:.1f} s of processors, {1e3 * taken['writing'] / count:.1f} ms to write one")

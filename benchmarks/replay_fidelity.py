@@ -47,7 +47,7 @@ def measure(path: Path, world: str, limit: float) -> None:
     settings = stages.CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        made = pipeline.build([path], out, settings, pipeline.ByRules(), partial(progress_bar, quiet=True))
+        made = pipeline.build([path], out, settings, pipeline.ByRules, partial(progress_bar, quiet=True))
         print(f"{sum(made.classes.values())} scenes of vehicles, {len(made.exclusions)} vehicles without: {dict(made.passages)}")
         for name, error in made.failures.items():
             print(f"{name} was not read: {error}")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
 from typing import NamedTuple, TypeVar
 
 from runner.batch.pool import executor
@@ -21,8 +22,9 @@ class Workers(NamedTuple):
     ray: str | None = None
 
 
-def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers) -> Iterator[Result]:
-    """The result of each task, in their order.
+@contextmanager
+def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers) -> Iterator[Iterator[Result]]:
+    """Around all that uses the result of each task, in their order; several processes begin at once.
 
     Args:
         work: does a task; a function of a module, or a `functools.partial` of one, as it goes to other processes.
@@ -32,20 +34,21 @@ def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Work
         ToolchainError: a process died.
     """
     if workers.ray is not None:
-        yield from _on_ray(work, tasks, workers.ray, workers.jobs)
-    elif workers.jobs == 1 or len(tasks) < 2:
-        yield from map(work, tasks)
+        with closing(_on_ray(work, tasks, workers.ray, workers.jobs)) as found:
+            yield found
+    elif workers.jobs == 1 or not tasks:
+        yield map(work, tasks)
     else:
         with executor(min(workers.jobs, len(tasks))) as pool:
             try:
-                yield from pool.map(work, tasks)
+                yield pool.map(work, tasks)
             except BrokenProcessPool:
                 raise ToolchainError("a process died, perhaps because memory ran out; go on with fewer --jobs") from None
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int) -> Iterator[Result]:
+def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int) -> Generator[Result, None, None]:
     from runner.batch.ray_pool import connect
 
     ray, ours = connect(address, jobs)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -61,16 +62,20 @@ def catalogue(
     for any number of processes, and after an interruption the same command reads only recordings that were not read yet.
     """
     from recognition.catalogue.beside import Workers
-    from recognition.catalogue.pipeline import build
-    from recognition.catalogue.recognisers.model import ByModel
+    from recognition.catalogue.pipeline import ByRules, build
 
-    settings, (recogniser, note) = _settings(scenes, signalised, standard), _recogniser(labels, model)
-    if keep_model and not isinstance(recogniser, ByModel):
+    settings, (made, note) = _settings(scenes, signalised, standard), _recogniser(labels, model)
+    if keep_model and made is ByRules:
         raise UsageError("--keep-model is for a model that labels; rules learn nothing")
+    recogniser = cache(made)
     with interruptible(NAME):
         summary = build(paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray))
-        if keep_model and isinstance(recogniser, ByModel):
-            recogniser.keep(keep_model)
+        if keep_model:
+            from recognition.catalogue.recognisers.model import ByModel
+
+            model_after = recogniser()
+            assert isinstance(model_after, ByModel), "rules were refused"
+            model_after.keep(keep_model)
         _print_note(note, quiet)
         code = _report(summary, verbose, quiet)
     raise typer.Exit(code)
@@ -94,7 +99,7 @@ def label(
 
     settings, (recogniser, note) = _settings("events", signalised, "1.3"), _recogniser(labels, model)
     with interruptible(NAME):
-        labelled = label_runs(folder, settings, recogniser, partial(progress_bar, quiet=quiet), in_place=in_place)
+        labelled = label_runs(folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place)
         _print_note(note, quiet)
         if not quiet:
             for name, found in labelled.findings.items():
@@ -117,23 +122,31 @@ def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings
     return CatalogueSettings(scenes=scenes, rules=Rules(signalised=signalised), config=CatalogueConfig(version=version))
 
 
-def _recogniser(labels: str, model: Path | None) -> tuple[Recogniser, str]:
-    """Who labels and sorts, and why that is not the model, where it is not and was not asked for."""
+def _recogniser(labels: str, model: Path | None) -> tuple[Callable[[], Recogniser], str]:
+    """Makes who labels and sorts; and why that is not the model, where it is not and was not asked for."""
     from recognition.catalogue.pipeline import SHIPPED, ByRules
+    from recognition.catalogue.recognisers.findings import MODEL, RULES
+    from recognition.catalogue.recognisers.trust import objection, unseen_sites
 
     if labels == "rules" and model is not None:
         raise UsageError("--model and --labels rules exclude each other")
     folder = model or SHIPPED
     if labels == "rules":
-        return ByRules(), ""
+        return ByRules, ""
     if labels == "auto" and model is None and not folder.is_dir():
-        return ByRules(), "no model is shipped: the rules label alone"
-    from recognition.catalogue.recognisers.model import load
-    from recognition.catalogue.recognisers.trust import objection, unseen_sites
-
-    recogniser = load(folder, sorts=True if labels == "model" else None)
+        return ByRules, "no model is shipped: the rules label alone"
+    if not folder.is_dir():
+        raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
     why = objection(unseen_sites(folder))
-    return recogniser, f"scenarios are sorted by the {recogniser.sorted_by}: {why}" if why else ""
+    sorts = labels == "model" or why is None
+    return partial(_by_model, folder, sorts), f"scenarios are sorted by the {MODEL if sorts else RULES}: {why}" if why else ""
+
+
+def _by_model(folder: Path, sorts: bool) -> Recogniser:
+    """Labels by a model; what that takes is imported here only, which is seconds."""
+    from recognition.catalogue.recognisers.model import load
+
+    return load(folder, sorts=sorts)
 
 
 def _print_note(note: str, quiet: bool) -> None:

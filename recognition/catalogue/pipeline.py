@@ -98,7 +98,7 @@ def build(
     paths: Sequence[Path],
     out: Path,
     settings: CatalogueSettings,
-    recogniser: Recogniser,
+    recogniser: Callable[[], Recogniser],
     bar: Bar,
     workers: Workers = Workers(),  # noqa: B008 - immutable
 ) -> Summary:
@@ -108,6 +108,7 @@ def build(
     an interruption are not read again by the next call.
 
     Args:
+        recogniser: makes who labels; several processes read meanwhile.
         bar: shows how many recordings are recognised, and how many scenarios are written.
         workers: who reads, labels and writes the recordings.
 
@@ -119,8 +120,10 @@ def build(
     sources = stages.opened(tuple(paths))
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
-    work = _Work(tuple(paths), out, settings, recogniser, workers)
-    work.read(sources, bar)
+    places = [Place(tuple(paths), source.name, out / _SHELF) for source in sources]
+    with results(partial(stages.read, settings), places, workers) as found:
+        work = _Work(out, settings, recogniser(), workers)
+        work.take(sources, found, bar)
     work.write([source for source in sources if source.name in work.seen], bar)
     return work.close()
 
@@ -148,19 +151,15 @@ def _refuse_others(out: Path, names: set[str]) -> None:
 class _Work:
     """One catalogue in the making."""
 
-    def __init__(
-        self, paths: tuple[Path, ...], out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers
-    ) -> None:
+    def __init__(self, out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers) -> None:
         self.seen: dict[str, Seen] = {}
-        self._paths, self._out, self._settings, self._workers = paths, out, settings, workers
-        self._recogniser = recogniser
+        self._out, self._settings, self._recogniser, self._workers = out, settings, recogniser, workers
         self._catalogue = Catalogue(out, settings.config, recogniser.sorted_by)
         self._shelf = Shelf(out / _SHELF)
         self._failures: dict[str, ToolchainError] = {}
 
-    def read(self, sources: Sequence[Source], bar: Bar) -> None:
-        """Read and label the recordings, and have the recogniser look at them in their order."""
-        found = results(partial(stages.read, self._settings), [self._place(one) for one in sources], self._workers)
+    def take(self, sources: Sequence[Source], found: Iterator[Seen | ToolchainError], bar: Bar) -> None:
+        """Have the recogniser look at the recordings in their order, as they have been read."""
         with bar("recognising", len(sources)) as advance:
             for source, seen in zip(sources, found, strict=True):
                 if isinstance(seen, ToolchainError):
@@ -176,8 +175,9 @@ class _Work:
         """Write the scenarios of the recordings."""
         work = partial(stages.write, self._out, self._settings, self._recogniser.sorted_by)
         blocks = [block for source in sources for block in self._blocks(source)]
-        with bar("writing", sum(len(block.episodes) for block in blocks)) as advance:
-            for block, one in zip(blocks, results(work, blocks, self._workers), strict=True):
+        count = sum(len(block.episodes) for block in blocks)
+        with bar("writing", count) as advance, results(work, blocks, self._workers) as done:
+            for block, one in zip(blocks, done, strict=True):
                 self._catalogue.take(one.written)
                 if one.error is not None:
                     self._failures[block.ground.place.name] = one.error
@@ -198,9 +198,6 @@ class _Work:
             removed,
             self._failures,
         )
-
-    def _place(self, source: Source) -> Place:
-        return Place(self._paths, source.name, self._out / _SHELF)
 
     def _blocks(self, source: Source) -> Iterator[Block]:
         """What is to be written of a recording; its road is written, and the index has it."""

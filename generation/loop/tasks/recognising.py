@@ -29,12 +29,12 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
         keep: folder for the model as it is afterwards; None to forget it.
     """
     if model is None:
-        summary = build(paths, folder, CatalogueSettings(), ByRules(), bar)
+        summary = build(paths, folder, CatalogueSettings(), ByRules, bar)
     else:
         from recognition.catalogue.recognisers.model import load
 
         recogniser = load(model)
-        summary = build(paths, folder, CatalogueSettings(), recogniser, bar)
+        summary = build(paths, folder, CatalogueSettings(), lambda: recogniser, bar)
         if keep is not None:
             recogniser.keep(keep, waiting=False)  # so that what runs show is not clustered with the unknown of these recordings
     return Recognised(

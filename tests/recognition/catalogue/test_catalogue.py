@@ -34,7 +34,7 @@ from xosc import tags
 
 
 def build(recordings: Path, out: Path, **settings: object) -> Summary:
-    return pipeline.build([recordings], out, CatalogueSettings(**settings), ByRules(), partial(progress_bar, quiet=True))
+    return pipeline.build([recordings], out, CatalogueSettings(**settings), ByRules, partial(progress_bar, quiet=True))
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -198,7 +198,7 @@ def test_a_bad_recording_is_reported_and_the_others_go_on(recordings: Path, tmp_
 
 def test_recordings_of_one_name_are_refused(recordings: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"has a recording called .* too"):
-        pipeline.build([recordings, recordings], tmp_path, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True))
+        pipeline.build([recordings, recordings], tmp_path, CatalogueSettings(), ByRules, partial(progress_bar, quiet=True))
 
 
 # scenes of vehicles -------------------------------------------------------------------------

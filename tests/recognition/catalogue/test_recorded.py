@@ -24,7 +24,7 @@ SETTINGS = CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True
 
 
 def build(path: Path, out: Path) -> Summary:
-    return pipeline.build([path], out, SETTINGS, ByRules(), partial(progress_bar, quiet=True))
+    return pipeline.build([path], out, SETTINGS, ByRules, partial(progress_bar, quiet=True))
 
 
 def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(recordings: Path, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def made(recordings: Path, out: Path, workers: Workers) -> Summary:
-    return build([recordings], out, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True), workers)
+    return build([recordings], out, CatalogueSettings(), ByRules, partial(progress_bar, quiet=True), workers)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -53,9 +53,9 @@ def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Pa
         shown.append((doing, count, []))
         yield shown[-1][2].append
 
-    whole = build([recordings / "01"], tmp_path / "whole", CatalogueSettings(scenes=scenes), ByRules(), seen, Workers())
+    whole = build([recordings / "01"], tmp_path / "whole", CatalogueSettings(scenes=scenes), ByRules, seen, Workers())
     monkeypatch.setattr("recognition.catalogue.pipeline._EPISODES", 2)
-    build([recordings / "01"], tmp_path / "parts", CatalogueSettings(scenes=scenes), ByRules(), seen, Workers(2))
+    build([recordings / "01"], tmp_path / "parts", CatalogueSettings(scenes=scenes), ByRules, seen, Workers(2))
     assert content(tmp_path / "whole") == content(tmp_path / "parts")
     written = whole.classes.total()
     assert [(doing, count) for doing, count, _ in shown] == 2 * [("recognising", 1), ("writing", written)]
@@ -82,7 +82,7 @@ def test_what_was_read_before_an_interruption_is_not_read_again(
 
     monkeypatch.setattr(Source, "load", counted)
     with pytest.raises(KeyboardInterrupt):
-        build([recordings], tmp_path / "again", CatalogueSettings(), ByRules(), interrupted)
+        build([recordings], tmp_path / "again", CatalogueSettings(), ByRules, interrupted)
     first = list(read)
     made(recordings, tmp_path / "again", Workers())
     made(recordings, tmp_path / "whole", Workers())

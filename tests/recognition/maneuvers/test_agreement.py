@@ -45,7 +45,7 @@ def compared(paths: Sequence[Path], folder: Path) -> tuple[int, list[str]]:
     """How many lane changes near another vehicle a catalogue of recordings varies, and those that no unit agrees with."""
     out = folder / "catalogue"
     settings = CatalogueSettings(config=CatalogueConfig(Scope(reach=0.0)))  # replays of those around are not looked at
-    build(paths, out, settings, LaneChanges(), partial(progress_bar, quiet=True))
+    build(paths, out, settings, LaneChanges, partial(progress_bar, quiet=True))
     units = Samples.joined([extract(path, folder / "roads") for path in paths])
     kinds, count, apart = {label.title: kind for label, kind in KINDS.items()}, 0, []
     for row in rows_of(out):
