@@ -52,7 +52,7 @@ def plain_encroachment(ego: Motion, other: Motion) -> Extreme | None:
 
 def plain_field(ego: Motion, other: Motion) -> list[Extreme]:
     """By the field of all rows."""
-    a, b, *_ = common(ego, [other])
+    a, b, *_ = common(ego, (other,))
     field = risk_field(a, b) if len(a.time) else ()
     return [Extreme(float(values.max()), float(a.time[values.argmax()]), other.name) for values in field]
 
