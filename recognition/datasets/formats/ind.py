@@ -29,6 +29,7 @@ from recognition.datasets.tables.values import Kind
 from runner.recording import Recording
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray
+from xodr.lanelet2.reading.projection import utm_zone
 
 FORMAT = "inD"
 TITLE = "inD, rounD, exiD, uniD"
@@ -72,7 +73,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
     lanelets, origin = _map(path, location), _origin(recording)
     road = None if lanelets is None else lambda _, folder: converted(lanelets, origin, folder)
     name, site = f"{path.parent.name}/{number(path)}", f"location{location}"
-    return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, road)]
+    return [Source(name, site, FORMAT, path, partial(_read, path, float(recording["frameRate"][0])), lanelets, origin, road)]
 
 
 def _map(path: Path, location: int) -> Path | None:
@@ -96,7 +97,7 @@ def _origin(recording: Table) -> tuple[float, float]:
     import pyproj
 
     longitude, easting, northing = (float(recording[name][0]) for name in ("lonLocation", "xUtmOrigin", "yUtmOrigin"))
-    zone = int((longitude + 180.0) // 6.0) % 60 + 1
+    zone = utm_zone(longitude)
     projection = pyproj.Proj(proj="utm", zone=zone, ellps="WGS84")
     east, north = projection(easting, northing, inverse=True)
     if not (abs(longitude) <= 180.0 and abs(east - longitude) < _NEAR and abs(north) <= 84.0):
@@ -104,8 +105,7 @@ def _origin(recording: Table) -> tuple[float, float]:
     return north, east
 
 
-def _read(path: Path) -> tuple[Recording, Report]:
-    rate = float(recording_of(path, _PLACE)["frameRate"][0])
+def _read(path: Path, rate: float) -> tuple[Recording, Report]:
     table = read_table(path, _TRACKS)
     rows = in_order(table, table["trackId"], Clock("frame", table["frame"], rate, 1.0 / rate))
     meta = _sized(read_table(beside(path, "tracksMeta"), _PARTICIPANTS))

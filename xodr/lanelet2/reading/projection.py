@@ -55,11 +55,15 @@ class Projection:
         return points
 
 
+def utm_zone(longitude: float) -> int:
+    """The UTM zone of a longitude, degrees."""
+    return int((longitude + 180.0) // 6.0) % 60 + 1
+
+
 def _geo(latitude: float, longitude: float) -> Geo:
     import pyproj
 
-    zone = int((longitude + 180.0) // 6.0) % 60 + 1
-    projection = f"+proj=utm +zone={zone} {'+south ' if latitude < 0.0 else ''}+ellps=WGS84 +units=m +no_defs"
+    projection = f"+proj=utm +zone={utm_zone(longitude)} {'+south ' if latitude < 0.0 else ''}+ellps=WGS84 +units=m +no_defs"
     easting, northing = pyproj.Proj(projection)(longitude, latitude)
     return Geo(projection, (easting, northing))
 
