@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
 from runner.contracts.storyboard import ElementState, StoryboardElement, Transition
+from xosc.names import names_of, nearest
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from runner.contracts.run import Instant
 
 _KINDS = ("story", "act", "maneuverGroup", "maneuver", "event", "action")
-_ELEMENTS = frozenset(("Story", "Act", "ManeuverGroup", "Maneuver", "Event"))
 _STATES = tuple(state.value for state in ElementState)
 _TRANSITIONS = tuple(transition.value for transition in Transition)
 
@@ -48,8 +47,8 @@ class StoryboardElementStateCondition(Condition):
 
         def find() -> None:
             self.element = find_element(node, name, kind, context.storyboard_elements())
-            names = self.element.names
-            self.around = _enclosing(node)[: len(names)] == names
+            own = self.element.names
+            self.around = names_of(node.element)[: len(own)] == own
 
         context.late(find)
         return self
@@ -83,24 +82,10 @@ def find_element(node: Node, name: str, kind: str, elements: Sequence[Storyboard
     Raises:
         InvalidFile: there is none, or more than one are equally near to the condition.
     """
-    parts, around = tuple(name.split("::")), _enclosing(node)
-    named = [e for e in elements if e.kind == kind and e.names[-len(parts) :] == parts]
-    if not named:
+    found = nearest(name, names_of(node.element), [(e.names, e) for e in elements if e.kind == kind])
+    if not found:
         raise node.invalid(f"storyboardElementRef={name!r} is no {kind} of this storyboard")
-    nearness = [_shared(e.names, around) for e in named]
-    found = [e for e, near in zip(named, nearness, strict=True) if near == max(nearness)]
     if len(found) > 1:
         paths = ", ".join(e.path for e in found[:4])
         raise node.invalid(f"storyboardElementRef={name!r} is ambiguous: {paths}; name it with those around it, as a path")
     return found[0]
-
-
-def _shared(path: tuple[str, ...], other: tuple[str, ...]) -> int:
-    """Number of names that two paths begin with in common."""
-    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(path, other, strict=False)))
-
-
-def _enclosing(node: Node) -> tuple[str, ...]:
-    """Names of the storyboard elements around a condition's element, from the story inwards."""
-    above = (element for element in node.element.iterancestors() if element.tag in _ELEMENTS)
-    return tuple(str(element.get("name", "")) for element in above)[::-1]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runner.contracts.storyboard import Transition
 from runner.interpreter.compiler import ScenarioContext, compile_scenario
 from runner.interpreter.execution import Prepared
 from runner.interpreter.roads import load_roads
@@ -21,12 +22,16 @@ from runner.motion.trajectories import Track, Trajectory
 from runner.participants.scenario_objects import read_entities
 from xosc.exports.on_roads.geometry import Place, Pose
 from xosc.exports.on_roads.starts import Start
+from xosc.names import STORYBOARD
 from xosc.resolve import resolve
 
 if TYPE_CHECKING:
-    from runner.interpreter.result import RunResult
+    from lxml import etree
+
+    from runner.interpreter.storyboard.elements import Element
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity
+    from runner.recording import Recording
     from runner.recording import Track as Recorded
     from runner.settings import RunSettings
     from xodr.graph.routes import RoadPath
@@ -47,7 +52,6 @@ _SAME = 1e-4
 """m, rad, s"""
 _WATCHED = 120.0
 """s for which a scenario is run to see how actions begin."""
-_STORYBOARD = ("Story", "Act", "ManeuverGroup", "Maneuver", "Event", "Action")
 _GOES_ON = ("LateralAction", "RoutingAction", "SynchronizeAction", "TrailerAction")
 
 
@@ -64,6 +68,7 @@ class RunnerGeometry:
         self._network, _ = load_roads(self._resolved, self._settings)
         self._context = ScenarioContext(self._resolved, self._network)
         read_entities(self._resolved.node.need("Entities"), self._context)
+        self._numbers = {element: number for number, element in enumerate(_storyboard(document))}
 
     @cached_property
     def _first(self) -> Mapping[str, Recorded]:
@@ -73,19 +78,19 @@ class RunnerGeometry:
         return Prepared(scenario, {}).run(self._settings).recording.tracks
 
     @cached_property
-    def _whole(self) -> RunResult:
+    def _whole(self) -> tuple[Recording, Sequence[Element]]:
+        """The recording of a run, and the elements of the storyboard after it, in document order."""
         document = replace(self._resolved, root=copy.deepcopy(self._resolved.root.getroottree()).getroot())
-        result = Prepared(compile_scenario(document, self._network), {}).run(replace(self._settings, max_time=_WATCHED))
-        result.recording.locate()
-        return result
+        scenario = compile_scenario(document, self._network)
+        recording = Prepared(scenario, {}).run(replace(self._settings, max_time=_WATCHED)).recording
+        recording.locate()
+        return recording, scenario.storyboard.elements()
 
-    @cached_property
-    def _times(self) -> Mapping[tuple[str, str], float]:
-        """When (s) each element of the storyboard first makes a transition, by the transition and the element's path."""
-        times: dict[tuple[str, str], float] = {}
-        for entry in self._whole.events:
-            times.setdefault((entry.kind, entry.subject), entry.time)
-        return times
+    def _first_time(self, node: Node, transition: Transition) -> float | None:
+        """When (s) the innermost element of the storyboard around a node first makes a transition; names may be used twice."""
+        around = (self._numbers.get(each) for each in (node.element, *node.element.iterancestors()))
+        number = next((each for each in around if each is not None), None)
+        return self._whole[1][number].first.get(transition) if number is not None else None
 
     def starts(self) -> Mapping[str, Start]:
         """How everybody starts who is there at the beginning, by name."""
@@ -93,16 +98,16 @@ class RunnerGeometry:
 
     def begins(self, element: Node) -> float | None:
         """When (s) an element of the storyboard first begins, in a run without a system under test; None where it doesn't."""
-        return self._times.get(("startTransition", _path(element)))
+        return self._first_time(element, Transition.START)
 
     def ends(self, element: Node) -> float | None:
         """When (s) the step is over in which an element first ends in that run; None where it doesn't, or others end it."""
-        time = self._times.get(("endTransition", _path(element)))
+        time = self._first_time(element, Transition.END)
         return time + self._settings.timestep if time is not None else None
 
     def driven(self, entity: str, begin: float, end: float) -> Sequence[Place]:
         """Where an entity is at each step of that run from a time (s) until another; times count from the first."""
-        track = self._whole.recording.tracks.get(entity)
+        track = self._whole[0].tracks.get(entity)
         if track is None:
             return []
         time, x, y, z = (track.columns[each] for each in ("time", "x", "y", "z"))
@@ -111,7 +116,7 @@ class RunnerGeometry:
 
     def during(self, action: Node, entity: str) -> Start | None:
         """How an entity is when an action of a story begins; None where it doesn't begin, or the entity is not there."""
-        time, track = self.begins(action), self._whole.recording.tracks.get(entity)
+        time, track = self.begins(action), self._whole[0].tracks.get(entity)
         if time is None or track is None:
             return None
         row = int(np.searchsorted(track.columns["time"], time - _SAME))
@@ -119,7 +124,7 @@ class RunnerGeometry:
 
     def put(self, action: Node, entity: str) -> Place | None:
         """Where an action puts an entity at once in that run; None where it doesn't begin."""
-        time, track = self.begins(action), self._whole.recording.tracks.get(entity)
+        time, track = self.begins(action), self._whole[0].tracks.get(entity)
         if time is None or track is None:
             return None
         rows = np.flatnonzero(track.columns["time"] > time + _SAME)[:1]  # a step after it, which it has driven on
@@ -225,10 +230,9 @@ class RunnerGeometry:
         roads.place(entity, in_world(self._network, PoseOnRoad(x, y, z, h, 0.0, 0.0), z_known=False, hint=hint))
 
 
-def _path(element: Node) -> str:
-    """The path of an element of the storyboard as events name it."""
-    around = (element.element, *element.element.iterancestors(*_STORYBOARD))
-    return "::".join(reversed([str(each.get("name")) for each in around if each.tag in _STORYBOARD]))
+def _storyboard(document: Document) -> Iterator[etree._Element]:
+    for story in document.node.need("Storyboard").children("Story"):
+        yield from story.element.iter(*STORYBOARD)
 
 
 def _keep_first(scenario: Node) -> None:

@@ -23,7 +23,7 @@ from runner.interpreter.drivers import EgoDriver, SystemDriver, WorldDriver, fai
 from runner.participants.controllers import EXTERNAL, module_of
 from runner.sut.base import WorldDriven, seen
 from schemas.errors import UsageError
-from xosc.ego import EGO_NAME
+from xosc.names import EGO_NAME
 
 if TYPE_CHECKING:
     from runner.interpreter.compiler import Scenario

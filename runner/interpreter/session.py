@@ -197,7 +197,7 @@ class Session:
                 *(egoless(compiled.entities.values(), asked, sim.contacts.history) if ego is None else ()),
                 *self._departures.remarks,
                 *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
-                *idleness(compiled.storyboard, sim.log, sim, sim.finished),
+                *idleness(compiled.storyboard, sim, sim.finished),
                 *criteria_remarks(compiled.criteria, verdict),
             ),
             ego=ego.name if ego is not None else None,

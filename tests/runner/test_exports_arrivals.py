@@ -136,6 +136,15 @@ def test_what_waits_for_more_than_a_steady_state_is_refused(tmp_path: Path) -> N
     assert "would end 2 s earlier, but for its other actions" in refusal(path, "1.0", tmp_path / "out")
 
 
+@pytest.mark.parametrize("target", ["1.0", "carla"])
+def test_what_waits_for_another_element_of_the_same_name_does_not_wait_longer(target: str, tmp_path: Path) -> None:
+    final = '<AbsoluteSpeed value="6"><TargetTimeSteadyState time="2"/></AbsoluteSpeed>'
+    other = story("Ego", [(0.5, speed_action(9)), (2.5, speed_action(8))]).replace('"story"', '"other"')
+    path = scenario(tmp_path, init=STARTS, stories=other + story("Lead", [(1.0, synchronise(final))]), stop=6.0)
+    copy, _ = exported(after_the_first(path, 2.5, 0.0), target, tmp_path / "out")
+    assert {float(each.get("delay", "nan")) for each in xosc.load(copy).root.iter("Condition")} == {0.0}
+
+
 @pytest.mark.parametrize("how", ['distance="20" coordinateSystem="road"', 'timeGap="1.5"'])
 def test_distances_among_others_than_the_ego_are_ways_for_carla(how: str, tmp_path: Path) -> None:
     keep = f"""<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="NAME" freespace="false" continuous="true"
@@ -156,7 +165,7 @@ def test_delays_of_what_others_do_are_times_for_carla(tmp_path: Path) -> None:
     path = after_the_first(scenario(tmp_path, stories=stories, stop=10.0), 2.5, 1.5)
     copy, remarks = exported(path, "carla", tmp_path / "out")
     assert any("at which it holds in a run" in remark for remark in remarks)
-    assert {each.get("delay") for each in xosc.load(copy).root.iter("Condition")} == {"0"}
+    assert {float(each.get("delay", "nan")) for each in xosc.load(copy).root.iter("Condition")} == {0.0}
     assert distance(path, copy) < CLOSE
 
 

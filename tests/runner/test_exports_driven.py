@@ -9,8 +9,8 @@ import pytest
 import xosc
 from runner.exports import TARGETS
 from runner.exports.exporting import export_documents
-from tests.runner.files import place, scenario, speed_action, story
-from tests.runner.test_exports_geometry import distance, exported
+from tests.runner.files import at_time, place, scenario, speed_action, story
+from tests.runner.test_exports_geometry import CLOSE, distance, exported
 from tests.xosc.scenario_runner_grammar import stops_at
 from xosc.exports.folder import Folder
 
@@ -82,6 +82,13 @@ def test_a_lane_change_on_left_hand_roads_counts_to_the_driver_s_left(tmp_path: 
     assert (target.get("entityRef"), target.get("value")) == ("Lead", "1") and distance(path, copy) < 0.05
 
 
+def test_stories_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+    early, late = story("Ego", [(0.5, speed_action(15))]), story("Lead", [(3.0, lane_change(1))])
+    path = scenario(tmp_path, stories=early + late, stop=8.0)
+    copy, _ = exported(path, "carla", tmp_path / "out")
+    assert distance(path, copy) < 0.05
+
+
 AWAITED = (
     '<ConditionGroup><Condition name="then" delay="0" conditionEdge="none"><ByValueCondition><StoryboardElementStateCondition '
     'storyboardElementType="action" storyboardElementRef="action0" state="completeState"/></ByValueCondition></Condition>'
@@ -105,6 +112,15 @@ def test_lane_changes_that_no_way_stands_for_are_refused(why: str, tmp_path: Pat
     path.write_text(text, encoding="utf-8")
     (done,) = export_documents([path], TARGETS["carla"], Folder(tmp_path / "out"))
     assert done.exit_code == 4 and "other lanes of the same direction only" in done.remarks[0]
+
+
+def test_a_lane_change_is_not_awaited_by_who_waits_for_another_of_its_name(tmp_path: Path) -> None:
+    early = story("Ego", [(0.5, speed_action(15)), (4.0, speed_action(5))]).replace('"story"', '"other"')
+    waits = early.replace(at_time(4.0), AWAITED)
+    path = scenario(tmp_path, stories=waits + story("Lead", [(0.5, lane_change(1))]), stop=8.0)
+    copy, remarks = exported(path, "carla", tmp_path / "out")
+    assert any("LaneChangeAction: written as the way that Lead takes" in remark for remark in remarks)
+    assert distance(path, copy) < CLOSE
 
 
 TELEPORTED = [WHERE.format(-1, 20), '<RelativeRoadPosition entityRef="Ego" ds="30" dt="-1"/>']

@@ -43,6 +43,12 @@ def test_a_rise_before_the_trigger_waits_is_a_remark(tmp_path: Path) -> None:
     assert remarks == (f"event 'event1' can't start: {reason}",)
 
 
+def test_events_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+    early = at_time(0.2, "early").replace('conditionEdge="none"', RISES)
+    _, remark = play(tmp_path, 0.3, 0.2, changes={at_time(0.2): early, at_time(0): at_time(0.25), '"event1"': '"event0"'})
+    assert remark.startswith("event 'event0' can't start: early")
+
+
 def test_an_act_that_waits_for_the_beginning_to_come_is_a_remark(tmp_path: Path) -> None:
     first, second = play(tmp_path, 0.3, changes={at_time(0): at_time(0).replace('conditionEdge="none"', RISES)})
     assert first.startswith("act 'act' can't start: time: simulation time = 1 s ≥ 0 s (rising) was true too early")

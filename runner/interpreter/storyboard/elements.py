@@ -43,7 +43,7 @@ class Element:
     """A storyboard element with its state.
 
     `seen_state` and `seen_transitions` are what conditions may look at: the state at the beginning of the
-    current step and the transitions of the step before.
+    current step and the transitions of the step before. `first` is when (s) it first made each transition in the run.
     """
 
     kind: ClassVar[str] = ""
@@ -56,6 +56,7 @@ class Element:
         self.transitions: list[Transition] = []
         self.seen_state = ElementState.STANDBY
         self.seen_transitions: tuple[Transition, ...] = ()
+        self.first: dict[Transition, float] = {}
         if parent is not None:
             parent.children.append(self)
 
@@ -74,6 +75,7 @@ class Element:
         """Go to a state by a transition, for the conditions and the event log to see."""
         self.state = state
         self.transitions.append(transition)
+        self.first.setdefault(transition, run.time)
         run.element_changed(self, transition, reason)
 
     def publish(self) -> None:
@@ -124,6 +126,7 @@ class Element:
         self.state = self.seen_state = ElementState.STANDBY
         self.transitions.clear()
         self.seen_transitions = ()
+        self.first.clear()
 
 
 class Process:

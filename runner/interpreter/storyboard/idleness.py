@@ -6,22 +6,20 @@ from collections.abc import Iterable, Iterator
 
 from runner.contracts.run import Instant
 from runner.contracts.storyboard import Transition
-from runner.interpreter.event_log import LogEntry
 from runner.interpreter.storyboard.storyboard import Act, Event, Storyboard
 
 
-def idleness(board: Storyboard, log: Iterable[LogEntry], end: Instant, finished: bool) -> tuple[str, ...]:
+def idleness(board: Storyboard, end: Instant, finished: bool) -> tuple[str, ...]:
     """A sentence on a stop trigger that has ended a run before any event, and one on each reason why elements never can start.
 
     Args:
         board: the storyboard as the run has left it.
-        log: the event log.
         end: the last instant.
         finished: whether the storyboard ended the run.
     """
-    started = {entry.subject for entry in log if entry.kind == Transition.START}
-    events = [event for act in board.acts for event in act.events if event.path not in started]
-    found = list(_missed([*(act for act in board.acts if act.path not in started), *events], end))
+    acts = [act for act in board.acts if Transition.START not in act.first]
+    events = [event for act in board.acts for event in act.events if Transition.START not in event.first]
+    found = list(_missed([*acts, *events], end))
     if finished and board.stop_trigger is not None and events and len(events) == sum(len(act.events) for act in board.acts):
         found.append(f"no event has started: the run ended at {end.time:.2f} s, by {board.stop_trigger.reason}")
     return tuple(found)

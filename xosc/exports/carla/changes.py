@@ -14,9 +14,9 @@ from lxml import etree
 from schemas.xml import parse
 from xosc.dialects.carla import FLAG
 from xosc.document import Document
-from xosc.ego import EGO_NAME
 from xosc.exports.carla.sides import change_sides
 from xosc.exports.on_roads.starts import Start, State, actors, target_speed
+from xosc.names import EGO_NAME
 from xosc.node import TO_RIGHT, Node
 
 HERO = "hero"

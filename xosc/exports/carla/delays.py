@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from lxml import etree
 
 from xosc.document import Document
-from xosc.ego import EGO_NAME
 from xosc.exports.on_roads.distances import starts_at_once
 from xosc.exports.on_roads.geometry import Geometry
+from xosc.names import EGO_NAME
 from xosc.node import Node
 
 _WAITS = "scenario_runner waits for the delay first, and looks at the condition then"

@@ -11,11 +11,11 @@ from collections.abc import Iterator, Sequence
 from schemas.errors import Unsupported
 from xosc.dialects.carla import is_for_carla
 from xosc.document import Document
-from xosc.ego import EGO_NAME
 from xosc.exports.carla.ways import follow, starts_with_scenario
 from xosc.exports.on_roads.geometry import Geometry, Place
 from xosc.exports.on_roads.shapes import world_position
 from xosc.exports.on_roads.starts import actors
+from xosc.names import EGO_NAME, meant
 from xosc.node import Node
 
 _CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
@@ -139,9 +139,9 @@ def _from_its_start(places: Sequence[Place]) -> Sequence[Place]:
 
 def _is_awaited(action: Node, scenario: Node) -> bool:
     """Whether a condition asks for the end of an action, or of something that it is part of."""
-    around = {str(each.get("name")) for each in action.element.iterancestors() if each.get("name")}
+    around = set(action.element.iterancestors())
     states = [each for each in scenario.iter("StoryboardElementStateCondition") if not each.get("state").startswith("st")]
-    return any(each.get("storyboardElementRef").split("::")[-1] in around for each in states)
+    return any(each.element in around for state in states for each in meant(state, scenario))
 
 
 def _apart(places: Sequence[Place]) -> list[Place]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from xosc.document import Document
 from xosc.exports.on_roads.geometry import Geometry
+from xosc.names import meant
 from xosc.node import Node
 
 _STEADY = ("TargetDistanceSteadyState", "TargetTimeSteadyState")
@@ -52,14 +53,13 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
     Raises:
         Unsupported: what they wait for has other actions too.
     """
-    around = {(each.tag.lower(), each.get("name")): each for each in action.element.iterancestors() if each.get("name")}
+    around = set(action.element.iterancestors())
     for condition in scenario.iter("Condition") if time else ():
         for state in condition.iter("StoryboardElementStateCondition"):
-            name = state.get("storyboardElementRef").split("::")[-1]
-            awaited = around.get((state.get("storyboardElementType").lower(), name))
-            if awaited is None or state.get("state") not in _ENDED:
+            awaited = [each for each in meant(state, scenario) if each.element in around]
+            if not awaited or state.get("state") not in _ENDED:
                 continue
-            if len(list(awaited.iter("Action"))) > 1:
+            if any(len(list(each.iter("Action"))) > 1 for each in awaited):
                 raise state.unsupported(f"what it waits for would end {time:g} s earlier, but for its other actions")
             condition.element.set("delay", repr(condition.float("delay", 0.0) + time))
 
