@@ -58,10 +58,10 @@ def _export_settings(settings: RunSettings, selection: Selection) -> ExportSetti
     from runner.exports.geometry import RunnerGeometry
     from runner.interpreter.roads import made_roads
 
-    made = partial(made_roads, catalog_path=settings.catalog_path)
+    made = partial(made_roads, catalog_path=settings.catalog_path, enforce_constraints=settings.enforce_constraints)
     roads = made if settings.road == "auto" else roads_in(*settings.road_path)
     locate = None if settings.strict else partial(RunnerGeometry, settings=settings)
-    return ExportSettings(settings.strict, roads, locate, settings.catalog_path, selection)
+    return ExportSettings(settings.strict, roads, locate, settings.catalog_path, selection, settings.enforce_constraints)
 
 
 def export_runs(

@@ -63,7 +63,8 @@ class RunnerGeometry:
     """
 
     def __init__(self, document: Document, settings: RunSettings) -> None:
-        self._resolved = resolve(document, catalog_path=settings.catalog_path)
+        enforce = settings.enforce_constraints
+        self._resolved = resolve(document, enforce_constraints=enforce, catalog_path=settings.catalog_path)
         self._settings = replace(settings, sut="none", world="kinematic", max_time=0.0)
         self._network, _ = load_roads(self._resolved, self._settings)
         self._context = ScenarioContext(self._resolved, self._network)

@@ -47,12 +47,13 @@ def load_roads(document: Resolved, settings: RunSettings) -> tuple[RoadNetwork |
     return network, () if found.remark is None else (found.remark,)
 
 
-def made_roads(scenario: Node, catalog_path: Sequence[str] = ()) -> RoadFile | None:
+def made_roads(scenario: Node, catalog_path: Sequence[str] = (), enforce_constraints: bool = True) -> RoadFile | None:
     """Roads as a scenario's positions use them, whatever road network its LogicFile names; errors as in `load_roads`.
 
     None where there is no LogicFile and no position that needs one.
     """
-    return _made(resolve(load(scenario.path), catalog_path=catalog_path).node, logic_file(scenario))
+    resolved = resolve(load(scenario.path), enforce_constraints=enforce_constraints, catalog_path=catalog_path)
+    return _made(resolved.node, logic_file(scenario))
 
 
 def _made(scenario: Node, logic: Node | None) -> RoadFile | None:

@@ -183,3 +183,30 @@ def test_a_file_in_the_folder_of_exports_is_a_target(tmp_path: Path, monkeypatch
     settings = RunSettings(world="kinematic", sut="none")
     assert list(export_runs([path], targets["plain"], Folder(tmp_path / "out"), settings, {})) == [("scenario", 0, [])]
     assert (tmp_path / "out" / "scenario.txt").read_text() == "0.50 s, passed: True\n"
+
+
+@pytest.fixture
+def limited(tmp_path: Path) -> Path:
+    """A scenario whose gap is to be less than 55 m, and is 50."""
+    path = scenario(tmp_path / "in", stories=BRAKES)
+    declared = 'name="Gap" parameterType="double" value="50.0"/>'
+    text = path.read_text(encoding="utf-8")
+    assert declared in text
+    group = '<ConstraintGroup><ValueConstraint rule="lessThan" value="55"/></ConstraintGroup>'
+    path.write_text(text.replace(declared, f"{declared[:-2]}>{group}</ParameterDeclaration>"), encoding="utf-8")
+    return path
+
+
+def test_sets_that_violate_constraints_can_be_written(xosc_export: Command, tmp_path: Path, limited: Path) -> None:
+    gaps = distribution(limited.parent, "gaps", {"Gap": (50, 56, 2)})
+    for more, written in (("--constraints", 3), ("--no-constraints", 4)):
+        assert xosc_export(gaps, "--to", "1.0", "--out", tmp_path / more, more).code == 0
+        assert len(list((tmp_path / more).glob("gaps~*"))) == written
+
+
+@pytest.mark.parametrize("options", [["esmini"], ["carla"], ["carla", "--road", "auto"]], ids=" ".join)
+def test_constraints_can_be_left_aside(options: list[str], xosc_export: Command, tmp_path: Path, limited: Path) -> None:
+    limited.write_text(limited.read_text(encoding="utf-8").replace('value="50.0"', 'value="60.0"'), encoding="utf-8")
+    assert xosc_export(limited, "--out", tmp_path / "refused", "--to", *options).code == 3
+    answer = xosc_export(limited, "--out", tmp_path / "aside", "--no-constraints", "--to", *options)
+    assert answer.code == 0, answer.err

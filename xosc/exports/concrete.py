@@ -30,6 +30,7 @@ def concrete(
     document: Document,
     parameters: Mapping[str, Argument] | None = None,
     *,
+    enforce_constraints: bool = True,
     strict: bool = False,
     catalog_path: Folders = (),
 ) -> Document:
@@ -41,7 +42,7 @@ def concrete(
     Raises:
         UsageError, InvalidFile: as in `xosc.resolve`.
     """
-    resolved = resolve(document, parameters, strict=strict, catalog_path=catalog_path)
+    resolved = resolve(document, parameters, enforce_constraints=enforce_constraints, strict=strict, catalog_path=catalog_path)
     named = {element.get(name) for element in resolved.root.iter() for name in _REFERENCES if element.get(name)}
     for declarations in list(resolved.root.iter("ParameterDeclarations")):
         for declaration in list(declarations):
@@ -88,7 +89,7 @@ def concrete_scenarios(path: Path, settings: ExportSettings) -> Iterator[tuple[s
         UsageError, InvalidFile: as in `Selection.sets` and `xosc.resolve`.
     """
     document = load(path)
-    work_out = partial(concrete, strict=settings.strict, catalog_path=settings.catalog_path)
+    work_out = partial(concrete, **settings.resolving)
     if document.kind == "scenario":
         yield path.stem, work_out(document)
         return
@@ -99,7 +100,7 @@ def concrete_scenarios(path: Path, settings: ExportSettings) -> Iterator[tuple[s
             f"{count} sets of parameters would be {count} files, and at most {MAX_SETS} are written: "
             "choose some of them with --sample N or --only NUMBERS"
         )
-    for number, parameters in settings.selection.sets(space, enforce_constraints=True):
+    for number, parameters in settings.selection.sets(space, settings.enforce_constraints):
         yield f"{path.stem}~{number:06d}", work_out(load(space.scenario), parameters)
 
 

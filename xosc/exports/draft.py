@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
+from typing import TypedDict
 
 from schemas.catalogs import Folders
 from schemas.remarks import Remark, Remarks
@@ -33,6 +34,14 @@ Locate = Callable[[Document], Geometry]
 """Puts a worked-out scenario on its roads; errors as in a run."""
 
 
+class Resolving(TypedDict):
+    """How documents are worked out, as in `xosc.resolve`."""
+
+    enforce_constraints: bool
+    strict: bool
+    catalog_path: Folders
+
+
 @dataclass(frozen=True)
 class ExportSettings:
     """How documents are exported.
@@ -43,6 +52,8 @@ class ExportSettings:
         locate: puts scenarios on their roads; None leaves out the changes that need it.
         catalog_path: folders in which directories of catalogues are looked for that are not where the scenario says.
         selection: parameter sets of distributions that are exported; where it leaves any out, a scenario is written for each.
+        enforce_constraints: refuse worked-out values that violate their constraint groups, and leave such sets of a
+            distribution out.
     """
 
     strict: bool = False
@@ -50,6 +61,16 @@ class ExportSettings:
     locate: Locate | None = None
     catalog_path: Folders = ()
     selection: Selection = field(default_factory=Selection)
+    enforce_constraints: bool = True
+
+    @property
+    def resolving(self) -> Resolving:
+        """Of them, what `xosc.resolve` takes."""
+        return {
+            "enforce_constraints": self.enforce_constraints,
+            "strict": self.strict,
+            "catalog_path": self.catalog_path,
+        }
 
 
 DEFAULTS = ExportSettings()

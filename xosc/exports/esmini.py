@@ -99,8 +99,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
 
 def _check(document: Document, draft: Draft) -> None:
     """Remarks on a scenario as it stands, and with catalogue entries and values in the place of the references to them."""
-    settings = draft.settings
-    both = (document, resolve(document, strict=settings.strict, catalog_path=settings.catalog_path))
+    both = (document, resolve(document, **draft.settings.resolving))
     for each in both:
         refuse(each, _REFUSED)
     for each in both:

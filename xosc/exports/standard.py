@@ -72,9 +72,7 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
         add(document, version, trial)
         return trial.write()
     except (Unsupported, InvalidFile) as error:  # entries that nothing uses may be invalid, and what parameters leave empty too
-        settings = draft.settings
-        worked_out = concrete(document, strict=settings.strict, catalog_path=settings.catalog_path)
-        add_worked_out(worked_out, version, draft)
+        add_worked_out(concrete(document, **draft.settings.resolving), version, draft)
         return draft.write(f"everything is worked out: {error}")
 
 
