@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,9 @@ from generation.outcomes.cases import Choice
 from generation.pipeline import SearchSettings
 from generation.search.method import DEFAULT as METHOD
 from runner.settings import RunSettings
+
+_OPTIONS = {"recordings": "recorded", "pinned": "pin", "maps": "map"}
+"""Options of the command by the attributes of `Ask` that are not called so."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +49,11 @@ class LoopSettings:
     ask: Ask = field(default_factory=Ask)
     against: Path | None = None
 
-    def deciding(self) -> dict[str, Any]:
-        """Those that decide what is found."""
-        own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes", "against")}
-        return {name: str(value) for name, value in (self.run.as_json() | own).items()}
+    def deciding(self) -> dict[str, str]:
+        """Those that decide what is found, as texts by name; those of `ask` by the names of the options."""
+        own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes", "ask", "against")}
+        ask = {_OPTIONS.get(name, name): value for name, value in asdict(self.ask).items()}
+        return {name: _text(value) for name, value in (self.run.as_json() | own | ask).items()}
 
     def search(self, number: int) -> SearchSettings:
         """The settings of the searches of a round, whose number counts from 1."""
@@ -57,3 +62,14 @@ class LoopSettings:
             run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes, density=self.ask.density,
             choice=Choice(self.most, violations=True), concrete=True,
         )  # fmt: skip
+
+
+def _text(value: Any) -> str:
+    """A setting as it is read: a dash where none is given."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Mapping):
+        value = [f"{name}={each}" for name, each in value.items()]
+    if isinstance(value, list | tuple):
+        value = ", ".join(map(str, value))
+    return "–" if value is None or value == "" else str(value)
