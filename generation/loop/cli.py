@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 NAME = "xosc-loop"
 _EPILOG = (
-    "Exit codes: 0 the page is written, 1 it is, but a recording or scenario in the folder, or a file made, is not valid (with "
-    "--against, also: a failure is new or still there, or no run of a search succeeded), 2 wrong usage, 3 invalid file, 4 valid "
-    "file that asks for something that is not done here, 5 internal error."
+    "Exit codes: 0 the page is written, 1 it is, but a recording or scenario in the folder, or a file made, is not valid, a run "
+    "ended with an error, or no run of a search succeeded (with --against, also: a failure is new or still there), 2 wrong "
+    "usage, 3 invalid file, 4 valid file that asks for something that is not done here, 5 internal error."
 )
 
 app = new_app()
@@ -110,7 +110,7 @@ def xosc_loop(
         if not quiet:
             print("\n".join(closing(found)), f"{page} shows all of it", sep="\n")
     failing = found.against is not None and found.against.fails(*wanted)
-    raise typer.Exit(1 if found.checked.problems or found.recognised.failures or failing else 0)
+    raise typer.Exit(0 if found.sound and not failing else 1)
 
 
 def _model(labels: str, model: Path | None) -> Path | None:

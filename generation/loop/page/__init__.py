@@ -53,6 +53,11 @@ def _data(found: LoopResult, out: Path) -> Json:
         "settings": found.settings,
         "recordings": found.recordings,
         "unread": found.recognised.failures,
+        "errors": [
+            f"{name}: {error}"
+            for of in (found.played, *(each.runs for each in found.rounds))
+            for name, error in of.failures.items()
+        ],
         "classes": _classes(rows, found),
         "catalogue": f"{CATALOGUE}/index.csv" if rows else None,
         "searches": searches,

@@ -50,7 +50,7 @@ function own() {
 
 function problems() {
   const unread = Object.entries(data.unread).map(([name, error]) => `${name}: ${error}`),
-    listed = [...unread, ...data.checked.problems];
+    listed = [...unread, ...data.errors, ...data.checked.problems];
   if (!listed.length) return null;
   return el(
     "section",

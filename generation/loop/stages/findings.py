@@ -272,3 +272,14 @@ class LoopResult:
     scenarios: Ran
     checked: Checked
     against: Against | None = None
+
+    @property
+    def sound(self) -> bool:
+        """Whether everything was done: all was read and is valid, no run ended with an error, no search was in vain.
+
+        What the system under test does wrong is another matter, and what a loop is for.
+        """
+        rounds = [stage for each in self.rounds for stage in (*each.searches, each.runs)]
+        return not (
+            self.checked.problems or any(each.failures for each in (self.recognised, self.played, self.scenarios, *rounds))
+        )

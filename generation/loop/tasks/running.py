@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from runner.batch.jobs import Job, Outcome
 from runner.replay.player import keep_replay
 from runner.replay.report import report, write_report
 from runner.settings import RunSettings
+from schemas.commands.wording import many
 from schemas.errors import ToolchainError
 from xosc.distributions import ParameterSpace
 
@@ -49,7 +51,16 @@ def run_all(
         replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
         copied = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
         found.files.setdefault(named(files[run["name"]]), []).append(Run(**copied, replay=replay))
-    return found
+    return replace(found, failures=dict(_failures(found)))
+
+
+def _failures(found: Ran) -> Iterator[tuple[str, str]]:
+    """The files with runs that ended with an error, and what the first of these says."""
+    for name, runs in found.files.items():
+        messages = [run.message for run in runs if run.state == "error"]
+        if messages:
+            more = f" (and {many(len(messages) - 1, 'more run')} with errors)" if len(messages) > 1 else ""
+            yield name, messages[0] + more
 
 
 def sampled(paths: Iterable[Path], most: int, named: Callable[[Path], str]) -> dict[str, int]:

@@ -45,18 +45,20 @@ def search(
     try:
         made = generate(target.scenario, target.recorded, folder, settings_of(target, settings.search(number)), progress, known)
     except ToolchainError as error:
-        return replace(of, error=str(error))
+        return replace(of, error=str(error), failures={of.title: f"not searched: {error}"})
     found = failures(made.space, made.history, known)
     real = target.recorded(made.space).within(made.space).theta
     outcomes = made.history.outcomes
     errors = Counter(outcomes.error[~outcomes.executed].tolist())
+    mostly = max(sorted(errors), key=errors.__getitem__, default="")
     return replace(
         of,
+        failures={} if outcomes.executed.any() else {of.title: f"no run succeeded, mostly: {mostly}"},
         parameters=[Range(each.name, each.low, each.high) for each in made.space.parameters],
         pinned=dict(made.space.pinned),
         calls=len(outcomes),
         failed_runs=int((~outcomes.executed).sum()),
-        run_error=max(sorted(errors), key=errors.__getitem__, default=""),
+        run_error=mostly,
         collisions=int(outcomes.collision.sum()),
         distinct=found.collisions,
         new=found.new,

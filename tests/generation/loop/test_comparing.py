@@ -142,6 +142,8 @@ def test_a_version_of_which_no_run_succeeds_never_passes(less: Path, old: Path, 
         assert set(each.counts) == ({Fate.UNKNOWN} if before else set())
         assert found.fails(Fate.NEW) and found.fails(Fate.STILL_THERE)
         assert f"  {NAMES[0]}: not known ({each.reason})" in closing(result)
+        assert not result.sound
+        assert {search.failures[search.title].split(",")[0] for search in result.rounds[0].searches} == {"no run succeeded"}
     found = looped(less, tmp_path / "mended", WEAK, tmp_path / "first").against
     assert found is not None and not any(each.blind for each in found.compared)
     assert found.compared[0].reason == "no run of the earlier loop succeeded: what is new here may be older"

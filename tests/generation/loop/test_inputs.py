@@ -17,8 +17,9 @@ from generation.loop.settings import LoopSettings
 from runner.settings import RunSettings
 from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile, UsageError
+from tests.commands import Command
 from tests.recognition.motorway import write_motorway
-from tests.runner.files import distribution, scenario
+from tests.runner.files import car, distribution, place, scenario
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 
@@ -85,6 +86,23 @@ def test_files_are_checked_with_the_roads_and_catalogues_that_they_are_run_with(
 
     assert problems(run) == []
     assert any("there is no file" in each for each in problems(RunSettings()))
+
+
+def test_runs_that_end_with_an_error_are_told_and_change_the_exit_code(tmp_path: Path, command: Command) -> None:
+    folder = tmp_path / "mine"
+    crash = place("Ego", 100, 20) + place("Lead", 110, 0)
+    scenario(folder, "collides", init=crash, stop=1.0)
+    arguments = (folder, "--labels", "rules", "--quiet", "--jobs", 1, "--rounds", 1, "--method", "random")
+    answer = command("xosc-loop", *arguments, "--out", tmp_path / "first")
+    assert (answer.code, answer.err) == (0, ""), "what fails is what a loop is to find"
+    foreign = '<ScenarioObject name="Ego"><ExternalObjectReference name="library/object"/></ScenarioObject>'
+    scenario(folder, "foreign", entities=[foreign, car("Lead")])
+    distribution(folder, "gaps", {"Gap": (50, 60, 10)}, of="foreign")
+    answer = command("xosc-loop", *arguments, "--out", tmp_path / "second")
+    assert answer.code == 1
+    told = [line for line in answer.err.splitlines() if "ExternalObjectReference" in line]
+    assert [line.split(": ")[1] for line in told] == ["gaps", "foreign.xosc", "gaps.xosc"]
+    assert told[2].endswith("(and 1 more run with errors)")
 
 
 def test_scenarios_alone_are_enough(tmp_path: Path) -> None:
