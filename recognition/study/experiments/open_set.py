@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from recognition.study import kinds, metrics
+from recognition.study.baselines.end_to_end import SCHEDULE, STEPS, EndToEnd
+from recognition.study.baselines.open_set.heads import HeadMethod
 from recognition.study.baselines.open_set.method import OpenSetMethod
 from recognition.study.baselines.open_set.voting import VotingMethod
-from recognition.study.protocol.trials import Trial
+from recognition.study.protocol.trials import Trial, long_enough
 from recognition.trfe.samples import UNKNOWN, Features
 from xodr.array_types import FloatArray, IntArray
 
@@ -26,11 +28,17 @@ ONLY_CHANGES = "only-changes"
 """TRFE on what changes in windows alone, without an encoder: tokens only."""
 MAP_ONLY = "map-only"
 """TRFE on what the map alone tells of one frame, without anybody: tokens only."""
+ON_ALL, ENCODED_ON_ALL = "pretrained-on-all", "encoded-pretrained-on-all"
+"""TRFE on all and on the encoders' features alone, by encoders whose pretraining saw windows of all classes: tokens only."""
+END_TO_END = {"mls-end-to-end": "mls", "cac-end-to-end": "cac"}
+"""Methods whose heads train the encoder too, with the names of those with the same heads on frozen features: tokens only."""
 _FEATURES: dict[str, Callable[[Trial], Trial]] = {
     ONLY_ENCODED: lambda trial: trial.only_encoded,
     ONLY_TUNED: lambda trial: trial.only_tuned,
     ONLY_CHANGES: lambda trial: trial.only_changes,
     MAP_ONLY: lambda trial: trial.map_only,
+    ON_ALL: lambda trial: trial.pretrained_on_all,
+    ENCODED_ON_ALL: lambda trial: trial.pretrained_on_all.only_encoded,
 }
 """Other features than all, by name of the method of TRFE that looks at them."""
 TITLES = {
@@ -40,8 +48,11 @@ TITLES = {
     ONLY_TUNED: "TRFE, features after fine-tuning alone",
     ONLY_CHANGES: "TRFE, what changes alone",
     MAP_ONLY: "map only, one frame",
+    ON_ALL: "TRFE, pretrained on all classes",
+    ENCODED_ON_ALL: "TRFE, encoders' features alone, pretrained on all classes",
     **kinds.titles(kinds.SCREENINGS),
     **kinds.titles(kinds.OPEN_SET),
+    **{name: f"{kinds.titles(kinds.OPEN_SET)[kind]}, end to end" for name, kind in END_TO_END.items()},
 }
 """Methods by name, with the titles of their rows in the report."""
 
@@ -85,6 +96,8 @@ def _common_rule(name: str, trial: Trial) -> Judged:
 
 def seen_by(name: str, trial: Trial) -> Trial:
     """The trial with the features that a method looks at."""
+    if name in END_TO_END:
+        return trial.beside_inputs
     return _FEATURES[name](trial) if name in _FEATURES else trial
 
 
@@ -102,5 +115,9 @@ def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
         module = kinds.kind(kinds.SCREENINGS, name)
         forest = trial.plain_forest if module.PLAIN_VOTES else trial.forest
         return VotingMethod(trial.seed, module.SCREENING, forest=forest)
-    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, name).METHOD(trial.seed)
+    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, END_TO_END.get(name, name)).METHOD(trial.seed)
+    if name in END_TO_END:
+        assert isinstance(method, HeadMethod)
+        schedule = long_enough(SCHEDULE, len(trial.labelled.rows), STEPS)
+        return EndToEnd(method, trial.pretrained, trial.changes + trial.tuned, schedule)
     return method

@@ -36,7 +36,14 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
 """Kinds of experiments with the names of what each compares."""
 _OF_GRIDS = ("stae-kmeans", "stae-linkage")
 """Methods that need grids."""
-_OF_TOKENS = (open_set.MAP_ONLY, open_set.ONLY_CHANGES, open_set.ONLY_ENCODED)
+_OF_TOKENS = (
+    open_set.MAP_ONLY,
+    open_set.ONLY_CHANGES,
+    open_set.ONLY_ENCODED,
+    open_set.ON_ALL,
+    open_set.ENCODED_ON_ALL,
+    *open_set.END_TO_END,
+)
 """Methods that need tokens."""
 
 

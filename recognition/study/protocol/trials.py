@@ -64,6 +64,7 @@ class Trial:
         features: (n, d) of all windows in the split, by window number; those of others are 0.
         changes: how many columns, the first ones, are of what changes in a window of tokens.
         tuned: how many of the encoders' columns, which follow, are of the encoder before fine-tuning.
+        trials: what made it.
     """
 
     windows: Windows
@@ -71,8 +72,29 @@ class Trial:
     round: Round
     seed: int
     features: Features
-    changes: int = 0
-    tuned: int = 0
+    changes: int
+    tuned: int
+    trials: Trials
+
+    @cached_property
+    def pretrained_on_all(self) -> Trial:
+        """The same by encoders whose pretraining saw windows of all classes, also those that are unknown."""
+        return replace(self.trials, on_all=True).trial(self.split, self.round, self.seed)
+
+    @cached_property
+    def beside_inputs(self) -> Trial:
+        """The same with the inputs of windows, flattened, in place of features of the fine-tuned encoder."""
+        kept = self.features[:, : self.changes + self.tuned]
+        inputs = self.windows.inputs
+        features = np.zeros((len(kept), kept.shape[1] + inputs[0].size), dtype=np.float32)
+        rows = np.sort(np.concatenate(self.split[:4]))
+        features[rows] = np.concatenate([kept[rows], inputs[rows].reshape(len(rows), -1)], axis=1)
+        return replace(self, features=features)
+
+    @property
+    def pretrained(self) -> Encoder:
+        """The encoder of the seed before any fine-tuning."""
+        return self.trials.encoder(self.split, _before_all(self.round), self.seed)
 
     @cached_property
     def only_encoded(self) -> Trial:
@@ -174,12 +196,14 @@ class Trials:
     Attributes:
         windows: all of them. view: theirs. cache: the folder.
         preset: of the encoder; without one, features are those of `recognition.study.protocol.pixels`.
+        on_all: pretrain on windows of all classes instead, as an ablation: unknown ones are not unseen then.
     """
 
     windows: Windows
     view: View
     preset: Preset | None
     cache: Path
+    on_all: bool = False
 
     def trial(self, split: Split, round_: Round, seed: int) -> Trial:
         """The trial of a round of a seed."""
@@ -192,11 +216,11 @@ class Trials:
         made = np.concatenate(parts, axis=1)
         features = np.zeros((len(self.windows), made.shape[1]), dtype=np.float32)
         features[rows] = made
-        return Trial(self.windows, split, round_, seed, features, CHANGES if isinstance(self.view, Tokens) else 0, tuned)
+        return Trial(self.windows, split, round_, seed, features, CHANGES if isinstance(self.view, Tokens) else 0, tuned, self)
 
     def _features(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
-        path = self.cache / f"seed{seed}" / f"encoded{round_.number}.npy"
+        path = self._folder(seed) / f"encoded{round_.number}.npy"
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
             draft = path.with_suffix(".draft.npy")
@@ -210,29 +234,34 @@ class Trials:
         if self.preset is None:
             training = np.sort(np.concatenate([split.labelled, split.stream]))
             return pixel_features(self.windows.inputs[training], self.windows.inputs[rows], seed)
-        return features(self._encoder(self.preset, split, round_, seed), self.windows.select(rows))
+        return features(self.encoder(split, round_, seed), self.windows.select(rows))
 
-    def _encoder(self, preset: Preset, split: Split, round_: Round, seed: int) -> Encoder:
-        """The encoder of a round."""
+    def encoder(self, split: Split, round_: Round, seed: int) -> Encoder:
+        """The encoder of a round of a seed; there is none without a preset."""
         from recognition.encoder.finetuning import finetune
         from recognition.encoder.pretraining import pretrain
         from recognition.encoder.storage import load, save
 
-        place = self.cache / f"seed{seed}" / f"encoder{round_.number}"
+        preset = self.preset
+        assert preset is not None, "principal components have no encoder"
+        place = self._folder(seed) / f"encoder{round_.number}"
         if (place / "encoder.safetensors").exists():
             return load(place, type(preset.architecture) if isinstance(preset.architecture, Architecture) else Architecture)
         if round_.number == 0:
             rows = np.sort(np.concatenate([split.labelled, split.stream]))
-            training = self.windows.select(rows[np.isin(self.windows.labels[rows], round_.known)])
-            longer = _long_enough(preset.pretraining, len(training), _PRETRAINING)
+            training = self.windows.select(rows if self.on_all else rows[np.isin(self.windows.labels[rows], round_.known)])
+            longer = long_enough(preset.pretraining, len(training), _PRETRAINING)
             made = pretrain(training, preset._replace(pretraining=longer), self.view, seed)
         else:
             before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _before_all(round_)
             known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
-            longer = _long_enough(preset.finetuning, len(known), _FINETUNING)
-            made = finetune(self._encoder(preset, split, before, seed), known, longer, seed)
+            longer = long_enough(preset.finetuning, len(known), _FINETUNING)
+            made = finetune(self.encoder(split, before, seed), known, longer, seed)
         save(made, place)
         return made
+
+    def _folder(self, seed: int) -> Path:
+        return self.cache / (f"seed{seed}-all" if self.on_all else f"seed{seed}")
 
 
 def _before_all(round_: Round) -> Round:
@@ -240,6 +269,6 @@ def _before_all(round_: Round) -> Round:
     return Round(0, round_.known[:FIRST], ())
 
 
-def _long_enough(schedule: Schedule, windows: int, steps: int) -> Schedule:
+def long_enough(schedule: Schedule, windows: int, steps: int) -> Schedule:
     """The schedule with so many epochs that few windows make as many steps too; presets are made for the paper's scale."""
     return schedule._replace(epochs=max(schedule.epochs, math.ceil(steps * schedule.batch / windows)))

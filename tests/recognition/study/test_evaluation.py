@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recognition.encoder.config import Preset
+from recognition.encoder.kinds import untrained
+from recognition.encoder.model import Encoder
 from recognition.grids import Grid
 from recognition.study.protocol.command import protocol
 from recognition.study.protocol.evaluation import Evaluation, ProtocolSettings
 from recognition.study.protocol.processes import run_beside
 from recognition.study.protocol.rounds import Round
-from recognition.study.protocol.trials import Trials
+from recognition.study.protocol.trials import Trial, Trials
 from recognition.study.report.report import write_report
 from recognition.tokens.changes import CHANGES, changes
 from recognition.tokens.config import Tokens
@@ -135,18 +138,39 @@ def test_other_settings_and_other_windows_are_refused_in_the_same_folder(windows
         Evaluation(tmp_path / "fewer", tmp_path / "out", ProtocolSettings(None, view=GRID))
 
 
-def test_methods_see_what_changes_in_tokens_beside_what_encoders_read(tmp_path: Path) -> None:
+def of_tokens(folder: Path) -> Trial:
+    """The first round on windows of tokens."""
     view, labels = Tokens(), np.tile(np.repeat(CLASSES, 2), 8)
     inputs = np.random.default_rng(0).standard_normal((len(labels), *view.shape)).astype(np.float16)
     recordings, egos = np.repeat(np.arange(8), 2 * len(CLASSES)).astype(np.str_), np.arange(len(labels)).astype(np.str_)
-    Windows(inputs, labels, recordings, egos, np.arange(len(labels), dtype=float)).save(tmp_path / "windows")
-    trial = Evaluation(tmp_path / "windows", tmp_path, ProtocolSettings(None, "tokens", view=view)).trial(0, 1)
+    Windows(inputs, labels, recordings, egos, np.arange(len(labels), dtype=float)).save(folder / "windows")
+    return Evaluation(folder / "windows", folder, ProtocolSettings(None, "tokens", view=view)).trial(0, 1)
+
+
+def test_methods_see_what_changes_in_tokens_beside_what_encoders_read(tmp_path: Path) -> None:
+    trial = of_tokens(tmp_path)
     seen, rows = trial.labelled.features, trial.labelled.rows
-    assert (seen[:, : trial.changes] == changes(inputs[rows])).all()
+    assert (seen[:, : trial.changes] == changes(trial.windows.inputs[rows])).all()
     assert (trial.config.changes, trial.config.pretrained, seen.shape[1]) == (CHANGES, 12, CHANGES + 2 * 12)
     assert (trial.only_encoded.labelled.features == seen[:, CHANGES:]).all() and not trial.only_encoded.config.changes
     assert (trial.only_tuned.labelled.features == seen[:, CHANGES + 12 :]).all()
     assert (trial.only_changes.labelled.features == seen[:, :CHANGES]).all()
+    inputs = trial.beside_inputs.labelled.features[:, CHANGES + 12 :]
+    assert (inputs == trial.windows.inputs[rows].reshape(len(rows), -1)).all()
+
+
+def test_pretraining_sees_known_classes_alone_unless_all_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    def pretrain(windows: Windows, preset: Preset, view: Tokens, seed: int) -> Encoder:
+        seen.append(np.unique(windows.labels).tolist())
+        return untrained(preset.architecture, view)
+
+    monkeypatch.setattr("recognition.encoder.pretraining.pretrain", pretrain)
+    trial = of_tokens(tmp_path)
+    for one in (trial, trial.pretrained_on_all, trial):  # the third is the first again, from disk
+        assert one.pretrained.view == Tokens()
+    assert seen == [CLASSES[:2], CLASSES]
 
 
 def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> None:
