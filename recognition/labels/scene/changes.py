@@ -91,12 +91,13 @@ def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray
 def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
     """How many lanes to the left each row but the first is of the row before, and whether these lanes are connected."""
     before, after = strip[:-1], strip[1:]
-    pairs, which = np.unique(np.stack([before, after], axis=1), axis=0, return_inverse=True)
-    found = [0 if a == b else lanes.lanes_left(a, b) if NOWHERE not in (a, b) else None for a, b in pairs.tolist()]
-    steps = np.array([step or 0 for step in found], np.int64)
-    related = np.array([step is not None for step in found], bool)
-    which = which.reshape(-1)
-    return steps[which] if len(which) else which, related[which] if len(which) else np.zeros(0, bool)
+    steps, related = np.zeros(len(before), np.int64), np.ones(len(before), bool)
+    moved = np.flatnonzero(before != after)
+    pairs, which = np.unique(np.stack([before[moved], after[moved]], axis=1), axis=0, return_inverse=True)
+    found = [lanes.lanes_left(a, b) if NOWHERE not in (a, b) else None for a, b in pairs.tolist()]
+    steps[moved] = np.array([step or 0 for step in found], np.int64)[which.reshape(-1)]
+    related[moved] = np.array([step is not None for step in found], bool)[which.reshape(-1)]
+    return steps, related
 
 
 def _first(begins: BoolArray) -> IntArray:

@@ -27,6 +27,16 @@ class Scene(SceneRows):
     """Rows of all vehicles, with what all rules ask for prepared once."""
 
     @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Numbers of the tracks by their names."""
+        return {name: number for number, name in enumerate(self.names)}
+
+    @cached_property
+    def begin(self) -> float:
+        """Time (s) of frame 0."""
+        return float(self.time.min())
+
+    @cached_property
     def passages(self) -> Passages:
         """Ways through junctions."""
         return passages(self)
@@ -37,7 +47,7 @@ class Scene(SceneRows):
         cyclists = [name for name in self.names if self.recording.tracks[name].category == "bicycle"]
         walkers = [track.name for track in self.recording.tracks.values() if track.kind == "pedestrian"]
         tracks = [self.recording.tracks[name] for name in (*cyclists, *walkers)]
-        numbers = [*map(self.names.index, cyclists), *(-1 - number for number in range(len(walkers)))]
+        numbers = [*map(self.numbers.__getitem__, cyclists), *(-1 - number for number in range(len(walkers)))]
         sizes = [len(track.columns["time"]) for track in tracks]
         x, y, time = (_joined(tracks, name) for name in ("x", "y", "time"))
         return x, y, time, np.repeat(np.array(numbers, np.int64), sizes)

@@ -42,7 +42,7 @@ def in_lanes(segmentation: Segmentation, kind: str, ego: str, partner: str | Non
     Raises:
         Unsupported: what was recorded is no such manoeuvre.
     """
-    tracks = {name: index for index, name in enumerate(segmentation.motion.scene.names)}
+    tracks = segmentation.motion.scene.numbers
     own, other = tracks[ego], tracks.get(partner, ABSENT) if partner is not None else ABSENT
     actor = own if kind in EGO_ACTS else other
     if actor == ABSENT:
@@ -71,8 +71,8 @@ def _lane_change(segmentation: Segmentation, kind: str, actor: int, passive: int
 def _kept_lane(segmentation: Segmentation, kind: str, actor: int, passive: int, span: Span) -> Unit:
     """The unit of a track's stretch that was recognised."""
     scene = segmentation.motion.scene
-    times, first = (span.start, min(span.end, span.start + LONGEST)), float(scene.time.min())
-    start, last = (segmentation.motion.row(actor, round((time - first) / scene.step)) for time in times)
+    times = span.start, min(span.end, span.start + LONGEST)
+    start, last = (segmentation.motion.row(actor, round((time - scene.begin) / scene.step)) for time in times)
     if start is None or last is None or segmentation.motion.last[start] < last:
         raise Unsupported("the manoeuvre was not recorded completely")
     return segmentation.between(BRAKING if kind == "following" else ACCELERATION, passive, start, last)
