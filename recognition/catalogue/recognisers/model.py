@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -15,17 +16,18 @@ from recognition.catalogue.recognisers.trust import objection, unseen_sites
 from recognition.labels.classes import Event, Label
 from recognition.sites import Site
 from recognition.training.moments import STRIDE, regular
-from recognition.training.views import Inputs, drawn_in_parts, visible
+from recognition.training.views import drawn_in_parts, visible
 from recognition.trfe import storage
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
-from recognition.trfe.samples import BACKGROUND
+from recognition.trfe.samples import BACKGROUND, Features
 from recognition.trfe.titles import title_of
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
 from schemas.errors import UsageError
 
 _DRAWN = 4096
-"""Windows that are drawn at a time"""
+"""Windows that are drawn and encoded at a time"""
+Part = TypeVar("Part")
 _NOTHING = title_of(BACKGROUND)
 
 
@@ -65,9 +67,10 @@ class ByModel:
         self._ranges[name] = range(len(self._seen), len(self._seen) + len(moments))
         places = [(moment.ego, moment.time) for moment in moments]
         with threadpool_limits(1, "blas"):  # more threads only wait, for products this small and beside the encoders' threads
-            for number, inputs in enumerate(_ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN))):
-                self._take(inputs, moments[number * _DRAWN :])
-                advance(len(inputs) / len(moments))
+            parts = map(self._model.encode, _ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN)))
+            for number, features in enumerate(_ahead(parts)):
+                self._take(features, moments[number * _DRAWN :])
+                advance(len(features) / len(moments))
         if not moments:
             advance(1.0)
 
@@ -107,15 +110,15 @@ class ByModel:
                 found += [Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN) for at in times[free].tolist()]
         return found
 
-    def _take(self, inputs: Inputs, moments: list[Moment]) -> None:
-        """Recognise windows, of the first moments, no more at a time than fit into the buffer twice."""
+    def _take(self, features: Features, moments: list[Moment]) -> None:
+        """Recognise windows by their features, of the first moments, no more at a time than fit into the buffer twice."""
         part = max(self._model.buffer.capacity // 2, 1)
-        for start in range(0, len(inputs), part):
-            some = inputs[start : start + part]
+        for start in range(0, len(features), part):
+            some = features[start : start + part]
             self._recognise(some, moments[start : start + len(some)])
 
-    def _recognise(self, inputs: Inputs, moments: list[Moment]) -> None:
-        found = self._model.observe(inputs, self._first + len(self._seen) + np.arange(len(moments)))
+    def _recognise(self, features: Features, moments: list[Moment]) -> None:
+        found = self._model.observe(features, self._first + len(self._seen) + np.arange(len(moments)))
         names = [title_of(int(label)) for label in found.closed]
         shares = found.confidence.tolist()
         self._seen += (
@@ -147,7 +150,7 @@ class ByModel:
         return replace(moment, title=title_of(label), state=state)
 
 
-def _ahead(parts: Iterator[Inputs]) -> Iterator[Inputs]:
+def _ahead(parts: Iterator[Part]) -> Iterator[Part]:
     """The same parts, each made while the one before it is used."""
     with ThreadPoolExecutor(1) as thread:
         coming = thread.submit(next, parts, None)
