@@ -47,9 +47,13 @@ def require_fit(recording: Recording, network: RoadNetwork, name: str, path: Pat
 
 
 def share_on_road(recording: Recording, network: RoadNetwork) -> float:
-    """Share of the places of vehicles that are on a lane, by some of all; 1 where there is no vehicle."""
+    """Share of the places of vehicles that are on a lane, by some of all; 1 where there is no vehicle.
+
+    Vehicles that never move may be parked beside the road: they count only where no other is.
+    """
     vehicles = [track for track in recording.tracks.values() if track.kind == "vehicle"]
-    points = _on_lanes(_sampled(vehicles), network)
+    movers = [track for track in vehicles if (np.abs(track.columns["speed"]) >= _MOVING).any()]
+    points = _on_lanes(_sampled(movers or vehicles), network)
     return float(np.mean([point is not None for point in points])) if points else 1.0
 
 

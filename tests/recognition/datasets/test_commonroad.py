@@ -159,14 +159,40 @@ def test_traffic_signs_limit_the_speed(tmp_path: Path, value: str, limit: float)
     assert lanelet.limit == pytest.approx(limit)
 
 
-@pytest.mark.parametrize(("tag", "kind"), [("interstate", "motorway"), ("urban", "town"), ("comfort", None)])
-def test_tags_of_the_scenario_tell_what_its_roads_are(tmp_path: Path, tag: str, kind: str | None) -> None:
-    alone = re.sub("<(?:predecessor|successor|adjacentLeft) [^>]*/>", "", LANELET)
-    tagged = f"<scenarioTags><{tag}/></scenarioTags>{alone}"
-    (source,) = datasets.open(write(tmp_path, tagged, version="2020a")).sources
+ALONE = re.sub("<(?:predecessor|successor|adjacentLeft) [^>]*/>", "", LANELET)
+
+
+def kinds(folder: Path, *content: str) -> set[str]:
+    """Types of the roads that a scenario's lanelets become."""
+    (source,) = datasets.open(write(folder, *content, version="2020a")).sources
     assert source.road is not None
-    found = re.search(r'<type s="[^"]*" type="(\w+)"', source.road(source.load(), tmp_path).path.read_text())
-    assert (found[1] if found else None) in (kind, kind or "unknown")
+    return set(re.findall(r'<type s="[^"]*" type="(\w+)"', source.road(source.load(), folder).path.read_text())) - {"unknown"}
+
+
+@pytest.mark.parametrize(
+    ("tag", "type_", "found"),
+    [
+        ("interstate", "urban", {"motorway"}),
+        ("highway", "urban", {"motorway"}),
+        ("urban", "unknown", {"town"}),
+        ("comfort", "unknown", set()),
+        ("comfort", "urban", {"town"}),
+        ("comfort", "mainCarriageWay", {"motorway"}),
+    ],
+)
+def test_tags_tell_what_roads_are_and_types_where_tags_are_silent(tmp_path: Path, tag: str, type_: str, found: set[str]) -> None:
+    assert kinds(tmp_path, f"<scenarioTags><{tag}/></scenarioTags>", ALONE.replace("urban", type_)) == found
+
+
+def test_one_urban_lanelet_makes_a_town_of_those_that_say_nothing(tmp_path: Path) -> None:
+    other = ALONE.replace('id="7"', 'id="8"').replace("<y>-2", "<y>18").replace("<y>2<", "<y>22<").replace("urban", "unknown")
+    assert kinds(tmp_path, ALONE, other) == {"town"}
+
+
+def test_a_speed_limit_tells_more_than_the_type(tmp_path: Path) -> None:
+    sign = """<trafficSign id="3"><trafficSignElement><trafficSignID>274</trafficSignID>
+<additionalValue>33.3</additionalValue></trafficSignElement></trafficSign>"""
+    assert kinds(tmp_path, ALONE.replace("<laneletType>", '<trafficSignRef ref="3"/><laneletType>'), sign) == set()
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,12 @@ import math
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import recognition.datasets as datasets
 from recognition.sites import site_of
-from recognition.sites.fit import share_astray
+from recognition.sites.fit import share_astray, share_on_road
 from runner.recording import Recording
 from schemas.errors import InvalidFile
 from tests.recognition.driving import STEP, ahead, site, track
@@ -62,6 +63,14 @@ def test_motion_counts_not_the_front(road: RoadNetwork) -> None:
 def test_who_hardly_moves_shows_nothing_nor_do_cyclists(road: RoadNetwork) -> None:
     assert share_astray(moving(math.pi, math.pi, speed=1.9), road) == 0.0
     assert share_astray(moving(math.pi, math.pi, category="bicycle"), road) == 0.0
+
+
+def test_parked_vehicles_beside_the_road_show_nothing_where_others_move(road: RoadNetwork) -> None:
+    parked = [track(f"parked {n}", np.full(50, 10.0 * n), 20.0, heading=0.0) for n in range(5)]
+    along, beside = track("along", ahead(150.0, 5.0, 5.0), -1.9), track("beside", ahead(150.0, 5.0, 5.0), 20.0)
+    assert share_on_road(Recording([*parked, along], STEP, None), road) == 1.0
+    assert share_on_road(Recording([*parked, along, beside], STEP, None), road) == pytest.approx(0.5, abs=0.01)
+    assert share_on_road(Recording(parked, STEP, None), road) == 0.0
 
 
 def test_a_map_whose_lanes_lead_elsewhere_is_refused(tmp_path: Path) -> None:

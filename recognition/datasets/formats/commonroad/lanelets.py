@@ -115,7 +115,8 @@ def _lane_type(types: tuple[str, ...]) -> str:
 def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     """The road that a scenario brings along, written into a folder.
 
-    Types of lanelets seldom tell motorways: in NGSIM's scenarios all are "urban". Where they don't, the scenario's tags do.
+    Types of lanelets seldom tell motorways: in NGSIM's scenarios all are "urban". Where they don't, the scenario's tags do. Where
+    these are silent too, speed limits decide; without limits one "urban" lanelet makes a town of all that say nothing else.
 
     Raises:
         InvalidFile: it has no lanelets, or malformed ones.
@@ -129,6 +130,12 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
         raise invalid(root, "there is no lanelet, so its roads are unknown")
 
     tagged = _tagged(root)
+    unlimited = "town" if tagged == "unknown" and any("urban" in one.types for one in found) else tagged
+
+    def kind(one: Lanelet) -> str:
+        if set(one.types) & _MOTORWAY:
+            return "motorway"
+        return unlimited if math.isinf(one.limit) else tagged
 
     def beside(neighbour: Neighbour | None) -> Beside | None:
         return None if neighbour is None else Beside(neighbour.id, neighbour.same_direction)
@@ -137,7 +144,7 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
         [
             Built(
                 one.id, one.left, one.right, one.predecessors, one.successors, beside(one.beside_left), beside(one.beside_right),
-                _lane_type(one.types), "motorway" if set(one.types) & _MOTORWAY else tagged, one.limit,
+                _lane_type(one.types), kind(one), one.limit,
             )
             for one in found
         ],
