@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache, partial
 from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
@@ -47,12 +47,14 @@ _TRAJECTORY = """    <Trajectory name="{name}" closed="false">
       </Shape>
     </Trajectory>
 """
-_VERTEX = """          <Vertex time="{}">
+_VERTEX = """          <Vertex time="%r">
             <Position>
-              <WorldPosition .../>
+              <WorldPosition %s/>
             </Position>
           </Vertex>
 """
+_PLACES = 1 << 17
+"""Places of vertices whose texts are kept, some 50 MB: scenes of one recording that overlap have them in common"""
 _BETWEEN = re.compile(r">\n *<")
 ESCAPED = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
@@ -68,12 +70,13 @@ class Polyline(sg.Trajectory):
 
     def __init__(self, name: str, columns: Mapping[str, Sequence[float]]) -> None:
         super().__init__(name, False)
-        values = np.array(list(columns.values()), np.float64)
+        values = np.array(list(columns.values()), np.float64) + 0.0  # no -0.0: `_place` takes it for 0.0
         for value in values[~np.isfinite(values)].tolist():
             number(value)  # refuses it
-        places = " ".join(f'{axis}="{{}}"' for axis in [*columns][1:])
-        vertices = map(_VERTEX.replace("...", places).format, *values.tolist())
-        self.text = _TRAJECTORY.format(name=escape(name, ESCAPED), vertices="".join(vertices))
+        time, *places = values.tolist()
+        texts = map(partial(_place, tuple(columns)[1:]), *places)
+        vertices = "".join([_VERTEX % vertex for vertex in zip(time, texts, strict=True)])
+        self.text = _TRAJECTORY.format(name=escape(name, ESCAPED), vertices=vertices)
 
     @property
     def dense(self) -> str:
@@ -83,6 +86,12 @@ class Polyline(sg.Trajectory):
     def get_element(self) -> ElementTree.Element:
         """The element, as scenariogeneration asks for it."""
         return ElementTree.fromstring(self.dense)  # noqa: S314 - made here
+
+
+@lru_cache(maxsize=_PLACES)
+def _place(axes: tuple[str, ...], *values: float) -> str:
+    """Attributes of a place."""
+    return " ".join(f'{axis}="{value!r}"' for axis, value in zip(axes, values, strict=True))
 
 
 def rendered(built: Any) -> etree._Element:

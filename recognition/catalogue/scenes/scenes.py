@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -69,6 +69,24 @@ class Scene:
         return self.parts[0]
 
 
+class _Rows(NamedTuple):
+    """The rows of all tracks (n,) in the order of their frames: number of the track, and place (m)."""
+
+    frame: IntArray
+    track: IntArray
+    x: FloatArray
+    y: FloatArray
+
+    @classmethod
+    def of(cls, tracks: Sequence[Track], frames: Sequence[IntArray]) -> _Rows:
+        """Of tracks with the frames of each."""
+        track = np.repeat(np.arange(len(tracks)), [len(each) for each in frames])
+        x, y = (np.concatenate([np.zeros(0), *(each.columns[axis] for each in tracks)]) for axis in "xy")
+        frame = np.concatenate([np.zeros(0, np.int64), *frames])
+        order = np.argsort(frame, kind="stable")
+        return cls(frame[order], track[order], x[order], y[order])
+
+
 class SceneCutter:
     """A recording, ready for scenes to be cut from it."""
 
@@ -77,8 +95,7 @@ class SceneCutter:
         self._vertices: dict[str, IntArray] = {}
         self._numbers: dict[str, IntArray] = {}
         self._tracks = list(recording.tracks.values())
-        self._first = np.array([track.columns["time"][0] for track in self._tracks])
-        self._last = np.array([track.columns["time"][-1] for track in self._tracks])
+        self._rows = _Rows.of(self._tracks, [self._frames(track) for track in self._tracks])
 
     def cut(self, ego: str, start: float, end: float) -> Scene:
         """The scene of an ego from its first row to its last one between two times (s)."""
@@ -97,16 +114,14 @@ class SceneCutter:
 
     def _others(self, ego: Track, mine: IntArray, start: float, end: float) -> Iterator[Track]:
         """Those who come near the ego, for two frames at least."""
-        frames = self._frames(ego)[mine]
-        for index in np.flatnonzero((self._first < end) & (self._last > start)):
+        frames, theirs = self._frames(ego)[mine], self._rows
+        rows = np.arange(*np.searchsorted(theirs.frame, [frames[0], frames[-1] + 1]))
+        own = np.searchsorted(frames, theirs.frame[rows])
+        dx, dy = ego.columns["x"][mine[own]] - theirs.x[rows], ego.columns["y"][mine[own]] - theirs.y[rows]
+        near = (np.hypot(dx, dy) <= self.scope.reach) & (frames[own] == theirs.frame[rows])
+        for index in np.unique(theirs.track[rows[near]]):
             other = self._tracks[index]
-            rows = _between(other.columns["time"], start, end)
-            if other is ego or len(rows) < 2:
-                continue
-            its = self._frames(other)[rows]
-            own = np.minimum(np.searchsorted(frames, its), len(frames) - 1)
-            dx, dy = (ego.columns[axis][mine[own]] - other.columns[axis][rows] for axis in ("x", "y"))
-            if np.hypot(dx, dy).min(where=frames[own] == its, initial=np.inf) <= self.scope.reach:
+            if other is not ego and len(_between(other.columns["time"], start, end)) >= 2:
                 yield other
 
     def _frames(self, track: Track) -> IntArray:
