@@ -19,7 +19,7 @@ most exp(−z²/2), so that most instants can't be it, by the least z that they 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -83,7 +83,7 @@ def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULT
         ego, other: at the same instants.
     """
     approach, touching = _approach(ego, other), boxes_overlap(ego, other)
-    bounds = _bounds(approach, parameters)
+    bounds = _bounds(approach, parameters.times, parameters)
     rows = np.arange(len(touching))
     likeliest = bounds.argmax(axis=0)
     found = _overlap(approach, likeliest, rows, parameters)
@@ -104,7 +104,8 @@ def greatest(ego: Motion, others: Sequence[Motion], parameters: FieldParameters 
         a, b, _, _, who = common(ego, block)
         if not who.size:
             continue
-        rows = _candidates(a, b, parameters)
+        rows = _candidates(a, b, parameters, _roughly)
+        rows = rows[_candidates(a.at(rows), b.at(rows), parameters, _finely)]
         field = risk_field(a.at(rows), b.at(rows), parameters)
         tops = [(int(values.argmax()), values) for values in field]
         here = [Extreme(float(values[row]), float(a.time[rows[row]]), block[who[rows[row]]].name) for row, values in tops]
@@ -126,6 +127,10 @@ class _Approach(NamedTuple):
         return energy
 
 
+_Bounded = Callable[[_Approach, FieldParameters], FloatArray]
+"""Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most"""
+
+
 def _approach(ego: Motion, other: Motion) -> _Approach:
     x, y, cos, sin = seen_by(ego, other)
     a, b = ego.box, other.box
@@ -136,13 +141,13 @@ def _approach(ego: Motion, other: Motion) -> _Approach:
     return _Approach((x, y), (other.speed * cos - ego.speed, other.speed * sin), half)
 
 
-def _candidates(ego: Motion, other: Motion, parameters: FieldParameters) -> IntArray:
+def _candidates(ego: Motion, other: Motion, parameters: FieldParameters, bounded: _Bounded) -> IntArray:
     """Rows among which those with the greatest probability and the greatest risk are.
 
     What the rows with the greatest bounds reach, others have to reach by theirs.
     """
     approach = _approach(ego, other)
-    bound = _roughly(approach, parameters)
+    bound = bounded(approach, parameters)
     with np.errstate(divide="ignore"):
         bounds = np.stack([bound, np.log(approach.energy(parameters)) + bound])
         best = bounds.argmax(axis=1)
@@ -166,9 +171,15 @@ def _roughly(approach: _Approach, parameters: FieldParameters) -> FloatArray:
     return bound
 
 
-def _bounds(approach: _Approach, parameters: FieldParameters) -> FloatArray:
-    """Logarithms of what the probabilities of an overlap (k, n) at the look-ahead times are at most, by Chernoff's bound."""
-    time = parameters.times[:, None]
+def _finely(approach: _Approach, parameters: FieldParameters) -> FloatArray:
+    """The same at each look-ahead time by itself, and at once, when boxes may touch."""
+    bound: FloatArray = _bounds(approach, np.append(0.0, parameters.times), parameters).max(axis=0)
+    return bound
+
+
+def _bounds(approach: _Approach, times: FloatArray, parameters: FieldParameters) -> FloatArray:
+    """Logarithms of what the probabilities of an overlap (k, n) at look-ahead times (k,) are at most, by Chernoff's bound."""
+    time = times[:, None]
     bounds = np.zeros((len(time), len(approach.place[0])))
     for place, velocity, half, deviation in zip(*approach, (parameters.along, parameters.across), strict=True):
         distance = np.maximum(np.abs(place + velocity * time) - half, 0.0)
