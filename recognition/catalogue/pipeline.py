@@ -167,8 +167,8 @@ class _Work:
                     advance(1.0)
                     continue
                 advance(_READ)
-                recording, events = self._shelf.get(source).recording, seen.events
-                self._recogniser.look(source.name, recording, seen.ground.site, events, _part(advance, 1.0 - _READ))
+                recording, rest = stages.recorded(seen.ground.place), _part(advance, 1.0 - _READ)
+                self._recogniser.look(source.name, recording, seen.ground.site, seen.events, rest)
                 self.seen[source.name] = seen
 
     def write(self, sources: Sequence[Source], bar: Bar) -> None:

@@ -169,11 +169,16 @@ def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) 
 
 
 @lru_cache(maxsize=1)
+def recorded(place: Place) -> Recording:
+    """A recording from the shelf, which is kept for its next stages, also in processes that are forked from this one."""
+    return Shelf(place.shelf).get(place.source).recording
+
+
+@lru_cache(maxsize=1)
 def _material(ground: Ground, scope: Scope) -> Material:
-    """A recording from the shelf, which is kept for its other blocks."""
-    source = ground.place.source
-    recording = Shelf(ground.place.shelf).get(source).recording
-    material = Material(source, recording, ground.site, scope)
+    """What is taken from a recording, which is kept for its other blocks."""
+    recording = recorded(ground.place)
+    material = Material(ground.place.source, recording, ground.site, scope)
     if len(recording.tracks) >= _LONG:
         gc.unfreeze()
         gc.collect()
@@ -184,6 +189,7 @@ def _material(ground: Ground, scope: Scope) -> Material:
 def forget() -> None:
     """Keep nothing of what was opened: other files may have the same names."""
     opened.cache_clear()
+    recorded.cache_clear()
     _material.cache_clear()
 
 
