@@ -12,7 +12,7 @@ from lxml import etree
 
 from schemas.registry import OPENSCENARIO, detect
 from xosc.document import Document
-from xosc.versions import Version, convert
+from xosc.versions import Version, checked, convert
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ def new_document(
     root = etree.Element(OPENSCENARIO)
     root.append(_file_header(header))
     root.extend(parts)
-    return convert(Document(Path(path), root, (1, 3), detect(root.getroottree()).kind), version)
+    document = Document(Path(path), root, (1, 3), detect(root.getroottree()).kind)
+    return checked(document) if version == document.version else convert(document, version)
 
 
 def _file_header(header: Header) -> etree._Element:

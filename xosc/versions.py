@@ -43,11 +43,10 @@ def convert(document: Document, to: Version) -> Document:
         raise UsageError(f"there is no conversion to version {'.'.join(map(str, to))}, only to 1.0, 1.1, 1.2 and 1.3")
     tree = copy.deepcopy(document.root.getroottree())
     etree.strip_attributes(tree, *OWN)
-    top = Node(tree.getroot(), document.path)
-    for problem in _violations(tree, document.version):
-        raise _nearest(problem.element, document).invalid(f"not valid in its own version: {problem.message}")
+    copied = checked(Document(document.path, tree.getroot(), document.version, document.kind))
     if to == document.version:
-        return Document(document.path, top.element, to, document.kind)
+        return copied
+    top = Node(copied.root, document.path)
     _refuse_expressions(top, document.version, to)
     for change, tag in _changes(document.version, to):
         for element in list(top.element.iter(tag)):
@@ -60,6 +59,18 @@ def convert(document: Document, to: Version) -> Document:
         node = _nearest(problem.element, document)
         raise node.unsupported(f"can't be said in OpenSCENARIO {to[0]}.{to[1]}: {problem.message}")
     return Document(document.path, top.element, to, document.kind)
+
+
+def checked(document: Document) -> Document:
+    """The document itself.
+
+    Raises:
+        InvalidFile: it breaks the schema of its own version.
+        UsageError: no XSD for that is at hand.
+    """
+    for problem in _violations(document.root.getroottree(), document.version):
+        raise _nearest(problem.element, document).invalid(f"not valid in its own version: {problem.message}")
+    return document
 
 
 def _violations(tree: etree._ElementTree, version: Version) -> list[Violation]:
