@@ -159,14 +159,17 @@ def interruptible(name: str, hint: str = "") -> Iterator[None]:
 
 @contextmanager
 def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """A bar on standard error, where that is a terminal; yields a function to advance it by finished items, or shares of one."""
+    """A bar on standard error, where that is a terminal; yields a function to advance it by finished items, or shares of one.
+
+    It tells the time that has passed, which goes on where an item takes long, and the time that is left.
+    """
     if quiet or not sys.stderr.isatty():
         yield lambda count: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task, done = bar.add_task(doing, total=total), 0.0
 
