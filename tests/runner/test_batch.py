@@ -31,6 +31,7 @@ from runner.batch.rehearsal import rehearse_batch
 from runner.interpreter.result import RunResult
 from runner.settings import RunSettings
 from schemas.errors import UsageError
+from tests.commands import Command
 from tests.runner.files import SLOW_SYSTEM, distribution, place, scenario
 
 QUICK = RunSettings(sut="none", world="kinematic")
@@ -309,16 +310,18 @@ def test_resuming_with_other_settings_or_parameters_is_refused(tmp_path: Path, v
 
 @pytest.mark.parametrize("processes", [1, 2])
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_an_interrupted_batch_goes_on_where_it_was(tmp_path: Path, processes: int, how: signal.Signals) -> None:
+def test_an_interrupted_batch_goes_on_where_it_was(
+    tmp_path: Path, processes: int, how: signal.Signals, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scenario(tmp_path, stop=0.5)
     variation = distribution(tmp_path, "variation", {"Gap": (20, 130, 10)})
     (tmp_path / "slow.py").write_text(SLOW_SYSTEM)
     out, journal = tmp_path / "out", tmp_path / "out" / "runs.jsonl"
-    command = [sys.executable, "-m", "runner.cli", str(variation), "--world", "kinematic", "--sut", "slow:Slow"]
-    command += ["--out", str(out), "--jobs", str(processes)]
+    arguments = [str(variation), "--world", "kinematic", "--sut", "slow:Slow", "--out", str(out)]
+    begun = [sys.executable, "-m", "runner.cli", *arguments, "--jobs", str(processes)]
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # whoever runs the tests may ignore it
     pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
-    first = subprocess.Popen(command, cwd=tmp_path, stdout=nothing, stderr=pipe, text=True, preexec_fn=heard)
+    first = subprocess.Popen(begun, cwd=tmp_path, stdout=nothing, stderr=pipe, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 60
     while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
         assert time.monotonic() < deadline
@@ -335,8 +338,8 @@ def test_an_interrupted_batch_goes_on_where_it_was(tmp_path: Path, processes: in
     done = {
         p: p.stat().st_mtime_ns for p in out.glob("variation~*/trajectories.parquet")
     }  # of a killed process drafts may be left
-    second = subprocess.run([*command, "--resume"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
-    assert "12 runs: 12 passed" in second.stdout
+    monkeypatch.chdir(tmp_path)
+    assert "12 runs: 12 passed" in command("xosc-run", *arguments, "--resume").out
     entries = [json.loads(line)["job"]["name"] for line in journal.read_text().splitlines()]
     assert sorted(entries) == [f"variation~{n:06d}" for n in range(12)]
     kept = [path for path, when in done.items() if path.stat().st_mtime_ns == when]

@@ -71,7 +71,7 @@ def test_recorded_pairs_fill_a_space_and_its_prior_lets_nobody_drive_through_ano
     assert isinstance(units, PairUnits)
     space = Space.of(path_of(name))
     recorded = of_samples(units, space)
-    prior = recorded.prior(space, "mixture")
+    prior = recorded.prior(space, "gaussian")
     drawn = prior.sample(50, np.random.default_rng(0))
     assert units.apart(space.by_name(drawn)).all()
     assert prior.foreseeable(drawn).mean() > 0.9
