@@ -8,6 +8,7 @@ from recognition.study.agreement.command import agreement
 from recognition.study.places import places
 from recognition.study.protocol.command import protocol
 from recognition.study.sites import sites
+from recognition.study.smoothing.command import smoothing
 from schemas.commands.options import Version, guarded, new_app
 
 NAME = "python -m recognition.study"
@@ -24,6 +25,7 @@ app.command("protocol")(protocol)
 app.command("agreement")(agreement)
 app.command("sites")(sites)
 app.command("places")(places)
+app.command("smoothing")(smoothing)
 
 
 def main() -> None:

@@ -9,20 +9,19 @@ import numpy as np
 from recognition.datasets.smoothing.limits import Bounds
 from xodr.array_types import FloatArray, IntArray
 
-TAILS = 4.0
-"""Degrees of freedom of Student's t distribution, by which recorded values are off: many a little, some much."""
-
 
 class Noise(NamedTuple):
-    """Standard deviations of what is not measured.
+    """What is not measured of recordings: standard deviations, and how they are distributed.
 
     heading: of recorded headings, rad. jerk: of the change of the acceleration in a second, m/s². bend: of the change of the
-    curvature in a second, 1/m.
+    curvature in a second, 1/m. tails: degrees of freedom of Student's t distribution, by which recorded values are off: many a
+    little, some much.
     """
 
     heading: float = 0.1
     jerk: float = 1.5
     bend: float = 0.02
+    tails: float = 4.0
 
 
 class Seen(NamedTuple):
@@ -31,7 +30,8 @@ class Seen(NamedTuple):
     starts: first row of each track, and the number of rows. time: s.
     x, y: of the centre of the box, m. h: heading, rad. speed: m/s.
     trusted: 0 for rows whose position is known to be wrong, else 1.
-    off: standard deviation of the centre, m. behind: distance of the rear axle behind the centre, m.
+    off: standard deviation of the centre, m. facing: of the heading, rad; infinite where it is unknown.
+    behind: distance of the rear axle behind the centre, m.
     """
 
     starts: IntArray
@@ -42,6 +42,7 @@ class Seen(NamedTuple):
     speed: FloatArray
     trusted: FloatArray
     off: FloatArray
+    facing: FloatArray
     behind: FloatArray
     bounds: Bounds
     noise: Noise
@@ -61,7 +62,8 @@ class Seen(NamedTuple):
     def part(self, first: int, last: int) -> Seen:
         """Some of the tracks, from `first` to before `last`."""
         rows = slice(int(self.starts[first]), int(self.starts[last]))
-        cut = {name: getattr(self, name)[rows] for name in ("time", "x", "y", "h", "speed", "trusted", "off", "behind")}
+        columns = ("time", "x", "y", "h", "speed", "trusted", "off", "facing", "behind")
+        cut = {name: getattr(self, name)[rows] for name in columns}
         bounds = Bounds(*(each[rows] for each in self.bounds))
         return self._replace(starts=self.starts[first : last + 1] - self.starts[first], bounds=bounds, **cut)
 
@@ -71,11 +73,11 @@ def turned(angle: FloatArray) -> FloatArray:
     return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
 
 
-def weight(squares: FloatArray, dimensions: int) -> FloatArray:
+def weight(squares: FloatArray, dimensions: int, tails: float) -> FloatArray:
     """Weight of values that are off by so many squared deviations, by Student's distribution."""
-    return (TAILS + dimensions) / (TAILS + squares)
+    return (tails + dimensions) / (tails + squares)
 
 
-def cost(squares: FloatArray, dimensions: int) -> FloatArray:
+def cost(squares: FloatArray, dimensions: int, tails: float) -> FloatArray:
     """What they cost: twice the negative logarithm of the density, but for a constant."""
-    return (TAILS + dimensions) * np.log1p(squares / TAILS)
+    return (tails + dimensions) * np.log1p(squares / tails)

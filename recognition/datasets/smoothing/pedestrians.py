@@ -48,7 +48,7 @@ def _terms(z: FloatArray, seen: Seen) -> Terms:
     n = len(z)
     off = z[:, :2] - np.stack([seen.x, seen.y], axis=1)
     squares = (off * off).sum(axis=1) / seen.off**2
-    place = np.sqrt(seen.trusted * weight(squares, 2)) / seen.off
+    place = np.sqrt(seen.trusted * weight(squares, 2, seen.noise.tails)) / seen.off
     value, by = np.zeros((n, 8)), np.zeros((n, 8, 6))
     value[:, :2] = off * place[:, None]
     by[:, range(2), range(2)] = place[:, None]
@@ -60,7 +60,7 @@ def _terms(z: FloatArray, seen: Seen) -> Terms:
         value[:, i] = np.where(beyond, length - most, 0.0) / _FIRM
         by[:, i, column : column + 2] = np.where(beyond[:, None], vector / np.maximum(length, 1e-9)[:, None], 0.0) / _FIRM
     between, before, after = _between(z, seen)
-    costs = seen.trusted * cost(squares, 2) + (value[:, 2:] ** 2).sum(axis=1)
+    costs = seen.trusted * cost(squares, 2, seen.noise.tails) + (value[:, 2:] ** 2).sum(axis=1)
     costs[:-1] += (between * between).sum(axis=1)
     return Terms(value, by, between, before, after, costs)
 

@@ -18,7 +18,7 @@ from recognition.datasets.source import Cut, Exclusion, Report
 from recognition.datasets.tables.rows import Parted, Rows, parted
 from recognition.datasets.tables.tracks import Columns
 from schemas.errors import InvalidFile
-from xodr.array_types import FloatArray, IntArray
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 RAW = ("x", "y", "h", "speed", "acceleration")
 """Columns that are smoothed; as they were recorded they stay as raw_x, raw_y and so on."""
@@ -50,10 +50,7 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
     Raises:
         InvalidFile: nothing is left of any track.
     """
-    noise = noise or Noise()
-    behind = rows.each([one.box.x for one in who])
-    x, y = columns["x"] + behind * np.cos(columns["h"]), columns["y"] + behind * np.sin(columns["h"])
-    broken = breaks(rows, x, y)
+    broken = breaks(rows, *centres(rows, who, columns))
     rest = parted(rows, broken.heads, _LEAST)
     if not len(rest.rows):
         short = f"all parts between jumps and gaps are shorter than {_LEAST:g} s"
@@ -63,18 +60,29 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
     who = [who[index]._replace(name=name) for index, name in zip(rest.origin.tolist(), names, strict=True)]
     columns = {name: values[rest.kept] for name, values in columns.items()}
     columns |= {f"raw_{name}": columns[name] for name in RAW}
-    bounds = Bounds.of([one.category for one in who], rest.rows.sizes)
-    trusted = np.where(broken.astray[rest.kept], 0.0, 1.0)
-    x, y = x[rest.kept], y[rest.kept]
-    off, behind = deviation(rest.rows, x, y), behind[rest.kept]
-    seen = Seen(rest.rows.starts, rest.rows.time, x, y, columns["h"], columns["speed"], trusted, off, behind, bounds, noise)
-    columns |= _states(rest.rows, who, seen, columns)
+    seen = observed(rest.rows, who, columns, broken.astray[rest.kept], noise or Noise())
+    columns |= states(rest.rows, who, seen, columns)
     wrong = edges(rest.rows, who, columns["speed"], columns["acceleration"])
     _tell_edges(report, who, wrong)
     kept = without(rest.rows, wrong)
     rows, columns = rest.rows.among(kept), {name: values[kept] for name, values in columns.items()}
-    _tell_hard(report, rows, who, columns["acceleration"], Bounds(*(each[kept] for each in bounds)))
+    _tell_hard(report, rows, who, columns["acceleration"], Bounds(*(each[kept] for each in seen.bounds)))
     return Smoothed(rows, who, columns)
+
+
+def centres(rows: Rows, who: Sequence[Participant], columns: Columns) -> tuple[FloatArray, FloatArray]:
+    """Centres x, y (m) of the boxes of the participants of tracks, from their reference points and headings."""
+    behind = rows.each([one.box.x for one in who])
+    return columns["x"] + behind * np.cos(columns["h"]), columns["y"] + behind * np.sin(columns["h"])
+
+
+def observed(rows: Rows, who: Sequence[Participant], columns: Columns, astray: BoolArray, noise: Noise) -> Seen:
+    """What smoothers are given of tracks; places of rows that are astray are not trusted (n,)."""
+    x, y = centres(rows, who, columns)
+    facing, behind = np.full(len(rows), noise.heading), rows.each([one.box.x for one in who])
+    trusted, bounds = np.where(astray, 0.0, 1.0), Bounds.of([one.category for one in who], rows.sizes)
+    recorded = x, y, columns["h"], columns["speed"], trusted, deviation(rows, x, y), facing, behind
+    return Seen(rows.starts, rows.time, *recorded, bounds, noise)
 
 
 def _names(who: Sequence[Participant], origin: IntArray) -> list[str]:
@@ -132,17 +140,17 @@ def _tell_hard(report: Report, rows: Rows, who: Sequence[Participant], accelerat
             )
 
 
-def _states(rows: Rows, who: Sequence[Participant], seen: Seen, columns: Columns) -> Columns:
+def states(rows: Rows, who: Sequence[Participant], seen: Seen, columns: Columns) -> Columns:
     """The smoothed columns; what is neither vehicle nor pedestrian stays as it is."""
-    states = np.stack([columns[name] for name in RAW], axis=1)
+    found = np.stack([columns[name] for name in RAW], axis=1)
     for kind, first, last in _batches(who, rows.sizes):
         part, among = seen.part(first, last), rows.part(first, last)
         own = slice(int(rows.starts[first]), int(rows.starts[last]))
         if kind == "vehicle":
-            states[own] = vehicles.smooth(among, part)
+            found[own] = vehicles.smooth(among, part)
         elif kind == "pedestrian":
-            states[own] = pedestrians.smooth(among, part)
-    x, y, h, speed, acceleration = states.T
+            found[own] = pedestrians.smooth(among, part)
+    x, y, h, speed, acceleration = found.T
     return {"x": x, "y": y, "h": np.arctan2(np.sin(h), np.cos(h)), "speed": speed, "acceleration": acceleration}
 
 

@@ -50,12 +50,12 @@ def _terms(z: FloatArray, seen: Seen, speed: FloatArray) -> Terms:
 
 def _rows(z: FloatArray, seen: Seen, speed: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Residuals of rows (centre, heading, what is unknown, limits), their derivatives, and costs."""
-    n, noise = len(z), seen.noise
+    n, tails = len(z), seen.noise.tails
     cos, sin, h, v = np.cos(z[:, H]), np.sin(z[:, H]), z[:, H], z[:, V]
     off_x, off_y = z[:, X] + seen.behind * cos - seen.x, z[:, Y] + seen.behind * sin - seen.y
     turn = turned(h - seen.h)
-    squares, turns = (off_x * off_x + off_y * off_y) / seen.off**2, (turn / noise.heading) ** 2
-    place, facing = np.sqrt(seen.trusted * weight(squares, 2)) / seen.off, np.sqrt(weight(turns, 1)) / noise.heading
+    squares, turns = (off_x * off_x + off_y * off_y) / seen.off**2, (turn / seen.facing) ** 2
+    place, facing = np.sqrt(seen.trusted * weight(squares, 2, tails)) / seen.off, np.sqrt(weight(turns, 1, tails)) / seen.facing
     value, by = np.zeros((n, 10)), np.zeros((n, 10, 6))
     value[:, 0], value[:, 1], value[:, 2] = off_x * place, off_y * place, turn * facing
     by[:, 0, X], by[:, 1, Y], by[:, 2, H] = place, place, facing
@@ -64,7 +64,7 @@ def _rows(z: FloatArray, seen: Seen, speed: FloatArray) -> tuple[FloatArray, Flo
     for i, (column, deviation) in enumerate(_UNKNOWN.items(), start=4):
         value[:, i], by[:, i, column] = z[:, column] / deviation, 1.0 / deviation
     _limit(value, by, z, seen)
-    costs = seen.trusted * cost(squares, 2) + cost(turns, 1) + (value[:, 3:] ** 2).sum(axis=1)
+    costs = seen.trusted * cost(squares, 2, tails) + cost(turns, 1, tails) + (value[:, 3:] ** 2).sum(axis=1)
     return value, by, costs
 
 

@@ -77,8 +77,8 @@ class Rows:
     def among(self, kept: NDArray[np.bool_]) -> Rows:
         """Some of the rows, at least one of each track."""
         starts, time = np.append(0, np.cumsum(np.add.reduceat(kept, self.starts[:-1], dtype=np.int64))), self.time[kept]
-        pieces = _pieces(time, starts, self.step)
-        return Rows(self.order[kept], self.keys, starts, time, self.step, *pieces, self.repeated)
+        limits = pieces(time, starts, self.step)
+        return Rows(self.order[kept], self.keys, starts, time, self.step, *limits, self.repeated)
 
     def each(self, values: Any) -> NDArray[Any]:
         """A value for each track, repeated for its rows."""
@@ -138,7 +138,7 @@ def in_order(
     starts = starts - np.concatenate([[0], np.cumsum(repeated)])
     order = order[passed > 0]
     time = (clock.counts[order] - clock.zero) / clock.per_second
-    return Rows(order, keys, starts, time, clock.step, *_pieces(time, starts, clock.step), repeated)
+    return Rows(order, keys, starts, time, clock.step, *pieces(time, starts, clock.step), repeated)
 
 
 class Parted(NamedTuple):
@@ -162,9 +162,9 @@ def parted(rows: Rows, heads: IntArray, least: float) -> Parted:
     sizes, origin = (ends - begins)[keep], origin[keep]
     kept = np.repeat(keep, ends - begins)
     starts, time = np.append(0, np.cumsum(sizes)), rows.time[kept]
-    pieces = _pieces(time, starts, rows.step)
+    limits = pieces(time, starts, rows.step)
     return Parted(
-        Rows(rows.order[kept], rows.keys[origin], starts, time, rows.step, *pieces, rows.repeated[origin]), kept, origin
+        Rows(rows.order[kept], rows.keys[origin], starts, time, rows.step, *limits, rows.repeated[origin]), kept, origin
     )
 
 
@@ -174,7 +174,7 @@ def _disordered(table: Table, name: Any, clock: Clock, row: int, before: int) ->
     return table.fault(row, clock.column, f"{now} of track {name} {fault}")
 
 
-def _pieces(time: FloatArray, starts: IntArray, step: float) -> tuple[IntArray, IntArray]:
+def pieces(time: FloatArray, starts: IntArray, step: float) -> tuple[IntArray, IntArray]:
     """First and last row of the piece without missing frames that each row is in."""
     begins = np.zeros(len(time), bool)
     begins[1:] = np.diff(time) > _LATE * step

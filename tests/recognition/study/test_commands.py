@@ -29,7 +29,7 @@ def study(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
     return call
 
 
-@pytest.mark.parametrize("command", [[], ["protocol"], ["agreement"], ["places"]], ids=" ".join)
+@pytest.mark.parametrize("command", [[], ["protocol"], ["agreement"], ["places"], ["smoothing"]], ids=" ".join)
 def test_every_command_has_help_and_tells_its_version(study: Study, command: list[str]) -> None:
     answer = study(*command, "--help")
     assert (answer.code, answer.err) == (0, "")
