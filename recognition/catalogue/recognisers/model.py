@@ -27,6 +27,8 @@ from schemas.errors import UsageError
 
 _DRAWN = 4096
 """Windows that are drawn and encoded at a time"""
+_STANDS = 0.5
+"""Speed (m/s) that a parked vehicle never has, whatever its box's jitter"""
 Part = TypeVar("Part")
 _NOTHING = title_of(BACKGROUND)
 
@@ -97,13 +99,13 @@ class ByModel:
         storage.save(self._model, folder)
 
     def _regular(self, recording: Recording, events: list[Event]) -> list[Moment]:
-        """Moments at the stride, away from the events."""
+        """Moments at the stride, away from the events, of vehicles that move at all: nothing happens to parked ones."""
         taken: dict[str, list[float]] = {}
         for event in events:
             taken.setdefault(event.ego, []).append(event.time)
         found = []
         for track in recording.tracks.values():
-            if track.kind == "vehicle":
+            if track.kind == "vehicle" and (np.abs(track.columns["speed"]) >= _STANDS).any():
                 times = regular(track.columns["time"], WINDOW, self._stride)
                 busy = np.array(taken.get(track.name, []))
                 free = (np.abs(times[:, None] - busy) >= 0.5 * self._stride).all(axis=1)

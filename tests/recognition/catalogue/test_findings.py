@@ -24,9 +24,11 @@ from recognition.trfe.discovery.buffer import Buffer
 from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
 from recognition.trfe.storage import load
 from recognition.trfe.trfe import TRFE
+from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition import motorway
 from tests.recognition.clouds import clouds
+from tests.recognition.driving import track
 
 
 def moment(time: float, title: str = "a", ego: str = "1", **other: object) -> Moment:
@@ -64,6 +66,9 @@ def test_names_of_classes() -> None:
     ]  # fmt: skip
 
 
+PARKED = track("parked", np.full(100, 50.0), 0.0, heading=0.0)
+
+
 class Oracle:
     """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos 3 and 4 unknown, the rest free cruise."""
 
@@ -94,10 +99,11 @@ class Oracle:
 
 
 def look(folder: Path, oracle: Oracle, *, sorts: bool = True) -> ByModel:
-    """A motorway seen through an oracle."""
+    """A motorway seen through an oracle, with a vehicle parked on it."""
     (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
     recording = source.load()
     assert recording.network is not None
+    recording = Recording([*recording.tracks.values(), PARKED], recording.timestep, recording.network)
     events = [
         Event("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
         Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
