@@ -14,9 +14,6 @@ from recognition.encoder.training import deterministic, train
 from recognition.study.baselines.open_set.heads import HeadMethod
 from recognition.trfe.samples import Features
 
-SCHEDULE, STEPS = Schedule(6, 96, 1.5e-3), 100
-"""How encoder and head are trained, and in how many steps at least."""
-
 
 class Whole(nn.Module):
     """A head, and an encoder that makes what the head reads.

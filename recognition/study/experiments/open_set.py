@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from recognition.encoder.config import Schedule
 from recognition.study import kinds, metrics
-from recognition.study.baselines.end_to_end import SCHEDULE, STEPS, EndToEnd
+from recognition.study.baselines.end_to_end import EndToEnd
 from recognition.study.baselines.open_set.heads import HeadMethod
 from recognition.study.baselines.open_set.method import OpenSetMethod
 from recognition.study.baselines.open_set.voting import VotingMethod
@@ -30,8 +31,25 @@ MAP_ONLY = "map-only"
 """TRFE on what the map alone tells of one frame, without anybody: tokens only."""
 ON_ALL, ENCODED_ON_ALL = "pretrained-on-all", "encoded-pretrained-on-all"
 """TRFE on all and on the encoders' features alone, by encoders whose pretraining saw windows of all classes: tokens only."""
-END_TO_END = {"mls-end-to-end": "mls", "cac-end-to-end": "cac"}
-"""Methods whose heads train the encoder too, with the names of those with the same heads on frozen features: tokens only."""
+
+
+class Together(NamedTuple):
+    """A method whose head and encoder learn together, see `EndToEnd`.
+
+    Attributes:
+        frozen: name of the method with the same head on frozen features.
+        rate, steps: greatest learning rate and number of steps, chosen on development seeds 0 and 1.
+    """
+
+    frozen: str
+    rate: float
+    steps: int
+
+
+END_TO_END = {"mls-end-to-end": Together("mls", 5e-4, 100), "cac-end-to-end": Together("cac", 1.5e-3, 300)}
+"""Methods whose heads train the encoder too, by name: tokens only."""
+_BATCH = 96
+"""Windows in a step of these."""
 _FEATURES: dict[str, Callable[[Trial], Trial]] = {
     ONLY_ENCODED: lambda trial: trial.only_encoded,
     ONLY_TUNED: lambda trial: trial.only_tuned,
@@ -52,7 +70,7 @@ TITLES = {
     ENCODED_ON_ALL: "TRFE, encoders' features alone, pretrained on all classes",
     **kinds.titles(kinds.SCREENINGS),
     **kinds.titles(kinds.OPEN_SET),
-    **{name: f"{kinds.titles(kinds.OPEN_SET)[kind]}, end to end" for name, kind in END_TO_END.items()},
+    **{name: f"{kinds.titles(kinds.OPEN_SET)[learnt.frozen]}, end to end" for name, learnt in END_TO_END.items()},
 }
 """Methods by name, with the titles of their rows in the report."""
 
@@ -115,9 +133,13 @@ def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
         module = kinds.kind(kinds.SCREENINGS, name)
         forest = trial.plain_forest if module.PLAIN_VOTES else trial.forest
         return VotingMethod(trial.seed, module.SCREENING, forest=forest)
-    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, END_TO_END.get(name, name)).METHOD(trial.seed)
     if name in END_TO_END:
-        assert isinstance(method, HeadMethod)
-        schedule = long_enough(SCHEDULE, len(trial.labelled.rows), STEPS)
-        return EndToEnd(method, trial.pretrained, trial.changes + trial.tuned, schedule)
+        return _end_to_end(END_TO_END[name], trial)
+    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, name).METHOD(trial.seed)
     return method
+
+
+def _end_to_end(learnt: Together, trial: Trial) -> EndToEnd:
+    head: HeadMethod = kinds.kind(kinds.OPEN_SET, learnt.frozen).METHOD(trial.seed)
+    schedule = long_enough(Schedule(1, _BATCH, learnt.rate), len(trial.labelled.rows), learnt.steps)
+    return EndToEnd(head, trial.pretrained, trial.changes + trial.tuned, schedule)
