@@ -1,11 +1,13 @@
 """Precision of a catalogue: how many of its scenarios, drawn at random, show the class that they are filed under.
 
     python benchmarks/precision.py draw CATALOGUE RECORDINGS... --out DIR [--number 100] [--seed 0]
-    python benchmarks/precision.py report VERDICTS
+    python benchmarks/precision.py report VERDICTS... [--second VERDICTS ...]
 
-`draw` writes verdicts.csv, with a row for each scenario drawn and a verdict to be filled in (right, wrong or unclear), and
-pictures of what was recorded: lanes, the ego in blue, its partner in red, others in grey, all from 4 s before the event (thin) to
-4 s after it (bold), with the ego's speeds. `report` gives the precision with its 95 % interval (Wilson); unclear counts as wrong.
+`draw` writes verdicts.csv, with a row for each scenario drawn and a verdict to be filled in (right, wrong or unclear), and two
+views of what was recorded, which owe nothing to the rules. Pictures: lanes, the ego in blue, its partner in red, others in grey,
+all from 4 s before the event (thin) to 4 s after it (bold), with the ego's speeds. numbers.txt: roads, lanes, places, speeds and
+distances of the ego, its partner and who is nearest, from 5 s before to 5 s after. `report` gives the precision with its 95 %
+interval (Wilson); unclear counts as wrong. Several tables are reported together; --second holds another reviewer's beside them.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from __future__ import annotations
 import argparse
 import csv
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,12 +31,16 @@ from xodr.lookup.sampling import sample
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from runner.recording import Recording
+    from runner.recording import Recording, Track
     from xodr.network import RoadNetwork
+
+    Seen = tuple[Recording, RoadNetwork]
 
 _COLUMNS = ("number", "recording", "vehicle", "time", "class", "partner", "verdict", "reason")
 _VERDICTS = ("right", "wrong", "unclear")
 _AROUND = 4.0
+_SECONDS, _NEAR, _OTHERS = 5, 0.1, 3
+"""Numbers are told from so many seconds before to so many after, of rows that are as near in time (s), with so many others"""
 _SHEET = 20
 _Z = 1.959964
 
@@ -48,10 +55,12 @@ def main() -> None:
     drawing.add_argument("--out", type=Path, required=True)
     drawing.add_argument("--number", type=int, default=100)
     drawing.add_argument("--seed", type=int, default=0)
-    commands.add_parser("report").add_argument("verdicts", type=Path)
+    reporting = commands.add_parser("report")
+    reporting.add_argument("verdicts", nargs="+", type=Path)
+    reporting.add_argument("--second", nargs="+", type=Path, default=[], help="of another reviewer, in the same order")
     options = arguments.parse_args()
     if options.command == "report":
-        report(options.verdicts)
+        report(options.verdicts, options.second)
     else:
         draw(options.catalogue, options.recordings, options.out, options.number, options.seed)
 
@@ -70,25 +79,93 @@ def draw(catalogue: Path, recordings: Sequence[Path], out: Path, number: int, se
         table.writerow(_COLUMNS)
         table.writerows([[index, *(row[name] for name in _COLUMNS[1:6]), "", ""] for index, row in enumerate(drawn)])
     sources = {source.name: source for path in recordings for source in datasets.open(path).sources}
+    read = cache(lambda name: _read(sources[name]))
+    (out / "numbers.txt").write_text("\n".join(_numbers(index, row, *read(row["recording"])) for index, row in enumerate(drawn)))
     for start in range(0, len(drawn), _SHEET):
-        _sheet(out / f"sheet{start // _SHEET}.png", start, drawn[start : start + _SHEET], sources)
+        _sheet(out / f"sheet{start // _SHEET}.png", start, drawn[start : start + _SHEET], read)
 
 
-def _sheet(path: Path, first: int, rows: Sequence[dict[str, Any]], sources: dict[str, Source]) -> None:
+def _sheet(path: Path, first: int, rows: Sequence[dict[str, Any]], read: Callable[[str], Seen]) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(25, 20), layout="constrained")
     panels = figure.subplots(4, 5).ravel()
-    read = {name: _read(sources[name]) for name in {row["recording"] for row in rows}}
     for index, (axes, row) in enumerate(zip(panels, rows, strict=False), first):
-        _panel(axes, row, *read[row["recording"]])
+        _panel(axes, row, *read(row["recording"]))
         axes.set_title(f"{index}: {row['class']}\n{row['recording']} {row['vehicle']} {row['tags']}"[:120], fontsize=7, wrap=True)
     figure.savefig(path, dpi=75)
 
 
-def _read(source: Source) -> tuple[Recording, RoadNetwork]:
+def _read(source: Source) -> Seen:
     recording = source.load()
-    return recording, site_of(source, recording, cache_roads()).network
+    network = site_of(source, recording, cache_roads()).network
+    return recording, network
+
+
+def _numbers(number: int, row: dict[str, Any], recording: Recording, network: RoadNetwork) -> str:
+    """What happens about an event, second by second: places on the map, motion, and where others are as the ego sees them."""
+    ego = recording.tracks[row["vehicle"]]
+    partner = recording.tracks.get(row["partner"])
+    head = f"{number}: {row['class']}, ego {ego.name} ({ego.category}, {ego.box.length:.1f} m long)"
+    lines = [f"{head}, partner {row['partner']}, {row['recording']}"]
+    for second in np.arange(-_SECONDS, _SECONDS + 1.0):
+        time = row["time"] + second
+        at = _at(ego, time)
+        if at is None:
+            continue
+        told = [f"ego {_place(network, at)} {at['speed']:.1f} m/s {at['acceleration']:+.1f} m/s²"]
+        if partner is not None:
+            told.append(f"partner {_seen(network, at, partner, time)}")
+        others = [each for each in recording.tracks.values() if each not in (ego, partner)]
+        told += [_seen(network, at, each, time) for each in _nearest(at, others, time)]
+        lines.append(f"{second:+.0f} s  {' | '.join(told)}")
+    return "\n".join(lines) + "\n"
+
+
+def _at(track: Track, time: float) -> dict[str, float] | None:
+    """Values of a track at the row nearest to a time; None where it has none within 0.1 s."""
+    columns = track.columns
+    row = int(np.abs(columns["time"] - time).argmin())
+    if abs(columns["time"][row] - time) > _NEAR:
+        return None
+    return {name: float(columns[name][row]) for name in ("x", "y", "h", "speed", "acceleration")}
+
+
+def _place(network: RoadNetwork, at: dict[str, float]) -> str:
+    """Road, lane, place and heading, with what the map says of the road there."""
+    point = network.locate(at["x"], at["y"], None, at["h"])
+    road = network.roads[point.road_id]
+    left = road.direction(point.lane_id, point.s) * point.offset if point.lane_id else point.offset
+    limit = road.speed_limit(point.s, point.lane_id)
+    of_map = ("junction", road.junction_id), ("", road.road_type(point.s)), ("limit", limit and f"{limit:.0f}")
+    said = " ".join(f"{name} {value}".strip() for name, value in of_map if value not in (None, "unknown"))
+    width, heading = road.lane_width(point.s, point.lane_id), np.degrees(at["h"]) % 360.0
+    lane = f"road {road.id} lane {point.lane_id} ({said}) s {point.s:.0f} of {road.length:.0f}"
+    return f"{lane} left {left:+.1f} of width {width:.1f} heading {heading:.0f}°"
+
+
+def _seen(network: RoadNetwork, at: dict[str, float], other: Track, time: float) -> str:
+    """Who, how far ahead and to the left of the ego, how fast and where."""
+    there = _at(other, time)
+    if there is None:
+        return f"{other.name} not there"
+    ahead, left = _from(at, there)
+    point = network.locate(there["x"], there["y"], None, there["h"])
+    turned = np.degrees(there["h"] - at["h"] + np.pi) % 360.0 - 180.0
+    lane = f"{point.road_id}/{point.lane_id}"
+    return f"{other.name} {ahead:+.0f} ahead {left:+.1f} left {turned:+.0f}° {there['speed']:.1f} m/s on {lane}"
+
+
+def _nearest(at: dict[str, float], others: Sequence[Track], time: float) -> list[Track]:
+    """The three nearest of the others at a time."""
+    there = [(each, place) for each in others if (place := _at(each, time)) is not None]
+    return [each for each, place in sorted(there, key=lambda one: float(np.hypot(*_from(at, one[1]))))[:_OTHERS]]
+
+
+def _from(at: dict[str, float], there: dict[str, float]) -> tuple[float, float]:
+    """How far ahead and to the left of one another is, m."""
+    x, y, sin, cos = there["x"] - at["x"], there["y"] - at["y"], np.sin(at["h"]), np.cos(at["h"])
+    return float(cos * x + sin * y), float(cos * y - sin * x)
 
 
 def _panel(axes: Axes, row: dict[str, Any], recording: Recording, network: RoadNetwork) -> None:
@@ -120,18 +197,36 @@ def _ego(axes: Axes, columns: dict[str, np.ndarray], time: float, near: np.ndarr
     axes.set_xlabel(f"{speed[near][0]:.1f}, {speed[at]:.1f}, {speed[near][-1]:.1f} m/s", fontsize=7)
 
 
-def report(path: Path) -> None:
-    """Print the precision of all classes and of each."""
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    for row in rows:
-        if row["verdict"] not in _VERDICTS:
-            raise SystemExit(f"{path}: row {row['number']}: the verdict is {row['verdict']!r}, not one of {', '.join(_VERDICTS)}")
+def report(paths: Sequence[Path], second: Sequence[Path] = ()) -> None:
+    """Print the precision of all classes and of each, and how far another reviewer agrees."""
+    rows = [row for path in paths for row in _judged(path)]
     right, all_of = Counter(row["class"] for row in rows if row["verdict"] == "right"), Counter(row["class"] for row in rows)
     low, high = interval(right.total(), len(rows))
     print(f"precision {right.total() / len(rows):.0%} ({right.total()} of {len(rows)}), 95 % interval {low:.0%} to {high:.0%}")
     for name, count in sorted(all_of.items()):
         print(f"  {name}: {right[name]} of {count}")
+    if second:
+        others = [row for path in second for row in _judged(path)]
+        if [_drawn(row) for row in others] != [_drawn(row) for row in rows]:
+            raise SystemExit("the second reviewer's tables are of other scenarios: name them in the same order")
+        print("another reviewer, of the same scenarios:")
+        report(second)
+        pairs = np.array([[row["verdict"] == "right" for row in each] for each in (rows, others)])
+        print(f"they agree on {np.mean(pairs[0] == pairs[1]):.0%}; right for both: {np.mean(pairs.all(axis=0)):.0%}")
+
+
+def _judged(path: Path) -> list[dict[str, str]]:
+    """Rows of a table of verdicts, each with one that is known."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        if row["verdict"] not in _VERDICTS:
+            raise SystemExit(f"{path}: row {row['number']}: the verdict is {row['verdict']!r}, not one of {', '.join(_VERDICTS)}")
+    return rows
+
+
+def _drawn(row: dict[str, str]) -> list[str]:
+    return [row[name] for name in _COLUMNS[1:5]]
 
 
 def interval(right: int, number: int) -> tuple[float, float]:
