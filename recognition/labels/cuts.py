@@ -30,7 +30,7 @@ def cut_ins(scene: Scene) -> Cuts:
     ego = scene.leads.follower[other]
     gap = scene.leads.gap[ego]
     new = (ego != ABSENT) & (_lead_track(scene, ego - 1) != scene.track[other])
-    good = new & _keeps_lane(scene, ego) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
+    good = new & _concerned(scene, ego) & _leaves(scene) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
     return Cuts(ego, other, gap).where(good)
 
 
@@ -42,7 +42,7 @@ def cut_outs(scene: Scene) -> Cuts:
     seen = (before != ABSENT) & (ego <= scene.last[before])
     ego = np.where(seen, ego, 0)
     good = seen & (_lead_track(scene, ego) != scene.track[other])
-    good &= _keeps_lane(scene, ego) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
+    good &= _concerned(scene, ego) & _leaves(scene) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
     return Cuts(ego, other, gap).where(good)
 
 
@@ -71,5 +71,11 @@ def _lead_track(scene: Scene, row: IntArray) -> IntArray:
     return np.where(lead == ABSENT, ABSENT, scene.track[lead])
 
 
-def _keeps_lane(scene: Scene, row: IntArray) -> BoolArray:
-    return scene.steady(0.5 * scene.rules.window)[row] & scene.complete[row]
+def _concerned(scene: Scene, row: IntArray) -> BoolArray:
+    """Rows of egos that drive along their lane: who stands has no headway, whoever comes or goes ahead."""
+    return scene.steady(0.5 * scene.rules.window)[row] & scene.complete[row] & (scene.speed[row] >= scene.rules.cut_speed)
+
+
+def _leaves(scene: Scene) -> BoolArray:
+    """Which changes of lane have as much of a displacement as those that are recorded in part need."""
+    return scene.changes.shift >= scene.least_shift(scene.changes.row)

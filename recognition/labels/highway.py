@@ -78,8 +78,7 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     width, least = scene.site.lanes.width[scene.strip], rules.strict_shift
     whole = _between_through(scene, row) & (shift >= (rules.shift * width[row] if least is None else least)) & scene.complete[row]
     part = changes.partial
-    least_part = np.where(scene.has_role(Role.MAIN)[part.row], rules.partial_shift, rules.partial_urban_shift) * width[part.row]
-    enough = _between_through(scene, part.row) & (part.shift >= least_part) & (part.left == left)
+    enough = _between_through(scene, part.row) & (part.shift >= scene.least_shift(part.row)) & (part.left == left)
     partial = part.row[enough & ~_near(scene, part.row, row[whole])]
     half = scene.rows(0.5 * rules.window)
     centre = np.clip(partial, scene.first[partial] + half, np.maximum(scene.last[partial] - half, 0))

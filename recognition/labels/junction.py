@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.labels.classes import Label
-from recognition.labels.encounters import time_apart
+from recognition.labels.encounters import REACH, time_apart
 from recognition.labels.hits import Hits, alone
 from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.scene import Scene
@@ -65,9 +65,21 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
         mine = np.flatnonzero(arriving & (passages.target == target))
         apart = np.abs(time[mine][:, None] - time[mine])
         apart[passages.origin_road[mine][:, None] == passages.origin_road[mine]] = np.inf
+        apart[_same_way(scene, mine)] = np.inf
         nearest = apart.argmin(axis=1)
         gap[mine], partner[mine] = apart[np.arange(len(mine)), nearest], mine[nearest]
     return gap, partner
+
+
+def _same_way(scene: Scene, which: IntArray) -> BoolArray:
+    """Which pairs of passages come the same way, whatever roads overlap there: one begins on the way of the other."""
+    from shapely import LineString, distance, points
+
+    passages = scene.passages
+    ways = [LineString(np.stack([scene.x[rows], scene.y[rows]], axis=1)) for rows in map(passages.rows, which.tolist())]
+    begins = points(scene.x[passages.first[which]], scene.y[passages.first[which]])
+    on_way = distance(begins[:, None], np.array(ways)) < REACH
+    return on_way | on_way.T
 
 
 def _turn(scene: Scene, label: Label, chosen: BoolArray) -> Hits:

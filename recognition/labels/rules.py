@@ -28,8 +28,10 @@ class Rules:
             lane widths), of a lane change that was recorded in part; it gets the tag `partial`.
         partial_urban_shift: the same on roads that are no motorways, where vehicles set off and turn at the edges of the view.
         partial_ramp: least way along a ramp on which the track begins or ends; such an event gets the tag `partial`, too.
+        oblique: greatest angle between vehicle and lane where a lane change crosses the border.
+        turning, turning_time: greatest change of heading, beyond the road's own, so long before and after that; more is a turn.
         shift_time: time before and after a change in which the displacement is measured.
-        cut_gap: greatest gap to who cuts in or out.
+        cut_gap, cut_speed: greatest gap to who cuts in or out, and least speed of ego then: nobody is in the way of who stands.
         lateral_gap: lateral gap below which a cut-in gets the tag `lateral_gap_below_2m`.
         braking: acceleration below which a cut-out gets the tag `ego_brakes`.
         reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at.
@@ -65,10 +67,14 @@ class Rules:
     strict_shift: float | None = None
     partial_hold: float = 0.2
     partial_shift: float = 0.2
-    partial_urban_shift: float = 0.4
+    partial_urban_shift: float = 0.5
     partial_ramp: float = 10.0
+    oblique: float = 25.0
+    turning: float = 20.0
+    turning_time: float = 2.0
     shift_time: float = 4.0
     cut_gap: float = 80.0
+    cut_speed: float = 0.5
     lateral_gap: float = 2.0
     braking: float = -1.0
     reaction: float = 2.0

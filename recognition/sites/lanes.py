@@ -99,6 +99,13 @@ class LaneGraph:
         way = np.where(self.forward[strip], s - start, end - s)
         return way * self.length[strip] / np.maximum(end - start, 1e-9)
 
+    def heading(self, strip: int, along: float) -> float:
+        """Heading of a strip's traffic at a distance (m) from its beginning, rad."""
+        of = self.strips[strip]
+        way = along * (of.end - of.start) / max(of.length, 1e-9)
+        road = self._network.roads[of.road]
+        return road.heading(of.start + way) if of.forward else road.heading(of.end - way) + math.pi
+
     def lanes_left(self, one: int, other: int) -> int | None:
         """How many lanes to the left a strip lies as seen from another one that is beside it or before it; None for neither.
 

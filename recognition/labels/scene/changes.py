@@ -9,6 +9,7 @@ import numpy as np
 
 from recognition.labels.scene.rows import SceneRows
 from recognition.labels.scene.stays import held, stays
+from recognition.labels.scene.turning import along_road
 from recognition.sites.lanes import NOWHERE, LaneGraph
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -47,7 +48,10 @@ class LaneChanges:
 
 
 def lane_changes(scene: SceneRows) -> LaneChanges:
-    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`; partial ones apart."""
+    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`; partial ones apart.
+
+    Borders that are crossed in a turn are none.
+    """
     steps, related = _steps(scene.site.lanes, scene.strip)
     begins = np.ones(len(scene.track), bool)
     begins[1:] = (scene.first[1:] != scene.first[:-1]) | ~related
@@ -58,7 +62,7 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     hold, side = scene.rows(scene.rules.hold), _side(scene, steps, begins)
     lane = held(raw, course, hold)
     row, left = _sideways(lane, begins)
-    kept = _is_held(lane, course, row, hold)
+    kept = _is_held(lane, course, row, hold) & along_road(scene, row)
     row, left = row[kept], left[kept]
     shift = _shifts(scene, lane, course, side, row, left)
     return LaneChanges(lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins))
@@ -77,6 +81,8 @@ def _partial(scene: SceneRows, raw: IntArray, course: IntArray, side: FloatArray
     reach = scene.rows(scene.rules.shift_time)
     near = (row - scene.first[row] < reach) | (scene.last[row] - row < reach)
     row, left = row[near], left[near]
+    kept = along_road(scene, row)
+    row, left = row[kept], left[kept]
     return Changes(row, left, _shifts(scene, lane, course, side, row, left))
 
 

@@ -13,7 +13,7 @@ from recognition.labels.scene.leads import Leads, leads
 from recognition.labels.scene.passages import Passages, passages
 from recognition.labels.scene.rolling import constant, smoothed
 from recognition.labels.scene.rows import SceneRows
-from recognition.sites import Site
+from recognition.sites import Role, Site
 from recognition.sites.lanes import NOWHERE
 from recognition.sites.placing import place
 from runner.recording import Recording, Track
@@ -69,6 +69,11 @@ class Scene(SceneRows):
     def changes(self) -> LaneChanges:
         """Changes of lane."""
         return lane_changes(self)
+
+    def least_shift(self, row: IntArray) -> FloatArray:
+        """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""
+        share = np.where(self.has_role(Role.MAIN)[row], self.rules.partial_shift, self.rules.partial_urban_shift)
+        return share * self.site.lanes.width[self.strip[row]]
 
     def steady(self, seconds: float) -> BoolArray:
         """Rows whose track keeps its lane, with all frames there, from so much before to so much after."""

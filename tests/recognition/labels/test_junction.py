@@ -114,6 +114,14 @@ def test_following_each_other_from_one_road_is_no_merging(crossing: Site) -> Non
     assert {event.label for event in events} == {Label.RIGHT_TURN}
 
 
+def test_who_is_first_seen_on_the_way_of_another_does_not_merge_with_it(crossing: Site) -> None:
+    other, whole = car(crossing, "SE", start=2.0), car(crossing, "WE")
+    shown = whole.columns["x"] > 5.0
+    late = track("WE", whole.columns["x"][shown], whole.columns["y"][shown], start=float(whole.columns["time"][shown][0]))
+    assert of(labels(crossing, other, whole), "SE") == [Label.MERGING]
+    assert of(labels(crossing, other, late), "SE") == [Label.RIGHT_TURN]
+
+
 def test_traffic_lights_rule_the_classes_out_unless_asked_for(tmp_path_factory: pytest.TempPathFactory) -> None:
     place = site(four_way_intersection(signals=True), tmp_path_factory.mktemp("lights"))
     ego = car(place, "ES")

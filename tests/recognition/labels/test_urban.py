@@ -60,6 +60,14 @@ def test_a_lead_that_leaves_the_lane_cuts_out(street: Site) -> None:
     assert (event.label, event.partner, event.tags["ego_brakes"]) == (Label.URBAN_CUT_OUT, "other", False)
 
 
+def test_nobody_cuts_in_before_who_stands_or_out_of_his_way(street: Site) -> None:
+    ego = car(street, "ego", 60.0, 0.0, -5.25)
+    for start, end in ((-1.75, -5.25), (-5.25, -1.75)):
+        other = car(street, "other", 70.0, 6.0, lateral(start, end))
+        assert of(labels(street, ego, other), "other")
+        assert of(labels(street, ego, other), "ego") == []
+
+
 def test_oncoming_traffic_that_changes_lane_does_not_cut_in(street: Site) -> None:
     ego = car(street, "ego", 60.0, 12.0, -5.25)
     oncoming = car(street, "other", 250.0, -12.0, lateral(5.25, 1.75))
@@ -68,6 +76,27 @@ def test_oncoming_traffic_that_changes_lane_does_not_cut_in(street: Site) -> Non
 
 def test_changing_lane_on_a_street_is_a_lane_change(street: Site) -> None:
     assert of(labels(street, car(street, "ego", 60.0, 12.0, lateral(-5.25, -1.75))), "ego") == [Label.LANE_CHANGE_LEFT]
+
+
+def swerving(degrees: float) -> Track:
+    """A car on the straight part of the left lane that turns right by so much within 2 s, and then leaves it straight on."""
+    time = STEP * np.arange(round(SECONDS / STEP) + 1)
+    heading = -np.radians(degrees) * np.clip((time - 2.0) / 2.0, 0.0, 1.0)
+    x, y = 10.0 + np.cumsum(8.0 * STEP * np.cos(heading)), -1.75 + np.cumsum(8.0 * STEP * np.sin(heading))
+    on_road = y > -6.5
+    return track("ego", x[on_road], y[on_road])
+
+
+@pytest.mark.parametrize(("degrees", "expected"), [(12.0, [Label.LANE_CHANGE_RIGHT]), (24.0, []), (50.0, [])])
+def test_who_crosses_the_border_in_a_turn_does_not_change_lane(street: Site, degrees: float, expected: list[Label]) -> None:
+    assert of(labels(street, swerving(degrees)), "ego") == expected
+
+
+@pytest.mark.parametrize(("degrees", "expected"), [(15.0, [Label.LANE_CHANGE_RIGHT]), (35.0, [])])
+def test_who_is_oblique_to_the_lane_all_the_time_turns_off(street: Site, degrees: float, expected: list[Label]) -> None:
+    way = 3.5 / np.sin(np.radians(degrees)) * np.linspace(0.0, 1.0, 30)
+    ego = track("ego", 20.0 + way * np.cos(np.radians(degrees)), -1.8 - way * np.sin(np.radians(degrees)))
+    assert of(labels(street, ego), "ego") == expected
 
 
 def test_the_same_on_a_fast_road_is_no_urban_one(tmp_path: Path) -> None:
