@@ -87,7 +87,7 @@ def test_scenarios_run_and_cut_in(made: Path) -> None:
 
 def test_the_index_tells_the_same_in_all_its_formats(made: Path) -> None:
     told = rows(made)
-    assert {"highway cut in", "highway cut out", "right lane change"} <= {row["class"] for row in told}
+    assert {"highway cut in", "highway car following", "right lane change"} <= {row["class"] for row in told}
     table = pq.read_table(made / "index.parquet").to_pylist()
     assert table == [{name: row[name] for name in index.COLUMNS} for row in told]
     beside = [row for row in told if row["min_distance"] is not None]
