@@ -8,7 +8,7 @@ import numpy as np
 
 from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.scene import Scene
-from recognition.labels.scene.spans import ahead_of
+from recognition.labels.scene.spans import ahead_of, near
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
@@ -72,8 +72,10 @@ def _lead_track(scene: Scene, row: IntArray) -> IntArray:
 
 
 def _concerned(scene: Scene, row: IntArray) -> BoolArray:
-    """Rows of egos that drive along their lane: who stands has no headway, whoever comes or goes ahead."""
-    return scene.steady(0.5 * scene.rules.window)[row] & scene.complete[row] & (scene.speed[row] >= scene.rules.cut_speed)
+    """Rows of egos that drive, and change lane neither then nor within `rules.reaction`: who stands has no headway."""
+    own = np.append(scene.changes.row, scene.changes.partial.row)
+    kept = scene.steady(0.5 * scene.rules.window)[row] & ~near(scene, row, own, scene.rules.reaction)
+    return kept & scene.complete[row] & (scene.speed[row] >= scene.rules.cut_speed)
 
 
 def _leaves(scene: Scene) -> BoolArray:

@@ -11,7 +11,7 @@ from recognition.labels.scene.changes import Changes
 from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.rolling import always, constant, deviation
 from recognition.labels.scene.scene import Scene
-from recognition.labels.scene.spans import spaced
+from recognition.labels.scene.spans import near, spaced
 from recognition.sites import Role
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -79,7 +79,7 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     whole = _between_through(scene, row) & (shift >= (rules.shift * width[row] if least is None else least)) & scene.complete[row]
     part = changes.partial
     enough = _between_through(scene, part.row) & (part.shift >= scene.least_shift(part.row)) & (part.left == left)
-    partial = part.row[enough & ~_near(scene, part.row, row[whole])]
+    partial = part.row[enough & ~near(scene, part.row, row[whole], rules.hold)]
     half = scene.rows(0.5 * rules.window)
     centre = np.clip(partial, scene.first[partial] + half, np.maximum(scene.last[partial] - half, 0))
     fits = scene.complete[centre] & (scene.track[centre] == scene.track[partial])
@@ -92,12 +92,6 @@ def _between_through(scene: Scene, row: IntArray) -> BoolArray:
     """Whether neither of the lanes that a change leads from and to is a ramp or lies in a junction, where lanes overlap."""
     through = scene.has_role(Role.MAIN, Role.URBAN, Role.APPROACH)
     return through[row] & through[row - 1]
-
-
-def _near(scene: Scene, row: IntArray, others: IntArray) -> BoolArray:
-    """Whether another row of the same track is less than `rules.hold` away."""
-    apart = np.abs(scene.time[row][:, None] - scene.time[others]) < scene.rules.hold
-    return (apart & (scene.track[row][:, None] == scene.track[others])).any(axis=1)
 
 
 def _of(changes: Changes, row: IntArray) -> FloatArray:

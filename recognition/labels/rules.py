@@ -34,7 +34,8 @@ class Rules:
         cut_gap, cut_speed: greatest gap to who cuts in or out, and least speed of ego then: nobody is in the way of who stands.
         lateral_gap: lateral gap below which a cut-in gets the tag `lateral_gap_below_2m`.
         braking: acceleration below which a cut-out gets the tag `ego_brakes`.
-        reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at.
+        reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at; before and after, ego does not change
+            lane for so long.
         urban_ttc: TTC below which an urban cut-in has to be.
         urban_speed_limit: greatest speed limit of an urban lane.
         ramp_length: way along the ramp.

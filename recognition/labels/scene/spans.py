@@ -29,3 +29,9 @@ def spaced(scene: Scene, flags: BoolArray, seconds: float, most: int) -> IntArra
             chosen.append(int(mine[place]))
             place = int(np.searchsorted(frames, frames[place] + apart))
     return np.array(chosen, np.int64)
+
+
+def near(scene: Scene, row: IntArray, others: IntArray, seconds: float) -> BoolArray:
+    """Whether another row of the same track is less than so much away from each row."""
+    apart = np.abs(scene.time[row][:, None] - scene.time[others]) < seconds
+    return (apart & (scene.track[row][:, None] == scene.track[others])).any(axis=1)

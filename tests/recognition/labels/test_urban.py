@@ -68,6 +68,13 @@ def test_nobody_cuts_in_before_who_stands_or_out_of_his_way(street: Site) -> Non
         assert of(labels(street, ego, other), "ego") == []
 
 
+@pytest.mark.parametrize(("later", "expected"), [(1.4, []), (2.6, [Label.URBAN_CUT_OUT])])
+def test_who_follows_his_lead_into_the_other_lane_keeps_none(street: Site, later: float, expected: list[Label]) -> None:
+    ego = car(street, "ego", 60.0, 12.0, lateral(-5.25, -1.75, at=5.0 + later))
+    lead = car(street, "other", 85.0, 12.0, lateral(-5.25, -1.75))
+    assert of(labels(street, ego, lead), "ego") == [*expected, Label.LANE_CHANGE_LEFT]
+
+
 def test_oncoming_traffic_that_changes_lane_does_not_cut_in(street: Site) -> None:
     ego = car(street, "ego", 60.0, 12.0, -5.25)
     oncoming = car(street, "other", 250.0, -12.0, lateral(5.25, 1.75))
