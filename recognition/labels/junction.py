@@ -5,6 +5,8 @@ A way through a junction on which ego merges is merging only, whatever it turns.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from recognition.labels.classes import Label
@@ -14,6 +16,9 @@ from recognition.labels.scene.leads import ABSENT
 from recognition.labels.scene.scene import Scene
 from recognition.sites.lanes import NOWHERE
 from xodr.array_types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from shapely import LineString
 
 _OPPOSITE = -0.87
 """Cosine of the least angle between headings from opposite sides: 150 degrees."""
@@ -65,7 +70,8 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
         mine = np.flatnonzero(arriving & (passages.target == target))
         apart = np.abs(time[mine][:, None] - time[mine])
         apart[passages.origin_road[mine][:, None] == passages.origin_road[mine]] = np.inf
-        apart[_same_way(scene, mine)] = np.inf
+        if (apart < scene.rules.merging_gap).any():
+            apart[_same_way(scene, mine)] = np.inf
         nearest = apart.argmin(axis=1)
         gap[mine], partner[mine] = apart[np.arange(len(mine)), nearest], mine[nearest]
     return gap, partner
@@ -73,13 +79,20 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
 
 def _same_way(scene: Scene, which: IntArray) -> BoolArray:
     """Which pairs of passages come the same way, whatever roads overlap there: one begins on the way of the other."""
-    from shapely import LineString, distance, points
+    from shapely import distance, points
 
-    passages = scene.passages
-    ways = [LineString(np.stack([scene.x[rows], scene.y[rows]], axis=1)) for rows in map(passages.rows, which.tolist())]
-    begins = points(scene.x[passages.first[which]], scene.y[passages.first[which]])
-    on_way = distance(begins[:, None], np.array(ways)) < REACH
+    first = scene.passages.first[which]
+    begins = points(scene.x[first], scene.y[first])
+    on_way = distance(begins[:, None], np.array(_lines(scene, which))) < REACH
     return on_way | on_way.T
+
+
+def _lines(scene: Scene, which: IntArray) -> list[LineString]:
+    """The ways of passages."""
+    from shapely import LineString
+
+    rows = map(scene.passages.rows, which.tolist())
+    return [LineString(np.stack([scene.x[each], scene.y[each]], axis=1)) for each in rows]
 
 
 def _turn(scene: Scene, label: Label, chosen: BoolArray) -> Hits:
@@ -96,10 +109,10 @@ def _counting(scene: Scene) -> BoolArray:
 
 def crosses(scene: Scene) -> BoolArray:
     """Passages whose way crosses one from another road into another lane: the longest passage of each stands for all."""
-    from shapely import LineString, STRtree
+    from shapely import STRtree
 
     passages = scene.passages
-    lines = [LineString(np.stack([scene.x[rows], scene.y[rows]], axis=1)) for rows in map(passages.rows, range(len(passages)))]
+    lines = _lines(scene, np.arange(len(passages)))
     longest: dict[tuple[int, int], int] = {}
     for index, way in enumerate(zip(passages.origin_road.tolist(), passages.target.tolist(), strict=True)):
         if NOWHERE not in way and (way not in longest or lines[index].length > lines[longest[way]].length):

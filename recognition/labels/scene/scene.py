@@ -16,6 +16,7 @@ from recognition.labels.scene.rows import SceneRows
 from recognition.sites import Role, Site
 from recognition.sites.lanes import NOWHERE
 from recognition.sites.placing import place
+from recognition.sites.roles import ROLES
 from runner.recording import Recording, Track
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -72,7 +73,7 @@ class Scene(SceneRows):
 
     def least_shift(self, row: IntArray) -> FloatArray:
         """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""
-        share = np.where(self.has_role(Role.MAIN)[row], self.rules.partial_shift, self.rules.partial_urban_shift)
+        share = np.where(self.role[row] == ROLES.index(Role.MAIN), self.rules.partial_shift, self.rules.partial_urban_shift)
         return share * self.site.lanes.width[self.strip[row]]
 
     def steady(self, seconds: float) -> BoolArray:
